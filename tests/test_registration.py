@@ -13,13 +13,7 @@ from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.leg_surface import PartSurface
 from legfem.geometry.motion import RigidTransform
 from legfem.imaging.outlines import shape_of_volume
-from legfem.imaging.registration import (
-    IterationSettings,
-    bone_points,
-    register_points,
-    register_shapes,
-    register_surfaces,
-)
+from legfem.imaging.registration import bone_points, register_points, register_shapes, register_surfaces
 from studies.making.scans import ScanSettings, SegmentationNoise, simulated_scan
 from studies.making.shapes import parametric_leg, read_legs
 
@@ -143,5 +137,3 @@ def test_points_that_make_no_registration_give_one_line(leg):
     one = LegShape(leg.levels, {p: leg.contours[p] for p in ("skin", "hull", "tibia")})
     with pytest.raises(InputError, match="are not the same"):
         register_shapes(one, leg)
-    with pytest.raises(InputError, match="radius"):
-        IterationSettings(radius=0.0)

@@ -1,5 +1,6 @@
 """Units: mm, N, MPa and s inside; kPa where people read and write."""
 
+from itertools import pairwise
 from typing import Annotated, Any
 
 import numpy as np
@@ -47,6 +48,12 @@ def percent(probability: float) -> str:
     if probability > 0.99:
         return "over 99 %"
     return "below 1 %" if probability < 0.01 else f"{100 * probability:.0f} %"
+
+
+def runs_of(marks: NDArray[np.generic]) -> list[tuple[int, int]]:
+    """Return the first number and the one after the last of each run of equal marks."""
+    edges = [0, *(int(k) + 1 for k in np.flatnonzero(marks[1:] != marks[:-1])), len(marks)]
+    return list(pairwise(edges))
 
 
 def frozen_array(values: object) -> FloatArray:

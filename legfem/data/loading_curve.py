@@ -31,6 +31,8 @@ from legfem.data.recording import Recording
 from legfem.data.segmentation import Segmentation, segment
 from legfem.data.smoothing import LocalLine, local_line
 
+_STEP_MM = 0.25
+"""Step of the grid."""
 _AIR_MM = 10.0
 """Way in air before first contact that counts."""
 
@@ -83,7 +85,7 @@ class LoadingCurve:
         return np.asarray(np.std(self.trial_force, axis=0, ddof=1))
 
 
-def mean_loading_curve(trials: Sequence[Segmentation], step: float = 0.25) -> LoadingCurve:
+def mean_loading_curve(trials: Sequence[Segmentation]) -> LoadingCurve:
     """Bring repeated trials to one loading curve.
 
     Of each trial the samples count that lie after first contact, belong to loading and go
@@ -105,8 +107,6 @@ def mean_loading_curve(trials: Sequence[Segmentation], step: float = 0.25) -> Lo
     ----------
     trials : sequence of Segmentation
         At least one, all of one instrument.
-    step : float
-        Of the grid, mm.
 
     Raises
     ------
@@ -120,7 +120,7 @@ def mean_loading_curve(trials: Sequence[Segmentation], step: float = 0.25) -> Lo
     branches = [one.loaded() for one in aligned.branches]
     deepest = min(float(b.depth[-1]) for b in branches)
     # A trial to 20 mm ends at 19.99 or 20.01 by its sensor: a tenth of a step doesn't count.
-    grid = step * np.arange(1, int(np.floor(deepest / step + 0.1)) + 1)
+    grid = _STEP_MM * np.arange(1, int(np.floor(deepest / _STEP_MM + 0.1)) + 1)
     if len(grid) < 4:
         raise InputError(
             trials[int(np.argmin([b.depth[-1] for b in branches]))].source,
@@ -128,7 +128,7 @@ def mean_loading_curve(trials: Sequence[Segmentation], step: float = 0.25) -> Lo
             f"{deepest:.2f} mm of loading are too short to identify from",
             "press deeper, or remove this trial",
         )
-    fits = [local_line(b.depth, b.force, grid, 0.5 * step) for b in branches]
+    fits = [local_line(b.depth, b.force, grid, 0.5 * _STEP_MM) for b in branches]
     curves = np.vstack([fit.value for fit in fits])
     smooth, slope = _smooth(grid, curves.mean(axis=0), aligned.from_air)
     white = float(np.sqrt(np.mean([one.force_noise**2 for one in trials])))

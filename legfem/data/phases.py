@@ -1,11 +1,9 @@
 """The phases of a recording by its motion alone: loading, hold and unloading, with the corners between them."""
 
-from itertools import pairwise
-
 import numpy as np
 from numpy.typing import NDArray
 
-from legfem.common.units import FloatArray
+from legfem.common.units import FloatArray, runs_of
 from legfem.data.smoothing import STILL, local_line, pace, sample_noise, velocity_window
 
 LOADING, HOLD, UNLOADING, AIR = "loading", "hold", "unloading", "air"
@@ -65,12 +63,6 @@ def _motion(t: FloatArray, d: FloatArray, held: float, unit: float) -> NDArray[n
 def least_way(displacement: FloatArray, way: float) -> float:
     """Return the way (mm) below which motion between two holds is noise, with that of `Scales`."""
     return max(0.3 * way, 0.02 * float(np.ptp(displacement)))
-
-
-def runs_of(marks: NDArray[np.generic]) -> list[tuple[int, int]]:
-    """Return the first number and the one after the last of each run of equal marks."""
-    edges = [0, *(int(k) + 1 for k in np.flatnonzero(marks[1:] != marks[:-1])), len(marks)]
-    return list(pairwise(edges))
 
 
 def _fitted_corners(t: FloatArray, d: FloatArray, motion: NDArray[np.int_], window: int) -> NDArray[np.int_]:

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from legfem.common.errors import Doubt, InputError, PhysicalRange
-from legfem.common.units import FloatArray
+from legfem.common.units import FloatArray, runs_of
 from legfem.data.contact import LEG
-from legfem.data.phases import HOLD, LOADING, runs_of
+from legfem.data.phases import HOLD, LOADING
 from legfem.data.ranges import SPEED
 from legfem.data.recording import Recording
 from legfem.data.segmentation import Segmentation

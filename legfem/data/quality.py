@@ -6,8 +6,8 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from legfem.common.errors import InputError
-from legfem.common.units import FloatArray
-from legfem.data.phases import LOADING, runs_of
+from legfem.common.units import FloatArray, runs_of
+from legfem.data.phases import LOADING
 from legfem.data.plausibility import cut_off
 from legfem.data.segmentation import Segmentation
 

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legfem.common.errors import InputError
-from legfem.common.units import FloatArray
+from legfem.common.units import FloatArray, runs_of
 from legfem.data.contact import LEG, Contact, Scales, contact_at_start, first_contact, fit_onset
 from legfem.data.noise import UNSTATED, Instrument
-from legfem.data.phases import AIR, HOLD, LOADING, UNLOADING, least_way, phases_of_motion, runs_of
+from legfem.data.phases import AIR, HOLD, LOADING, UNLOADING, least_way, phases_of_motion
 from legfem.data.recording import Recording
 from legfem.data.smoothing import sample_noise, smooth_displacement, without_outliers
 from legfem.data.stress_tables import roughness

@@ -61,50 +61,34 @@ class SliceSet:
         return contours
 
 
+_HEIGHT_MM = 30.0
+"""Height of the calf over which slices are spread."""
 _WITHIN = 0.5
 """mm: a leg that is moved a little as a whole still has all of its slices."""
 
 
-def calf_levels(shape: LegShape, count: int = 5, height: float = 30.0, centre: float | None = None) -> FloatArray:
-    """Return the levels of slices spread over a height of the calf, (count,), mm.
+def calf_levels(shape: LegShape) -> FloatArray:
+    """Return the levels of five slices over 3 cm of the calf, mm.
 
-    Parameters
-    ----------
-    shape : LegShape
-        The leg.
-    count : int
-        Number of slices.
-    height : float
-        From the lowest to the highest, mm.
-    centre : float, optional
-        Level of the middle (mm); by default where the girth is largest, moved as far as it takes to
-        keep all slices within the leg, and `_WITHIN` off its ends.
+    Their middle is where the girth is largest, moved as far as it takes to keep all slices within the leg, and
+    `_WITHIN` off its ends.
 
     Raises
     ------
     InputError
-        If the segment is shorter than the slices need, or ends before a ``centre`` given.
+        If the segment is shorter than the slices need.
     """
     low, high = float(shape.levels[0]), float(shape.levels[-1])
-    if high - low < height:
+    if high - low < _HEIGHT_MM:
         raise InputError(
             "shape",
             "levels",
-            f"{high - low:g} mm of leg are too short for slices over {height:g} mm",
-            "give a longer segment, or spread the slices less",
+            f"{high - low:g} mm of leg are too short for slices over {_HEIGHT_MM:g} mm",
+            "give a longer segment",
         )
-    if centre is None:
-        room = height / 2 + min(_WITHIN, (high - low - height) / 2)
-        centre = float(np.clip(largest_girth(shape), low + room, high - room))
-    levels = centre + np.linspace(-height / 2, height / 2, count)
-    if levels[0] < low or levels[-1] > high:
-        raise InputError(
-            "slices",
-            "centre",
-            f"{levels[0]:g} to {levels[-1]:g} mm is not within the leg, {low:g} to {high:g} mm",
-            "move the centre",
-        )
-    return levels
+    room = _HEIGHT_MM / 2 + min(_WITHIN, (high - low - _HEIGHT_MM) / 2)
+    centre = float(np.clip(largest_girth(shape), low + room, high - room))
+    return centre + np.linspace(-_HEIGHT_MM / 2, _HEIGHT_MM / 2, 5)
 
 
 def signed_distances(reference: FloatArray, other: FloatArray) -> FloatArray:

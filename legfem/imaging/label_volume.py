@@ -12,7 +12,7 @@ from scipy import ndimage
 from scipy.ndimage import affine_transform, binary_dilation
 
 from legfem.common.errors import InputError
-from legfem.common.units import FloatArray, frozen_array
+from legfem.common.units import FloatArray, frozen_array, runs_of
 
 _SHEAR = 1e-3
 _HALF = 0.5
@@ -71,7 +71,9 @@ def _resampled(array: NDArray[np.integer], affine: FloatArray, source: str) -> t
         best[larger], found[larger] = share[larger], label
     outside = moved(np.ones(array.shape), 0.0) < _HALF
     cut = (binary_dilation(outside, iterations=2) & (found > 0)).any(axis=(0, 1))
-    first, last = _longest(~cut & (found > 0).any(axis=(0, 1)))
+    whole = ~cut & (found > 0).any(axis=(0, 1))
+    runs = [run for run in runs_of(whole) if whole[run[0]]]
+    first, last = max(runs, key=lambda run: run[1] - run[0], default=(0, 0))
     if last - first < 2:
         raise InputError(
             source,
@@ -83,16 +85,6 @@ def _resampled(array: NDArray[np.integer], affine: FloatArray, source: str) -> t
     straight[:3, 3] = origin
     straight[2, 3] += first * spacing[2]
     return np.ascontiguousarray(found[:, :, first:last]), straight
-
-
-def _longest(kept: NDArray[np.bool_]) -> tuple[int, int]:
-    """Return the first number, and the one after the last, of the longest run."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], kept.astype(int), [0]])))
-    runs = edges.reshape(-1, 2)
-    if not len(runs):
-        return 0, 0
-    first, last = runs[int(np.argmax(runs[:, 1] - runs[:, 0]))]
-    return int(first), int(last)
 
 
 BACKGROUND, SUPERFICIAL, DEEP, BONE = 0, 1, 2, 3
@@ -200,7 +192,10 @@ def volume_of_array(
             )
         labels = array.astype(np.uint8)
     else:
-        _check_meaning(meaning, source)
+        if unknown := [name for name in meaning if name not in TISSUES]:
+            raise InputError(source, "labels", f"unknown tissue '{unknown[0]}'", f"tissues are {', '.join(TISSUES)}")
+        if unsaid := [name for name in TISSUES if name not in meaning]:
+            raise InputError(source, "labels", f"{unsaid[0]} has no label given", "give one")
         labels = np.full(array.shape, 255, dtype=np.uint8)
         labels[array == 0] = BACKGROUND
         for name, given in meaning.items():
@@ -267,15 +262,6 @@ def _along_axes(array: NDArray[np.integer], affine: FloatArray, source: str) -> 
     straight = np.diag([*spacing[order], 1.0])
     straight[:3, 3] = origin
     return np.ascontiguousarray(array), straight
-
-
-def _check_meaning(meaning: Mapping[str, int | list[int]], source: str) -> None:
-    for name in meaning:
-        if name not in TISSUES:
-            raise InputError(source, "labels", f"unknown tissue '{name}'", f"tissues are {', '.join(TISSUES)}")
-    for name in TISSUES:
-        if name not in meaning:
-            raise InputError(source, "labels", f"{name} has no label given", "give one")
 
 
 _IN_PLANE: NDArray[np.bool_] = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], bool)[:, :, None]

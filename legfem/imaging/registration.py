@@ -20,12 +20,31 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from legfem.common.errors import InputError, check_positive
+from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.motion import RigidTransform
 
-LEAST_PATCH, LEAST_SURFACE, _AT_A_TIME = 6, 50, 2000  # points a patch, patches a surface, and made
+LEAST_PATCH = 6
+"""Fewest points of a patch."""
+LEAST_SURFACE = 50
+"""Fewest patches of a surface."""
+_AT_A_TIME = 2000
+"""Patches that are made at once."""
+_RADIUS_MM = 4.0
+"""Radius of the patches over which both surfaces are averaged; small against the bones'."""
+_SPACING_MM = 0.5
+"""Distance of points; denser ones are thinned out."""
+_REACH_MM = 1.2
+"""Distance along the surface beyond which a patch is no partner: at the surface's end."""
+_OUTLIER = 4.0
+"""Distance from the plane, in robust standard deviations, beyond which a patch is left out."""
+_TOLERANCE_MM = 1e-5
+"""Size of the last motion below which the iteration ends."""
+_PAIRINGS = 40
+"""Iterations in which partners are looked for anew; then they stay."""
+_ITERATIONS = 60
+"""Most iterations."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,41 +67,6 @@ class Registration:
     """Standard error of the turns about x, y and z (degrees), likewise."""
     iterations: int
     converged: bool
-
-
-@dataclass(frozen=True)
-class IterationSettings:
-    """How points that don't correspond are registered.
-
-    Parameters
-    ----------
-    radius : float
-        Radius of the patches over which both surfaces are averaged (mm); small against the bones'.
-    spacing : float
-        Between points (mm); denser ones are thinned out.
-    reach : float
-        Distance (mm) along the surface beyond which a patch is no partner: at the surface's end.
-    outlier : float
-        Distance from the plane, in robust standard deviations, beyond which a patch is left out.
-    tolerance : float
-        Size of the last motion below which the iteration ends, mm.
-    pairings : int
-        Iterations in which partners are looked for anew; then they stay.
-    iterations : int
-        Greatest number.
-    """
-
-    radius: float = 4.0
-    spacing: float = 0.5
-    reach: float = 1.2
-    outlier: float = 4.0
-    tolerance: float = 1e-5
-    pairings: int = 40
-    iterations: int = 60
-
-    def __post_init__(self) -> None:
-        """Check the numbers."""
-        check_positive(self, "radius", "spacing", "reach", "outlier", "tolerance", "pairings", "iterations")
 
 
 def register_points(moving: FloatArray, fixed: FloatArray) -> Registration:
@@ -108,12 +92,7 @@ def register_points(moving: FloatArray, fixed: FloatArray) -> Registration:
     return _report(transform, left.T.ravel(), np.vstack(rows), residual, len(moving), 0, 1, converged=True)
 
 
-def register_surfaces(
-    moving: FloatArray,
-    fixed: FloatArray,
-    start: RigidTransform | None = None,
-    settings: IterationSettings | None = None,
-) -> Registration:
+def register_surfaces(moving: FloatArray, fixed: FloatArray, start: RigidTransform | None = None) -> Registration:
     """Register points of a surface on points of the same surface that don't correspond.
 
     Parameters
@@ -122,34 +101,31 @@ def register_surfaces(
         Points of the bones' surfaces, mm.
     start : RigidTransform, optional
         Where to start; by default the shift between the points' centres.
-    settings : IterationSettings, optional
-        When the iteration ends.
 
     Raises
     ------
     InputError
         If too few points are given, or too few of them find a partner.
     """
-    settings = settings or IterationSettings()
     moving, fixed = _points(moving, "moving"), _points(fixed, "fixed")
     whole = moving
-    moving, _, share = _patches(moving, settings)
-    centres, normals, _ = _patches(fixed, settings)
+    moving, _, share = _patches(moving)
+    centres, normals, _ = _patches(fixed)
     tree = cKDTree(centres)
     transform = start or RigidTransform(np.eye(3), fixed.mean(axis=0) - whole.mean(axis=0))
     converged = False
-    for iteration in range(1, settings.iterations + 1):
+    for iteration in range(1, _ITERATIONS + 1):
         moved = transform(moving)
-        if iteration <= settings.pairings:
+        if iteration <= _PAIRINGS:
             nearest = tree.query(moved)[1]
         normal, offset = normals[nearest], moved - centres[nearest]
         off = (normal * offset).sum(axis=1)
-        if iteration <= settings.pairings:
+        if iteration <= _PAIRINGS:
             sideways = np.linalg.norm(offset - off[:, None] * normal, axis=1)
-            used = sideways < settings.reach
+            used = sideways < _REACH_MM
             if used.sum() >= 6:
                 spread = 1.4826 * float(np.median(np.abs(off[used]))) + 1e-9
-                used &= np.abs(off) < settings.outlier * spread
+                used &= np.abs(off) < _OUTLIER * spread
         if used.sum() < max(6, len(moving) // 10):
             raise InputError(
                 "registration",
@@ -163,7 +139,7 @@ def register_surfaces(
         turn = Rotation.from_rotvec(step[:3]).as_matrix()
         transform = RigidTransform(turn, pivot + step[3:] - turn @ pivot).after(transform)
         reach = float(np.linalg.norm(moved[used] - pivot, axis=1).max())
-        if np.linalg.norm(step[:3]) * reach + np.linalg.norm(step[3:]) < settings.tolerance:
+        if np.linalg.norm(step[:3]) * reach + np.linalg.norm(step[3:]) < _TOLERANCE_MM:
             converged = True
             break
     left = off[used] + rows @ step
@@ -223,15 +199,15 @@ def _frame(shape: LegShape) -> RigidTransform:
     return RigidTransform(np.column_stack([np.cross(across, axis), across, axis]), middle)
 
 
-def _patches(points: FloatArray, settings: IterationSettings) -> tuple[FloatArray, FloatArray, float]:
+def _patches(points: FloatArray) -> tuple[FloatArray, FloatArray, float]:
     """Return centres and unit normals of the patches round all points, and points a patch."""
-    cells = np.floor(points / settings.spacing).astype(np.int64)
+    cells = np.floor(points / _SPACING_MM).astype(np.int64)
     points = points[np.sort(np.unique(cells, axis=0, return_index=True)[1])]
-    most = min(len(points), int(4 * (settings.radius / settings.spacing) ** 2) + 8)
+    most = min(len(points), int(4 * (_RADIUS_MM / _SPACING_MM) ** 2) + 8)
     tree = cKDTree(points)
     # Some at a time: all patches of a leg's bones would take half a gigabyte.
     parts = np.array_split(points, 1 + len(points) // _AT_A_TIME)
-    found = [_patches_round(part, points, tree, most, settings.radius) for part in parts]
+    found = [_patches_round(part, points, tree, most) for part in parts]
     centres, normals, counts = (np.concatenate(each) for each in zip(*found, strict=True))
     kept = counts >= LEAST_PATCH
     if kept.sum() < LEAST_SURFACE:
@@ -239,16 +215,16 @@ def _patches(points: FloatArray, settings: IterationSettings) -> tuple[FloatArra
             "registration",
             "points",
             f"{len(points)} are too few or too far apart",
-            f"give the bones' surfaces, a point every {settings.spacing:g} mm or so",
+            f"give the bones' surfaces, a point every {_SPACING_MM:g} mm or so",
         )
     return centres[kept], normals[kept], float(counts[kept].mean())
 
 
 def _patches_round(
-    some: FloatArray, points: FloatArray, tree: cKDTree, most: int, radius: float
+    some: FloatArray, points: FloatArray, tree: cKDTree, most: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return centres, unit normals and numbers of points of the patches round some points."""
-    distance, index = tree.query(some, k=most, distance_upper_bound=radius)
+    distance, index = tree.query(some, k=most, distance_upper_bound=_RADIUS_MM)
     near = np.isfinite(distance)
     counts = near.sum(axis=1)
     weight = near / counts[:, None]
