@@ -215,7 +215,7 @@ def test_points_near_a_surface_are_put_onto_it():
     away = np.column_stack([np.cos(angle), np.sin(angle)])
     radius = 50 + 0.1 * z
     near = np.column_stack([(3, 2) + (radius - rng.uniform(0, 0.6, 200))[:, None] * away, z])
-    found = PartSurface(cone(), "skin").beside(near)
+    found = PartSurface(cone(), "skin").nearest_at_level(near)
     # The contour itself is a spline through points 0.8 mm apart.
     assert found == pytest.approx(np.column_stack([(3, 2) + radius[:, None] * away, z]), abs=2e-4)
 

@@ -62,7 +62,7 @@ def look(
         from legfem.data.formats.labels import Quantity
         from legfem.data.plausibility import magnitude_doubts, trial_doubts
         from legfem.data.quality import quality_of
-        from legfem.data.recording import OWN_COLUMNS, read_own, recording_of
+        from legfem.data.recording import PLAIN_COLUMNS, read_plain, recording_of
         from legfem.report import instrument_file
         from legfem.report.page import PAGE, command_line
         from legfem.report.render import rendered
@@ -91,10 +91,10 @@ def look(
             raise InputError(tables[0], "time_s", what, "look at it together with its recording")
         read, tomls = [], {}
         for path in files:
-            recording = read_own(path)
+            recording = read_plain(path)
             layout = ""
             if recording is not None:
-                proposal = Proposal(OWN_COLUMNS, ("legfem's own columns",))
+                proposal = Proposal(PLAIN_COLUMNS, ("legfem's own columns",))
             else:
                 sheets = [s for s in read_sheets(path) if sheet is None or s.name == sheet]
                 if not sheets:

@@ -11,7 +11,7 @@ import numpy as np
 from legfem.channels.kinds import CHANNELS
 from legfem.common.errors import InputError
 from legfem.common.wording import Argument, Command, Remedy
-from legfem.data.formats.labels import OWN, Quantity, names_quantity, unit_named
+from legfem.data.formats.labels import UNIT_OF, Quantity, names_quantity, unit_named
 from legfem.data.formats.sheet import FEWEST_ROWS, NAMELESS, NOT_CALCULATED, Column, Sheet
 from legfem.data.formats.times import check_no_clock
 from legfem.data.recording import QUANTITIES, Recording, SourceColumn, SourceColumns, channel_of, recording_of
@@ -92,10 +92,10 @@ def find_column(path: Path, sheet: Sheet, quantity: Quantity, given: str | None)
         return SourceColumn(chosen.name, unit), f"time: '{chosen.name}' in {unit}, since {reason}{same}"
     if not chosen.unit or chosen.known_unit is None:
         problem = f"'{chosen.unit}' of '{chosen.name}' is not a known unit"
-        how = f" '{chosen.name}:UNIT' in multiples of {OWN[quantity]}"
+        how = f" '{chosen.name}:UNIT' in multiples of {UNIT_OF[quantity]}"
         if not chosen.unit:
             problem = f"column '{chosen.name}' has no unit"
-            how = f" '{chosen.name}:{OWN[quantity]}', if it is that"
+            how = f" '{chosen.name}:{UNIT_OF[quantity]}', if it is that"
         remedy = Remedy("give it with ", Argument(quantity), how)
         raise InputError(path, f"recordings.{quantity}.unit", problem, remedy)
     same += f"; {len(others)} more say the same" if others else ""
@@ -357,9 +357,9 @@ def remedy_for(path: Path, sheet: Sheet, given: Mapping[Quantity, str], sheets: 
             if column is None:
                 options[quantity] = "NAME:UNIT"
             elif stated is not None and stated.quantity is None:
-                return f"export '{column.name}' in {OWN[quantity]}, or correct its unit in the file"
+                return f"export '{column.name}' in {UNIT_OF[quantity]}, or correct its unit in the file"
             elif column.unit and stated is None and re.search(r"\d", column.unit):
-                return f"export '{column.name}' in {OWN[quantity]}: '{column.unit}' has a factor in it"
+                return f"export '{column.name}' in {UNIT_OF[quantity]}: '{column.unit}' has a factor in it"
             elif sum(c.name == column.name for c in sheet.columns) > 1:
                 return f"give the columns '{column.name}' names of their own in the file, then name one"
             else:
@@ -404,7 +404,7 @@ def _first_abreast(path: Path, sheet: Sheet) -> Remedy | None:
 def _likely_unit(column: Column, quantity: Quantity) -> str:
     """Return the unit that a column is said to be in, perhaps by a sign that an encoding lost; else legfem's own."""
     if not column.unit:
-        return OWN[quantity]
+        return UNIT_OF[quantity]
     if column.quantity == quantity:
         return column.unit
     return "u" + column.unit[1:] if column.unit[0] in "?\ufffd" and column.quantity is None else "UNIT"

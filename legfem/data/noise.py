@@ -180,14 +180,8 @@ class NoiseEstimate:
     def trial_covariance(self, displacement: FloatArray, force: FloatArray, slope: FloatArray) -> FloatArray:
         """Return the covariance (n, n), N^2, of one trial's curve without its white part."""
         few = self.small_sample_factor
-        return _covariance(
-            np.array(
-                [few * self.offset_sd, few * self.gain_sd, few * self.shift_sd, self.slow_sd, self.correlation_length]
-            ),
-            displacement,
-            force,
-            slope,
-        )
+        sizes = few * self.offset_sd, few * self.gain_sd, few * self.shift_sd, self.slow_sd, self.correlation_length
+        return _covariance(np.array(sizes), displacement, force, slope)
 
     @property
     def slow_ways(self) -> tuple[float, ...]:

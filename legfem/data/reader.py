@@ -15,7 +15,7 @@ from legfem.data.recording import (
     SourceColumn,
     SourceColumns,
     channel_of,
-    read_own_table,
+    read_plain_table,
     recording_of,
 )
 
@@ -45,7 +45,7 @@ def read_samples(path: Path, channels: SourceColumns | None = None, area: float 
     if _breaks_off(path) and (found := _other_dialect(path, area)) is not None:
         return found
     try:
-        return read_own_table(path, area)
+        return read_plain_table(path, area)
     except InputError as error:
         if not path.is_file() or error.field == "rows":
             raise

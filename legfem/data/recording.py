@@ -14,7 +14,7 @@ from legfem.channels.kinds import CHANNELS, IN_COLUMNS
 from legfem.common.errors import InputError
 from legfem.common.input_files import read_table
 from legfem.common.units import MPA_PER_KPA, MPA_PER_MMHG, FloatArray, frozen_array
-from legfem.data.formats.labels import OWN, Quantity, unit_named
+from legfem.data.formats.labels import UNIT_OF, Quantity, unit_named
 from legfem.data.formats.sheet import Column, Sheet
 
 if TYPE_CHECKING:
@@ -227,7 +227,7 @@ def _converted(path: Path, sheet: Sheet, quantity: Quantity, channel: SourceColu
             path,
             f"{field}.unit",
             f"'{channel.unit}' is not a unit of {measured}",
-            f"give {OWN[measured]} or a multiple of it",
+            f"give {UNIT_OF[measured]} or a multiple of it",
         )
     columns = [c for c in sheet.columns if c.name == channel.column]
     # Of two that are called alike one is in volts, perhaps, or both are one signal.
@@ -295,18 +295,18 @@ def channel_of(column: Column) -> ChannelKind | None:
 HEADER = ("time_s", "displacement_mm", "force_N")
 
 
-OWN_COLUMNS = SourceColumns(SourceColumn("time", "s"), SourceColumn("displacement", "mm"), SourceColumn("force", "N"))
+PLAIN_COLUMNS = SourceColumns(SourceColumn("time", "s"), SourceColumn("displacement", "mm"), SourceColumn("force", "N"))
 """Columns of legfem's CSV."""
 
 
-def read_own(path: Path) -> Recording | None:
+def read_plain(path: Path) -> Recording | None:
     """Return what legfem's own CSV with further channels holds, whose cells may be empty; None for any other file."""
     if not _first_line(path).startswith(",".join(HEADER)) or not _channel_columns(path):
         return None
-    return read_own_table(path, None)
+    return read_plain_table(path, None)
 
 
-def read_own_table(path: Path, area: float | None) -> Recording:
+def read_plain_table(path: Path, area: float | None) -> Recording:
     """Read legfem's own CSV; with an area (mm2) a pressure on it in the force's place.
 
     Raises

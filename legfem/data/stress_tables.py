@@ -13,7 +13,7 @@ import numpy as np
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.data.formats import Column, Sheet, read_sheets
-from legfem.data.formats.labels import OWN, unit_named
+from legfem.data.formats.labels import UNIT_OF, unit_named
 
 _STRETCH = r"stretch|lambda|^λ|élongation"
 _STRAIN = r"strain|dehnung|^eps(ilon)?|^ε|shear|^gamma|^γ"
@@ -78,7 +78,7 @@ def table_line(stretch: Column, stress: Column) -> tuple[str, str]:
     percent = stretch.unit == "%"
     is_true = re.search(_TRUE, stress.name, re.IGNORECASE) and not re.search(_NOMINAL, stress.name, re.IGNORECASE)
     measure = "true" if is_true else "nominal"
-    unit = stress.unit if stress.unit and stress.quantity == "pressure" else OWN["pressure"]
+    unit = stress.unit if stress.unit and stress.quantity == "pressure" else UNIT_OF["pressure"]
     words = {"nominal": "engineering stress, force over the undeformed area", "true": "true stress"}
     of = " in %" if percent else ""
     confirm = f"if '{stretch.name}' is a {key}{of} and '{stress.name}' {words[measure]} in {unit}"

@@ -179,7 +179,7 @@ class LegIndentation3D(IndentationTest):
         held = (*meshed.supports, Support(END, (2,)))
         spaces = build_spaces(*meshed.tagged, "continuous", 2, meshed.regions, held)
         system = System(
-            spaces, self.model, self.touch, self.pose.direction, settings.quadrature_degree, self._skin.beside
+            spaces, self.model, self.touch, self.pose.direction, settings.quadrature_degree, self._skin.nearest_at_level
         )
         solver = NewtonSolver(system, settings.newton, settings.linear)
         radius = self.indenter.radius

@@ -106,7 +106,7 @@ class PartSurface:
         x, y = (coordinate.ev(z, u) for coordinate in self._coordinates)
         return np.stack([x, y, z], axis=-1)
 
-    def beside(self, points: FloatArray) -> FloatArray:
+    def nearest_at_level(self, points: FloatArray) -> FloatArray:
         """Return the nearest points of the surface at the levels of points near it, (n, 3)."""
         xy, z = points[:, :2], np.clip(points[:, 2], self._levels[0], self._levels[-1])
         around = np.arange(0.0, 1.0, _SPACING / self.perimeter)

@@ -84,7 +84,7 @@ def _enclosing(surface: PartSurface, points: FloatArray, tube: Triangles) -> Flo
     corners = points[tube]
     middles = (corners + np.roll(corners, 1, axis=1)) / 2
     # Edge midpoints integrate what is quadratic exactly.
-    inside = (surface.beside(middles.reshape(-1, 3)) - middles.reshape(-1, 3)).reshape(-1, 3, 3)
+    inside = (surface.nearest_at_level(middles.reshape(-1, 3)) - middles.reshape(-1, 3)).reshape(-1, 3, 3)
     inside[..., 2] = 0.0
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     moved, weight = np.zeros_like(points), np.zeros(len(points))

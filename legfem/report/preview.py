@@ -16,7 +16,7 @@ from legfem.data.columns import Proposal, propose
 from legfem.data.contact import LEG
 from legfem.data.formats import Sheet, read_sheets, recording_files
 from legfem.data.quality import BEST_GRADE, quality_of
-from legfem.data.recording import OWN_COLUMNS, SourceColumns, recording_of
+from legfem.data.recording import PLAIN_COLUMNS, SourceColumns, recording_of
 from legfem.geometry.leg_shape import perimeter
 from legfem.geometry.section import fat_thickness, girth
 from legfem.legs.loading import load_sites, load_subject
@@ -259,7 +259,7 @@ def _recordings(
     return tuple(_recording(path, out, channels, of_specimen, site, read.get(path)) for path in files)
 
 
-_OF_OWN = Proposal(OWN_COLUMNS, ("legfem's own columns",))
+_OF_PLAIN_COLUMNS = Proposal(PLAIN_COLUMNS, ("legfem's own columns",))
 
 
 def _proposal(path: Path, sheets: Sequence[Sheet], channels: SourceColumns | None, used: bool) -> Proposal:
@@ -287,7 +287,7 @@ def _recording(
         columns = tuple(
             SeenColumn(sheet.name or "", column.name, column.unit or "") for sheet in sheets for column in sheet.columns
         )
-        proposal = _OF_OWN if own else _proposal(path, sheets, channels, trial is not None)
+        proposal = _OF_PLAIN_COLUMNS if own else _proposal(path, sheets, channels, trial is not None)
         recording = trial.recording if trial else recording_of(path, sheets, proposal.channels)
         scales = Scales.of_specimen(recording) if of_specimen else LEG
         quality = quality_of(trial or segment(recording, scales=scales))

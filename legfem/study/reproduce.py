@@ -85,7 +85,7 @@ def run(
                 with_correction[name] = identify(name, correction_of(subject))
     made = [neo_hookean_cells(found), polynomial_cells(found), effort_cells(found)]
     if corrected:
-        made += [correction_cells(found, with_correction), own_corrections_cells()]
+        made += [correction_cells(found, with_correction), corrections_by_leg_cells()]
     tables = "\n".join(markdown_table(*cells) for cells in made)
     documents = [fit_document(pair, LegDocument()) for pair in (*found.values(), *with_correction.values())]
     write_document(out / "result.json", documents)
@@ -161,16 +161,16 @@ def correction_cells(without: dict[str, list[Fit[LegDetails]]], corrected: dict[
     return header, rows
 
 
-def own_corrections_cells() -> Cells:
+def corrections_by_leg_cells() -> Cells:
     """P of each subject's leg at Table 5's stiffness, with its error."""
     depths = np.array([5.0, 10.0, 15.0, 20.0, 25.0])
     rows = []
     for name, paper in PAPER.items():
         subject = load_subject(SUBJECTS.find(name), need_recordings=False)
-        own = correction_of(subject)
+        correction = correction_of(subject)
         P, sd = (
-            own.correction(depths, kpa_to_mpa(np.array(paper.c10)), kpa_to_mpa(np.array(paper.c20))),
-            own.standard_deviation(depths),
+            correction.correction(depths, kpa_to_mpa(np.array(paper.c10)), kpa_to_mpa(np.array(paper.c20))),
+            correction.standard_deviation(depths),
         )
         radius, depth = size_of(subject)
         row = {"subject": name, "radius, depth to bone (mm)": f"{radius:.1f}, {depth:.1f}"}

@@ -33,7 +33,7 @@ from legfem.app.runs import Run
 from legfem.app.workspace import Workspace, description_of, files_of, is_scan, may_be_recording
 from legfem.common.documents import write_atomically
 from legfem.common.errors import InputError
-from legfem.data.recording import OWN_COLUMNS, QUANTITIES, SourceColumns
+from legfem.data.recording import PLAIN_COLUMNS, QUANTITIES, SourceColumns
 from legfem.geometry.contours import read_contours
 from legfem.geometry.motion import CuttingPlane
 from legfem.geometry.section import PARTS, LegSection, line_of_travel
@@ -399,7 +399,7 @@ def _columns(first: dict[str, Any] | None) -> Callable[[], SourceColumns | None]
 
     def read() -> SourceColumns | None:
         columns = chosen()
-        return None if columns == OWN_COLUMNS else columns
+        return None if columns == PLAIN_COLUMNS else columns
 
     return read
 

@@ -84,7 +84,7 @@ _KNOWN = {
     for factor, names in factors.items()
     for name in names.split()
 } | {name: Unit(None, 1.0) for name in _OTHERS.split()}
-OWN: dict[Quantity, str] = {"time": "s", "displacement": "mm", "force": "N", "pressure": "kPa"}
+UNIT_OF: dict[Quantity, str] = {"time": "s", "displacement": "mm", "force": "N", "pressure": "kPa"}
 """legfem's unit of each quantity."""
 
 
