@@ -21,10 +21,12 @@ if sys.version_info < (3, 12):  # noqa: UP036  (who has a checkout alone asked n
 
 if TYPE_CHECKING:
     from legfem.api.cohorts import Cohort, cohort
-    from legfem.api.diagnosis import DiagnosedFolder, DiagnosedLeg, PlannedTests, diagnose, plan
-    from legfem.api.identification import identify, stocking
+    from legfem.api.diagnosis import DiagnosedLeg, PlannedTests, diagnose, plan
+    from legfem.api.identification import identify
     from legfem.api.loading import load_leg, load_sites, load_specimen, load_subject
     from legfem.api.results import Identification, IdentifiedLeg, IdentifiedSites, IdentifiedSpecimen, LegInStocking
+    from legfem.api.specimens import DiagnosedFolder
+    from legfem.api.stockings import stocking
     from legfem.common.errors import InputError
 
     __version__: str

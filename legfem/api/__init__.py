@@ -12,10 +12,12 @@ from legfem.api.loading import front, in_python_words
 
 _HOMES = {
     "cohorts": ("Cohort", "cohort"),
-    "diagnosis": ("DiagnosedFolder", "DiagnosedLeg", "PlannedTests", "diagnose", "plan"),
-    "identification": ("identify", "stocking"),
+    "diagnosis": ("DiagnosedLeg", "PlannedTests", "diagnose", "plan"),
+    "identification": ("identify",),
     "loading": ("load_leg", "load_sites", "load_specimen", "load_subject"),
     "results": ("Identification", "IdentifiedLeg", "IdentifiedSites", "IdentifiedSpecimen", "LegInStocking"),
+    "specimens": ("DiagnosedFolder",),
+    "stockings": ("stocking",),
 }
 """Names that the door leads to, by the module that they stand in."""
 

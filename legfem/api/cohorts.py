@@ -18,7 +18,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from legfem.api.diagnosis import DiagnosedLeg, diagnose
-from legfem.api.identification import identify, stocking
+from legfem.api.identification import identify
 from legfem.api.loading import (
     Given,
     check_folder,
@@ -31,6 +31,7 @@ from legfem.api.loading import (
     wrong,
 )
 from legfem.api.results import Identification, Result
+from legfem.api.stockings import stocking
 from legfem.cohort.anomalies import missing, suspicions
 from legfem.cohort.members import Member, Members, Task, find_members
 from legfem.cohort.population_model import PopulationFit, population_document, populations

@@ -1,18 +1,18 @@
 """Where model and recordings differ and which physics was left out; which tests of a leg would show which effects."""
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, overload
+from typing import TYPE_CHECKING, Any, overload
 
 from matplotlib.figure import Figure
 
 from legfem.api import loading
 from legfem.api.results import Result
 from legfem.common.documents import write_document
-from legfem.common.errors import Doubt, InputError, log_doubts
-from legfem.common.progress import Progress, progress_on
+from legfem.common.errors import Doubt, log_doubts
+from legfem.common.progress import progress_on
 from legfem.common.units import kpa_to_mpa
 from legfem.inverse.correction import read_correction
 from legfem.inverse.fit import Fit
@@ -34,9 +34,11 @@ from legfem.report.folder import NUMBERS, REPORT, ReportFile, keep_another, made
 from legfem.report.page import WebPage, command_line
 from legfem.report.plan import RANKED, SHOWN, plan_document, plan_lines, plan_web_page
 from legfem.report.render import brief, plain_page, write_page
-from legfem.report.results import specimens_page, write_diagnosis_report, write_specimen_diagnoses
-from legfem.specimens.diagnosis import DiagnosedSpecimen, diagnose_specimens
-from legfem.specimens.folder import SpecimenFolder
+from legfem.report.results import write_diagnosis_report
+
+if TYPE_CHECKING:
+    from legfem.api.specimens import DiagnosedFolder
+    from legfem.specimens.folder import SpecimenFolder
 
 DIAGNOSIS = "diagnosis.json"
 
@@ -94,83 +96,6 @@ class DiagnosedLeg(Result):
         yield from parameter_rows(self.diagnosis)
 
 
-@dataclass(frozen=True, eq=False)
-class DiagnosedFolder(Result):
-    """The same of each specimen of a folder."""
-
-    folder: SpecimenFolder
-    specimens: tuple[DiagnosedSpecimen, ...]
-    """In the folder's order; one that couldn't be diagnosed has a problem instead."""
-    seed: int
-    _written: Mapping[Path, Path] = field(default_factory=dict)
-    """Reports by the folders that they were written into as each diagnosis was made."""
-
-    def __getitem__(self, name: str) -> DiagnosedSpecimen:
-        """Return a specimen's by its name; raises KeyError for one that isn't there."""
-        found = {one.id: one for one in self.specimens}
-        if name not in found:
-            raise KeyError(f"{name!r} is not a specimen: there is {', '.join(found)}")
-        return found[name]
-
-    @property
-    def verdicts(self) -> dict[str, str]:
-        """By specimen: ``consistent``, ``named``, ``ambiguous`` or ``unexplained``."""
-        return {one.id: one.diagnosis.verdict for one in self.specimens if one.diagnosis}
-
-    def summary(self) -> str:
-        """Return the report's text; of several specimens a table of all."""
-        if len(self.specimens) == 1 and self.specimens[0].diagnosis is not None:
-            return plain_page(self._page(), [])
-        return specimens_page(self.specimens, self.folder)
-
-    def document(self) -> dict[str, Any]:
-        """Return what ``diagnosis.json`` holds, by specimen."""
-        return {
-            one.id: document(one.diagnosis, one, self.seed, one.seconds)
-            for one in self.specimens
-            if one.diagnosis is not None
-        }
-
-    def plot(self) -> Figure:
-        """Return the first diagnosed specimen's recordings against the model.
-
-        Raises
-        ------
-        InputError
-            If none could be diagnosed.
-        """
-        one, found = self._first
-        return recording_figure(found, 0, one.title, one.origin)
-
-    def write(self, folder: loading.Given) -> Path:
-        """Write what the command writes; return the report's path."""
-        out = Path(folder)
-        if out in self._written:
-            return self._written[out]
-        return write_specimen_diagnoses(self.specimens, self.folder, out, self.seed, command_line())[1]
-
-    @property
-    def _first(self) -> tuple[DiagnosedSpecimen, Diagnosis]:
-        for one in self.specimens:
-            if one.diagnosis is not None:
-                return one, one.diagnosis
-        raise _problem_of(self.specimens)
-
-    def _page(self) -> WebPage:
-        """Return that of the first diagnosed specimen; each has one of its own."""
-        one, found = self._first
-        return diagnosis_web_page(found, one)
-
-    def _rows(self) -> Iterator[dict[str, Any]]:
-        for one in self.specimens:
-            for each in parameter_rows(one.diagnosis) if one.diagnosis else ():
-                yield {"specimen": one.id} | each
-
-
-def _problem_of(specimens: Sequence[DiagnosedSpecimen]) -> InputError:
-    return next(one.problem for one in specimens if one.problem is not None)
-
-
 @overload
 def diagnose(
     leg: Subject | SitedLeg | loading.Given,
@@ -186,7 +111,7 @@ def diagnose(
 ) -> DiagnosedLeg: ...
 @overload
 def diagnose(
-    leg: SpecimenFolder,
+    leg: "SpecimenFolder",
     *,
     library: loading.Given | None = None,
     seed: int = 0,
@@ -194,10 +119,10 @@ def diagnose(
     jobs: int = 1,
     progress: bool = False,
     specimens: Sequence[str] = (),
-) -> DiagnosedFolder: ...
+) -> "DiagnosedFolder": ...
 @overload
 def diagnose(
-    leg: Subject | SitedLeg | SpecimenFolder | loading.Given,
+    leg: "Subject | SitedLeg | SpecimenFolder | loading.Given",
     *,
     library: loading.Given | None = None,
     correction: loading.Given | None = None,
@@ -208,9 +133,9 @@ def diagnose(
     specimens: Sequence[str] = (),
     site: str = "",
     prior: Sequence[str] = (),
-) -> DiagnosedLeg | DiagnosedFolder: ...
+) -> "DiagnosedLeg | DiagnosedFolder": ...
 def diagnose(
-    leg: Subject | SitedLeg | SpecimenFolder | loading.Given,
+    leg: "Subject | SitedLeg | SpecimenFolder | loading.Given",
     *,
     library: loading.Given | None = None,
     correction: loading.Given | None = None,
@@ -221,7 +146,7 @@ def diagnose(
     specimens: Sequence[str] = (),
     site: str = "",
     prior: Sequence[str] = (),
-) -> DiagnosedLeg | DiagnosedFolder:
+) -> "DiagnosedLeg | DiagnosedFolder":
     """Say where model and recordings differ, which physics was left out, and what adding it does.
 
     The first diagnosis of a leg solves its library of responses, which takes minutes. After an ambiguous verdict tests
@@ -260,15 +185,15 @@ def diagnose(
     loading.check_whole("jobs", jobs, 1)
     responses = library_folder() if library is None else Path(library)
     loading.check_folder("library", responses)
-    if isinstance(leg, SpecimenFolder):
+    if loading.are_specimens(leg):
+        from legfem.api.specimens import diagnose_folder
+
         loading.check_unused(
             "specimens", {"site": site != "", "correction": correction is not None, "prior": bool(prior)}
         )
         loading.check_names("specimens", specimens)
         with progress_on(quiet=not progress) as shown:
-            return _diagnosed_specimens(
-                leg, specimens, responses, jobs, shown, seed, None if out is None else Path(out)
-            )
+            return diagnose_folder(leg, specimens, responses, jobs, shown, seed, None if out is None else Path(out))
     loading.check_unused("a leg", {"specimens": bool(specimens)})
     subject = loading.one_of(leg, site)
     if prior:
@@ -279,28 +204,6 @@ def diagnose(
         found = diagnoser.diagnose(subject, shown, seed)
         ranked = plan_after(found, subject, diagnoser, shown)
     return DiagnosedLeg(subject, found, seed, time.perf_counter() - started, tuple(ranked))
-
-
-def _diagnosed_specimens(
-    folder: SpecimenFolder,
-    names: Sequence[str],
-    responses: Path,
-    jobs: int,
-    progress: Progress,
-    seed: int,
-    out: Path | None,
-) -> DiagnosedFolder:
-    made: list[DiagnosedSpecimen] = []
-
-    def each() -> Iterator[DiagnosedSpecimen]:
-        for one in diagnose_specimens(folder, names, responses, jobs, progress, seed):
-            made.append(one)
-            yield one
-
-    if out is None:
-        return DiagnosedFolder(folder, tuple(each()), seed)
-    report = write_specimen_diagnoses(each(), folder, out, seed, command_line())[1]
-    return DiagnosedFolder(folder, tuple(made), seed, {out: report})
 
 
 PLAN = "plan.json"

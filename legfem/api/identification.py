@@ -1,24 +1,21 @@
-"""Stiffness identified from recordings of a leg, its sites or specimens, and from scans of a leg in its stocking."""
+"""Stiffness identified from recordings of a leg, its sites or specimens."""
 
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from numbers import Real
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal, Self, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from mpi4py import MPI
 
 from legfem.api import loading
+from legfem.api.asked import AskedParameters
 from legfem.api.results import Identification
 from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
-from legfem.common.wording import Argument
 from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.experiments.plane_strain import PlaneStrainSettings
-from legfem.inverse.catalogue import LAWS, LawName, Values, check_held
+from legfem.inverse.catalogue import LAWS, LawName
 from legfem.inverse.parameter import Parameter
-from legfem.inverse.parse_parameters import ParameterTexts
 from legfem.inverse.readings import INSTRUMENT
 from legfem.inverse.settings import IdentificationSettings, SearchRequest, Weighting
 from legfem.legs.identification import as_leg, check_joint, identify_leg, nominal_of, searches_in_3d
@@ -27,11 +24,9 @@ from legfem.legs.problem import section_forward
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import SitedLeg, Subject
 from legfem.meshing.section import SectionMeshSettings
-from legfem.specimens.folder import SpecimenFolder
-from legfem.specimens.laws import ParameterRequest, laws_named, request_of_texts
-from legfem.specimens.problem import fit_specimens
-from legfem.stockings.identification import StockingSettings, identify_in_stocking
-from legfem.stockings.leg import StockingLeg
+
+if TYPE_CHECKING:
+    from legfem.specimens.folder import SpecimenFolder
 
 type Mesh = PlaneStrainSettings | SolidLegSettings | Literal["coarse"]
 
@@ -39,90 +34,8 @@ COARSENING = 2.0
 """Factor on the elements' sizes, for a quick look."""
 
 
-@dataclass(frozen=True)
-class AskedParameters:
-    """What a call asks to be free and held: names and texts as the command has them, parameters and numbers."""
-
-    texts: ParameterTexts
-    given: Mapping[str, Parameter]
-    """Parameters that were given whole, by name."""
-    numbers: Values
-    """Values to hold, in the model's units."""
-
-    @classmethod
-    def of(cls, identify: Any, prior: Any, fix: Any, c10_bounds: Any, c20_bounds: Any) -> Self:
-        """What arguments of `identify` ask for.
-
-        Raises
-        ------
-        InputError
-            If one is of another kind than `identify` says, or something is there twice.
-        """
-        listed = "a list of full names or of legfem.inverse.parameter.Parameter"
-        if not isinstance(identify, list | tuple | None):
-            raise loading.of_another_kind("identify", identify, listed)
-        if identify is not None and not identify:
-            raise loading.wrong("identify", "[]", "nothing is left to identify", "name a parameter")
-        names, given = list[str](), dict[str, Parameter]()
-        for one in identify or ():
-            if not isinstance(one, str | Parameter):
-                raise loading.of_another_kind("identify", one, listed)
-            name = one if isinstance(one, str) else one.name
-            if name in names or name in given:
-                raise loading.wrong("identify", name, "is there twice", "give it once")
-            if not isinstance(one, str):
-                given[name] = one
-            if isinstance(one, str) or one.role == "identified":
-                names.append(name)
-        loading.check_names("prior", prior)
-        numbers, texts = (fix, ()) if isinstance(fix, Mapping) else ({}, fix)
-        if not isinstance(texts, list | tuple) or not all(isinstance(one, str) for one in texts):
-            raise loading.of_another_kind(
-                "fix", fix, "values by full name, as {'deep.D1': 28.0}, or texts, as 'deep.D1=28 1/MPa'"
-            )
-        for name, value in numbers.items():
-            # Without its term of (J - 1)^4 a law has an infinite D2.
-            endless = value == math.inf and str(name).endswith(".D2")
-            if not isinstance(value, Real) or not (math.isfinite(value) or endless):
-                remedy = "give a number in MPa, 1/MPa, N or mm, without its unit"
-                raise loading.wrong("fix", str(name), f"{value!r} is not a value", remedy)
-            check_held(Argument("fix"), f"{name}={value:g}", str(name), float(value))
-            if name in names:
-                raise loading.wrong("fix", name, "is to be identified as well", "leave one of them out")
-        return cls(ParameterTexts(names, prior, texts, c10_bounds, c20_bounds), given, numbers)
-
-    @property
-    def names(self) -> set[str]:
-        """Full names of all that is asked for, held or given a prior."""
-        return {*self.texts.names, *self.given, *self.numbers}
-
-    def parameters(self, nominal: Values) -> tuple[Parameter, ...]:
-        """What is free in a leg whose values are assumed to be ``nominal``, with bounds that suit legs."""
-        free = {one.name: one for one in self.texts.parameters(nominal)}
-        for name, one in self.given.items():
-            known = free[name].prior if name in free else None
-            free[name] = replace(one, prior=known or one.prior)
-        return tuple(free.values())
-
-    def held(self, nominal: Values) -> dict[str, float]:
-        """What is held, in the model's units."""
-        return {**self.texts.held(nominal), **self.numbers}
-
-    def asked(self, folder: SpecimenFolder) -> ParameterRequest:
-        """What is free and held in the tissues of specimens."""
-        found = request_of_texts(self.texts, folder.tissues)
-        priors = {name: one.prior for name, one in self.given.items() if one.prior is not None}
-        bounds = {name: one.bounds for name, one in self.given.items()}
-        return replace(
-            found,
-            priors={**priors, **found.priors},
-            bounds={**bounds, **found.bounds},
-            fixed={**found.fixed, **self.numbers},
-        )
-
-
 def identify(
-    leg: Subject | SitedLeg | SpecimenFolder | loading.Given,
+    leg: "Subject | SitedLeg | SpecimenFolder | loading.Given",
     law: LawName | Literal["both"] | None = None,
     *,
     identify: Sequence[Parameter | str] | None = None,
@@ -227,7 +140,9 @@ def identify(
     if not isinstance(correction, str | Path):
         raise loading.wrong("correction", repr(correction), "is not a correction", "give own, none, auto or a file")
     given = loading.opened(leg, site)
-    if isinstance(given, SpecimenFolder):
+    if loading.are_specimens(given):
+        from legfem.api.specimens import identify_specimens
+
         legs_alone = {
             "correction": str(correction) != "auto",
             "depth": depth is not None,
@@ -238,7 +153,7 @@ def identify(
             "no_emulator": emulator is False,
         }
         loading.check_unused("specimens", legs_alone)
-        return _of_specimens(given, law, wanted, leave_out, request, progress)
+        return identify_specimens(given, law, wanted, leave_out, request, progress)
     loading.check_unused("a leg", {"leave_out": bool(leave_out)})
     loading.check_one_of("law", law, (*LAWS, "both"))
     return _of_leg(given, law, wanted, request, str(correction), model == "3d", mesh, progress, comm)
@@ -279,20 +194,6 @@ def _of_leg(
     return Identification(given, tuple(fits), section)
 
 
-def _of_specimens(
-    folder: SpecimenFolder,
-    law: str | None,
-    wanted: AskedParameters,
-    leave_out: Sequence[str],
-    request: SearchRequest,
-    progress: bool,
-) -> Identification:
-    laws, asked = laws_named(law), wanted.asked(folder)
-    with progress_on(quiet=not progress) as told:
-        fits = fit_specimens(folder, laws, asked, leave_out, replace(request, progress=told))
-    return Identification(folder, tuple(fits))
-
-
 def _plane_settings(mesh: Mesh | None) -> PlaneStrainSettings | None:
     if mesh == "coarse":
         return PlaneStrainSettings(SectionMeshSettings().refined(1 / COARSENING))
@@ -309,58 +210,3 @@ def _solid_settings(mesh: Mesh | None) -> SolidLegSettings | None:
 
 def _wrong_mesh(mesh: object, problem: str, remedy: str) -> InputError:
     return loading.wrong("mesh", mesh if isinstance(mesh, str) else type(mesh).__name__, problem, remedy)
-
-
-def stocking(
-    leg: StockingLeg | loading.Given,
-    *,
-    cells: int = 15_000,
-    out: loading.Given | None = None,
-    progress: bool = False,
-    comm: MPI.Intracomm | None = None,
-) -> Identification:
-    """Find the stiffness of a leg's tissues from its scans, and the pressures inside it.
-
-    Parameters
-    ----------
-    leg : StockingLeg, str or Path
-        The leg, or what `load_leg` takes.
-    cells : int
-        About how many tetrahedra.
-    out : str or Path, optional
-        Folder in whose ``equilibria`` every equilibrium is kept, so that the same call goes on where it was stopped;
-        nothing is written without it.
-    progress : bool
-        Whether to print what is being done.
-    comm : MPI.Intracomm, optional
-        Ranks over which every equilibrium is spread, all of which call this; this process alone without it.
-
-    Returns
-    -------
-    Identification
-        With ``summary()``, ``plot()``, ``to_frame()``, ``document()``, ``write(folder)``; its ``best`` is a
-        `legfem.inverse.fit.Fit`, whose details are `legfem.stockings.details.StockingDetails`.
-
-    Raises
-    ------
-    InputError
-        If there is no such leg, or its scans can't be used.
-    """
-    known = loading.load_leg(leg) if isinstance(leg, str | Path) else leg
-    if not isinstance(known, StockingLeg):
-        raise InputError(
-            "leg",
-            type(known).__name__,
-            "is not a leg that was scanned in a stocking",
-            "give an id, a folder, or what load_leg returned",
-        )
-    loading.check_whole("cells", cells, 1)
-    if not 2_000 <= cells <= 5_000_000:
-        raise loading.wrong("cells", cells, "is out of range", "give 2000 to 5000000")
-    if out is not None:
-        loading.check_folder("out", out)
-    kept = None if out is None else Path(out) / "equilibria"
-    ranks = comm or MPI.COMM_SELF
-    with progress_on(quiet=not progress or ranks.rank > 0) as told:
-        fit = identify_in_stocking(known, StockingSettings(cells), told, ranks, folder=kept)
-    return Identification(known, (fit,))

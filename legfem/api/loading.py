@@ -23,6 +23,8 @@ from legfem.legs.schema import SUBJECTS, site_names
 from legfem.legs.subject import SitedLeg, Subject
 
 if TYPE_CHECKING:
+    from typing_extensions import TypeIs
+
     from legfem.specimens.folder import SpecimenFolder
     from legfem.stockings.leg import StockingLeg
 
@@ -225,6 +227,15 @@ def load_sites(leg: Given) -> SitedLeg:
     return loaded
 
 
+def are_specimens(given: object) -> "TypeIs[SpecimenFolder]":
+    """Tell specimens from all else; who gives a leg doesn't load what is theirs."""
+    if isinstance(given, Subject | SitedLeg | str | Path):
+        return False
+    from legfem.specimens.folder import SpecimenFolder
+
+    return isinstance(given, SpecimenFolder)
+
+
 def opened(
     given: "Subject | SitedLeg | SpecimenFolder | Given", site: str = ""
 ) -> "Subject | SitedLeg | SpecimenFolder":
@@ -235,16 +246,14 @@ def opened(
     InputError
         If there is no such folder or site, or what is given is none of these.
     """
-    from legfem.specimens.folder import FILE, SpecimenFolder
-
     if not isinstance(site, str):
         raise wrong("site", repr(site), "is not a name", "give the name of one of the sites")
     if isinstance(given, str | Path):
-        if (Path(given) / FILE).is_file() and not (Path(given) / SUBJECTS.file).exists():
+        if (Path(given) / "specimen.toml").is_file() and not (Path(given) / SUBJECTS.file).exists():
             return load_specimen(given)
         several = not site and site_names(SUBJECTS.opened(folder_of(given, SUBJECTS)))
         return load_sites(given) if several else load_subject(given, site)
-    if isinstance(given, SpecimenFolder):
+    if are_specimens(given):
         return given
     if not isinstance(given, Subject | SitedLeg):
         raise InputError(

@@ -5,7 +5,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 from matplotlib.figure import Figure
@@ -23,8 +23,10 @@ from legfem.report.kinds import kind_of
 from legfem.report.page import WebPage, command_line
 from legfem.report.render import brief, estimates_frame, rendered
 from legfem.report.results import pressed_section_of, write_report
-from legfem.specimens.folder import SpecimenFolder
-from legfem.stockings.leg import StockingLeg
+
+if TYPE_CHECKING:
+    from legfem.specimens.folder import SpecimenFolder
+    from legfem.stockings.leg import StockingLeg
 
 
 class Result(ABC):
@@ -76,7 +78,7 @@ class Identification(Result):
     Of a leg in its stocking also the pressures on the skin and inside.
     """
 
-    given: Subject | SitedLeg | SpecimenFolder | StockingLeg
+    given: "Subject | SitedLeg | SpecimenFolder | StockingLeg"
     fits: tuple[Fit[Any], ...]
     """One a law."""
     _section: JointForward[PlaneStrainForward] | None = None

@@ -33,7 +33,7 @@ def stocking(
     with command_context("run the same command again to go on; equilibria are kept", quiet):
         from mpi4py import MPI
 
-        from legfem.api.identification import stocking as stocking_in_full
+        from legfem.api.stockings import stocking as stocking_in_full
         from legfem.common.progress import progress_on
         from legfem.stockings.loading import LEGS, load_leg
 

@@ -11,6 +11,12 @@ from typing import Any
 _log = logging.getLogger("legfem")
 
 
+def made_in(module: ModuleType, base: Any) -> list[Any]:
+    """Return an instance of each class that a module defines, of a base, and that isn't abstract."""
+    kinds = (kind for _, kind in getmembers(module, isclass) if kind.__module__ == module.__name__)
+    return [kind() for kind in kinds if issubclass(kind, base) and not isabstract(kind)]
+
+
 def registered(folder: ModuleType, base: Any, group: str) -> list[Any]:
     """Return an instance of each class that a folder's modules define, and of those of other packages.
 
@@ -23,12 +29,8 @@ def registered(folder: ModuleType, base: Any, group: str) -> list[Any]:
     group : str
         Entry point group of other packages: each entry makes such an instance. A fault of theirs costs itself only.
     """
-    found: list[Any] = []
-    for info in iter_modules(folder.__path__):
-        module = import_module(f"{folder.__name__}.{info.name}")
-        for _, kind in getmembers(module, isclass):
-            if kind.__module__ == module.__name__ and issubclass(kind, base) and not isabstract(kind):
-                found.append(kind())
+    modules = (import_module(f"{folder.__name__}.{info.name}") for info in iter_modules(folder.__path__))
+    found = [one for module in modules for one in made_in(module, base)]
     for entry in entry_points(group=group):
         try:
             made = entry.load()()

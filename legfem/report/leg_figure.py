@@ -1,6 +1,7 @@
 """Pictures of a leg as it was given: its section with the cylinder, and its outlines bare and in a stocking."""
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,7 +17,9 @@ from legfem.geometry.slices import CONTOURS, SliceSet
 from legfem.legs.plausibility import room_before
 from legfem.legs.subject import Subject
 from legfem.report import style
-from legfem.stockings.leg import StockingLeg
+
+if TYPE_CHECKING:
+    from legfem.stockings.leg import StockingLeg
 
 SECTION_SHOWS = "the section that was given or cut, with the cylinder at first touch and its travel"
 
@@ -95,7 +98,7 @@ def _tool(indenter: Indenter, middle: FloatArray) -> Patch:
 
 
 @style.styled
-def slices_figure(leg: StockingLeg) -> Figure:
+def slices_figure(leg: "StockingLeg") -> Figure:
     """Return outlines at three of the heights that are compared, bare and in the stocking."""
     levels = leg.slices[:: len(leg.slices) // 2]
     figure = style.new_figure(7.4, 4.0)

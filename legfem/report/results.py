@@ -1,17 +1,16 @@
 """Folders of results, of any kind: of an identification and of a diagnosis, with pages, figures, tables and fields."""
 
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 from mpi4py import MPI
 
-from legfem.common.documents import json_types, write_document
+from legfem.common.documents import write_document
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.fem.field_files import write_fields
-from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.document import fit_document
 from legfem.inverse.fit import Fit
 from legfem.inverse.verdict import Diagnosis
@@ -21,10 +20,9 @@ from legfem.legs.site_test import curve_of
 from legfem.legs.subject import Subject
 from legfem.meshing.section import SectionMeshSettings
 from legfem.report import diagnosis_document
-from legfem.report import diagnosis_numbers as tables
 from legfem.report.curves import curves_figure
 from legfem.report.diagnosis import diagnosis_web_page
-from legfem.report.diagnosis_curves import model_name, recording_figure
+from legfem.report.diagnosis_curves import recording_figure
 from legfem.report.diagnosis_signatures import signatures_of
 from legfem.report.estimates import preferred
 from legfem.report.folder import NUMBERS, REPORT, RESULT, ReportFile, keep_another, made_in_place
@@ -32,14 +30,9 @@ from legfem.report.kinds import kind_of
 from legfem.report.leg_figure import SECTION_SHOWS, placement_figure
 from legfem.report.page import PressedSection
 from legfem.report.pressed_section import filmed
-from legfem.report.render import bullets, estimates_frame, fill, table, write_page
+from legfem.report.render import estimates_frame, write_page
 from legfem.report.style import LAW_NAMES, save
-from legfem.report.words import ORIGINS
 from legfem.solve.settings import NewtonSettings, StepSettings
-from legfem.specimens.agreement import agreement_document
-from legfem.specimens.diagnosis import DiagnosedSpecimen, tests_finding, thickness_finding
-from legfem.specimens.folder import SpecimenFolder
-from legfem.specimens.sizes import LeftOut
 
 type LegFits = Sequence[Fit[LegDetails]]
 type Drawn = list[ReportFile]
@@ -195,132 +188,3 @@ def _figures(found: Diagnosis, subject: diagnosis_document.Recorded, folder: Pat
         shows = "what the base model misses, and what each leading mechanism would leave"
         entries.append(ReportFile(save(figure, folder, "signatures"), shows))
     return entries
-
-
-DOCUMENT = "diagnosis.json"
-
-
-def write_specimen_diagnoses(
-    found: Iterable[DiagnosedSpecimen], folder: SpecimenFolder, out: Path, seed: int, command: str = ""
-) -> tuple[Path, Path]:
-    """Write every diagnosis as it comes; return the paths of the document and the report.
-
-    Of one specimen they are a leg's; of several each has a folder of its name, and beside them
-    stands a table of all.
-
-    Parameters
-    ----------
-    found
-        Diagnoses.
-    folder
-        Of the specimens.
-    out
-        Folder; made if missing.
-    seed
-        Of the draws behind p-values.
-    command
-        That was given, for who wants to repeat it.
-
-    Raises
-    ------
-    InputError
-        If no specimen could be diagnosed.
-    """
-    alone = len(folder.specimens) == 1
-    made = []
-    for one in found:
-        made.append(one)
-        if one.diagnosis is not None:
-            where = out if alone else out / _folder_name(one.id)
-            content = diagnosis_document.document(one.diagnosis, one, seed, one.seconds)
-            content["recordings_not_used"] = _not_used(one, folder)
-            keep_another(where, command, DOCUMENT)
-            write_document(where / DOCUMENT, content)
-            write_diagnosis_report(one.diagnosis, one, where, command=command)
-    problems = [one.problem for one in made if one.problem is not None]
-    if len(problems) == len(made):
-        raise problems[0]
-    if alone:
-        return out / DOCUMENT, out / REPORT
-    thickness = thickness_finding(made)
-    path = write_document(
-        out / DOCUMENT,
-        json_types(
-            {
-                "schema": diagnosis_document.SCHEMA,
-                "kind": "specimens",
-                "subject": folder.id,
-                "title": folder.title,
-                "origin": folder.origin,
-                "specimens": [_row(one) for one in made],
-                "goes_with_thickness": None if thickness is None else asdict(thickness),
-                "agreement_of_tests": agreement_document(tests_finding(made)),
-                "agreement_after": agreement_document(tests_finding(made, after=True)),
-                "recordings_not_used": [asdict(one) for one in folder.left_out],
-            }
-        ),
-    )
-    with made_in_place(out) as hidden:
-        (hidden / REPORT).write_text(specimens_page(made, folder), encoding="utf-8")
-    return path, out / REPORT
-
-
-def _folder_name(name: str) -> str:
-    return name.replace(" ", "_").replace("/", "_")
-
-
-def _not_used(one: DiagnosedSpecimen, folder: SpecimenFolder) -> list[dict[str, Any]]:
-    several = len(folder.specimens) > 1
-    left: tuple[LeftOut, ...] = one.left_out if several else (*folder.left_out, *one.left_out)
-    return [asdict(each) for each in left]
-
-
-def _row(one: DiagnosedSpecimen) -> dict[str, Any]:
-    if one.diagnosis is None:
-        return {"specimen": one.id, "problem": str(one.problem)}
-    found = one.diagnosis
-    return {
-        "specimen": one.id,
-        "verdict": found.verdict,
-        "explanations": [{"mechanisms": list(model.names), "probability": model.probability} for model in found.models],
-        "laws": diagnosis_document.summary_of_law(found),
-        "parameters_of_base_model": diagnosis_document.diagnosed_parameters(found.estimates_of(found.base, False)),
-        "recordings_not_used": [asdict(each) for each in one.left_out],
-    }
-
-
-def specimens_page(made: Iterable[DiagnosedSpecimen], folder: SpecimenFolder) -> str:
-    """Return the text of the report on all specimens: a table, and what wasn't used."""
-    made = list(made)
-    thickness = thickness_finding(made)
-    rows, missing = [], [f"{one.name}: {one.reason}" for one in folder.left_out]
-    for one in made:
-        missing += [f"{each.name}: {each.reason}" for each in one.left_out]
-        if one.diagnosis is None:
-            missing.append(f"{one.id}: {one.problem}")
-        else:
-            rows.append(_cells(one.id, one.diagnosis, thickness is not None))
-    heading = f"Specimens {folder.id} ({folder.title}): does the model describe the recordings?"
-    columns = ["specimen", "verdict", "what was left out", "C10 before (kPa)", "C10 after (kPa)"]
-    blocks = [
-        f"{heading}\n{'=' * min(len(heading), 100)}",
-        f"*** {ORIGINS[folder.origin].partition(' (')[0].upper()} ***",
-        table(columns, rows),
-        fill("Each specimen has a folder with its own report beside this one."),
-    ]
-    before, after = tests_finding(made), tests_finding(made, after=True)
-    if before is not None and after is not None:
-        said = f" With what each diagnosis found to be left out: {after.text} {after.remedy if after.disagree else ''}"
-        blocks.insert(2, fill(f"WARNING: {before.text}{said}".strip() if before.disagree else before.text))
-    if thickness is not None:
-        blocks.insert(2, fill(f"WARNING: {thickness.text} Don't rely on any one specimen's verdict."))
-    if missing:
-        blocks.append(f"Not used\n--------\n{bullets(missing)}")
-    return "\n\n".join(blocks) + "\n"
-
-
-def _cells(name: str, found: Diagnosis, contradicted: bool) -> list[str]:
-    verdict = "consistent by itself" if contradicted and found.verdict == "consistent" else found.verdict
-    left_out = "; or ".join(model_name(model) for model in found.models) or "-"
-    after = tables.estimate(found.best, DEEP_C10) if found.models else "-"
-    return [name, verdict, left_out, tables.estimate(found.base, DEEP_C10), after]

@@ -4,13 +4,15 @@ import sys
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from functools import cache
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, ClassVar
 
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
-from legfem.common.registry import registered
+from legfem.common.registry import made_in, registered
 from legfem.inverse.document import KindDocument
 from legfem.inverse.fit import Fit
 from legfem.report.folder import ReportFile
@@ -61,10 +63,13 @@ class ReportKind(ABC):
 
 
 @cache
-def _kinds() -> dict[str, ReportKind]:
-    return {one.kind: one for one in registered(sys.modules[__name__], ReportKind, "legfem.reports")}
+def _named(kind: str) -> ReportKind:
+    if find_spec(f"{__name__}.{kind}"):
+        found: ReportKind = made_in(import_module(f"{__name__}.{kind}"), ReportKind)[0]
+        return found
+    return next(one for one in registered(sys.modules[__name__], ReportKind, "legfem.reports") if one.kind == kind)
 
 
 def kind_of(fits: Sequence[Fit[Any]]) -> ReportKind:
-    """Return how fits are shown, by their kind."""
-    return _kinds()[fits[0].kind]
+    """Return how fits are shown, by their kind: a file here is called as its kind is, and the others aren't loaded."""
+    return _named(fits[0].kind)

@@ -1,0 +1,67 @@
+"""Stiffness found from scans of a leg in its stocking, and the pressures inside it."""
+
+from pathlib import Path
+
+from mpi4py import MPI
+
+from legfem.api import loading
+from legfem.api.results import Identification
+from legfem.common.errors import InputError
+from legfem.common.progress import progress_on
+from legfem.stockings.identification import StockingSettings, identify_in_stocking
+from legfem.stockings.leg import StockingLeg
+
+
+def stocking(
+    leg: StockingLeg | loading.Given,
+    *,
+    cells: int = 15_000,
+    out: loading.Given | None = None,
+    progress: bool = False,
+    comm: MPI.Intracomm | None = None,
+) -> Identification:
+    """Find the stiffness of a leg's tissues from its scans, and the pressures inside it.
+
+    Parameters
+    ----------
+    leg : StockingLeg, str or Path
+        The leg, or what `load_leg` takes.
+    cells : int
+        About how many tetrahedra.
+    out : str or Path, optional
+        Folder in whose ``equilibria`` every equilibrium is kept, so that the same call goes on where it was stopped;
+        nothing is written without it.
+    progress : bool
+        Whether to print what is being done.
+    comm : MPI.Intracomm, optional
+        Ranks over which every equilibrium is spread, all of which call this; this process alone without it.
+
+    Returns
+    -------
+    Identification
+        With ``summary()``, ``plot()``, ``to_frame()``, ``document()``, ``write(folder)``; its ``best`` is a
+        `legfem.inverse.fit.Fit`, whose details are `legfem.stockings.details.StockingDetails`.
+
+    Raises
+    ------
+    InputError
+        If there is no such leg, or its scans can't be used.
+    """
+    known = loading.load_leg(leg) if isinstance(leg, str | Path) else leg
+    if not isinstance(known, StockingLeg):
+        raise InputError(
+            "leg",
+            type(known).__name__,
+            "is not a leg that was scanned in a stocking",
+            "give an id, a folder, or what load_leg returned",
+        )
+    loading.check_whole("cells", cells, 1)
+    if not 2_000 <= cells <= 5_000_000:
+        raise loading.wrong("cells", cells, "is out of range", "give 2000 to 5000000")
+    if out is not None:
+        loading.check_folder("out", out)
+    kept = None if out is None else Path(out) / "equilibria"
+    ranks = comm or MPI.COMM_SELF
+    with progress_on(quiet=not progress or ranks.rank > 0) as told:
+        fit = identify_in_stocking(known, StockingSettings(cells), told, ranks, folder=kept)
+    return Identification(known, (fit,))
