@@ -42,7 +42,7 @@ _LEG_COLOUR, _TABLE_COLOUR = "#0072B2", "#D55E00"
 
 
 @dataclass(frozen=True, eq=False)
-class LegBesideTable:
+class LegAndTable:
     """A leg's own P and the table's at one stiffness (MPa); displacement in mm, all arrays (n,)."""
 
     subject: Subject
@@ -53,6 +53,11 @@ class LegBesideTable:
     plane: ForceCurve
     solved: SolvedLeg
     table: TabulatedCorrection
+
+    @property
+    def stiffness(self) -> str:
+        """C10 and C20 of the deep tissue in words."""
+        return f"C10 {mpa_to_kpa(self.c10):g}, C20 {mpa_to_kpa(self.c20):g} kPa"
 
     @property
     def sd(self) -> FloatArray:
@@ -100,18 +105,29 @@ def run(
         models = LegModels.of_subject(subject, depth, out / SOLVES, progress=progress, comm=comm)
         found = _solved(subject, models, stiffness, progress)
     cells = _cells(found)
-    title = f"P(d) of {subject.title}, C10 {mpa_to_kpa(found.c10):g}, C20 {mpa_to_kpa(found.c20):g} kPa"
-    print(f"{title}\n{table(*cells)}\n")
-    curves = _curves(found)
-    stiff = f"C10 {mpa_to_kpa(found.c10):g} kPa, C20 {mpa_to_kpa(found.c20):g} kPa"
-    drawn = curves_figure([curves], f"P(d), {stiff}", subject.title, "simulated")
+    print(f"P(d) of {subject.title}, {found.stiffness}\n{table(*cells)}\n")
+    curves = Curves(
+        "leg",
+        f"P over the cylinder's displacement; {DEFINITION}. Grey: 95 % of this leg's.",
+        found.displacement,
+        "displacement (mm)",
+        "P",
+        "",
+        [
+            Line("this leg", found.solved.P, None, _LEG_COLOUR),
+            Line("the table", found.table_P, None, _TABLE_COLOUR, "dashed"),
+        ],
+        1.96 * found.sd,
+        "95 %",
+    )
+    drawn = curves_figure([curves], f"P(d), {found.stiffness}", subject.title, "simulated")
     figure = save(drawn, out, "leg", svg=True)
     write_document(out / DOCUMENT, _document(found))
     write_atomically(out / web.PAGE, rendered(_page(found, curves, cells)))
     print(f"leg: {out / DOCUMENT}\nfigure: {figure[0]}\npage: {out / web.PAGE}")
 
 
-def _solved(subject: Subject, models: LegModels, stiffness: tuple[float, float], progress: Progress) -> LegBesideTable:
+def _solved(subject: Subject, models: LegModels, stiffness: tuple[float, float], progress: Progress) -> LegAndTable:
     values = dict(zip((DEEP_C10, DEEP_C20), stiffness, strict=True))
     progress.stage("the section in plane strain")
     plane = PlaneStrainForward.of_subject(subject, models.depth).solve(values, ())
@@ -123,14 +139,14 @@ def _solved(subject: Subject, models: LegModels, stiffness: tuple[float, float],
         solved = solver.at(values, plane.curve)
     except SearchError as failure:
         raise _too_deep(str(failure)) from None
-    return LegBesideTable(subject, models, *stiffness, solver.grid, plane.curve, solved, correction_of(subject))
+    return LegAndTable(subject, models, *stiffness, solver.grid, plane.curve, solved, correction_of(subject))
 
 
 def _too_deep(why: str) -> InputError:
     return InputError("correction", Argument("depth"), why, "press less deep, or a stiffer tissue")
 
 
-def _cells(found: LegBesideTable) -> Cells:
+def _cells(found: LegAndTable) -> Cells:
     at = SHOWN[SHOWN <= found.displacement[-1]]
 
     def there(values: FloatArray) -> tuple[str, FloatArray]:
@@ -150,7 +166,7 @@ def _cells(found: LegBesideTable) -> Cells:
     )
 
 
-def _document(found: LegBesideTable) -> dict[str, Any]:
+def _document(found: LegAndTable) -> dict[str, Any]:
     outcome = found.solved.outcome
     document: dict[str, Any] = json_types(
         {
@@ -177,32 +193,12 @@ def _document(found: LegBesideTable) -> dict[str, Any]:
     return document
 
 
-def _curves(found: LegBesideTable) -> Curves:
-    return Curves(
-        "leg",
-        f"P over the cylinder's displacement; {DEFINITION}. Grey: 95 % of this leg's.",
-        found.displacement,
-        "displacement (mm)",
-        "P",
-        "",
-        [
-            Line("this leg", found.solved.P, None, _LEG_COLOUR),
-            Line("the table", found.table_P, None, _TABLE_COLOUR, "dashed"),
-        ],
-        1.96 * found.sd,
-        "95 %",
-    )
-
-
-def _page(found: LegBesideTable, curves: Curves, cells: Cells) -> web.WebPage:
+def _page(found: LegAndTable, curves: Curves, cells: Cells) -> web.WebPage:
     P, table, sd = (float(v[-1]) for v in (found.solved.P, found.table_P, found.sd))
     depth, leg = float(found.displacement[-1]), found.models.leg
     outcome = found.solved.outcome
     around = f"{P - 1.96 * sd:+.3f} to {P + 1.96 * sd:+.3f}"
-    stiffness, work = (
-        f"{mpa_to_kpa(found.c10):g} and {mpa_to_kpa(found.c20):g} kPa",
-        f"{outcome.factorisations} factorisations",
-    )
+    work = f"{outcome.factorisations} factorisations"
     return web.WebPage(
         title="How much do the cylinder's ends change the force on this leg?",
         subject=found.subject.title,
@@ -226,7 +222,7 @@ def _page(found: LegBesideTable, curves: Curves, cells: Cells) -> web.WebPage:
         known=[
             web.Known(f"P at {depth:g} mm", f"{P:+.4f}", "computed", "this leg in 3D and in plane strain", around),
             web.Known("leg", f"{leg.shape.length:.4g} mm long", "assumed" if leg.extruded else "measured", leg.source),
-            web.Known("C10 and C20 of the deep tissue", stiffness, "assumed", "option, or legfem's usual"),
+            web.Known("stiffness of the deep tissue", found.stiffness, "assumed", "option, or legfem's usual"),
             web.Known("fat, fascia and cylinder", "as the folder says", "assumed", "subject.toml"),
             web.Known("work of the solve in 3D", work, "computed", f"{outcome.seconds:.0f} s"),
         ],
