@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from legfem.channels.kinds.normal_force import NORMAL_FORCE
 from legfem.common.units import FloatArray
 from legfem.experiments.bodies import TwistedCylinder
 from legfem.experiments.homogeneous import FORCE, ClosedFormTest
@@ -28,8 +29,9 @@ class TorsionTest(ClosedFormTest[TwistedCylinder]):
     """The cylinder's test, at a lever of 1 mm: displacements are angles (rad), forces torques (N mm)."""
 
     def read(self, parameters: Mapping[str, Any], at: FloatArray) -> dict[str, Any]:
-        """Return the torque."""
+        """Return the torque, and the force that pushes the plates apart."""
         body, twist = self.test, at / self.test.height
         sheared = (twist[:, None] * body.radius * _RADII) ** 2
         slope = self.law_at(parameters).distortion_slope(sheared)
-        return {FORCE: 4 * np.pi * twist * body.radius**4 * (slope * _RADII**3 @ (0.5 * _WEIGHTS))}
+        torque = 4 * np.pi * twist * body.radius**4 * (slope * _RADII**3 @ (0.5 * _WEIGHTS))
+        return {FORCE: torque, NORMAL_FORCE.name: 0.5 * twist * torque}

@@ -5,15 +5,18 @@ model alone.
 """
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from legfem.channels.kinds.normal_force import NORMAL_FORCE
 from legfem.common.errors import Doubt, InputError
 from legfem.common.input_files import FileTable, Positive, read_table
+from legfem.common.units import FloatArray
 from legfem.data import Instrument, Recording, Segmentation
-from legfem.data.recording import backwards, not_increasing
+from legfem.data.recording import RecordedChannel, backwards, not_increasing
 from legfem.data.smoothing import sample_noise
 from legfem.experiments.bodies import TwistedCylinder
 from legfem.specimens.course import read_specimen
@@ -25,7 +28,7 @@ if TYPE_CHECKING:
 _ANGLES = {"angle_rad": 1.0, "angle_deg": math.pi / 180, "angle_mrad": 1e-3}
 _TORQUES = {"torque_Nmm": 1.0, "torque_mNm": 1.0, "torque_uNm": 1e-3, "torque_Nm": 1e3}
 """Columns, and rad and N mm of their units."""
-_NORMAL = "normal_force_N"
+_NORMAL = NORMAL_FORCE.column
 """What the plates are pushed apart by, if that was recorded."""
 _OTHERWISE = 0.3
 """Of what it is by theory: a rise that is off by more is doubted."""
@@ -55,6 +58,7 @@ class TorsionKind(SpecimenKind[TorsionEntry, TwistedCylinder]):
     followed: ClassVar = "a diameter_mm of half the true value makes it sixteen times as large"
     note: ClassVar = "Displacements in mm are angles in rad, and forces in N are torques in N mm: at a lever of 1 mm."
     own: ClassVar = {"diameter_mm": "radius", "height_mm": "height"}
+    beside: ClassVar = frozenset({NORMAL_FORCE.name})
     directions: ClassVar = ()
     relaxes_as_a_whole: ClassVar = True
     load_field: ClassVar = "torque"
@@ -98,14 +102,10 @@ class TorsionKind(SpecimenKind[TorsionEntry, TwistedCylinder]):
                 "check whether the angle is in degrees or rad, and the sizes",
             )
         pushed = None if recording.source is None else _table(recording.source).get(_NORMAL)
-        if pushed is None:
+        if pushed is None or (apart := _pushed_otherwise(recording, body, pushed.to_numpy(dtype=float))) is None:
             return []
-        first, last = recording.displacement.argmin(), recording.displacement.argmax()
-        said = 0.5 * twist / body.height * float(np.abs(recording.force[last] - recording.force[first]))
-        risen = float(pushed.iloc[last] - pushed.iloc[first])
-        if abs(risen - said) <= _OTHERWISE * said + 5 * sample_noise(pushed.to_numpy(dtype=float)):
-            return []
-        what = f"rises by {risen:.3g} N, where any law of I1 pushes the plates apart by {said:.3g} N"
+        risen, said = apart
+        what = f"rises by {risen:.3g} N, where any law of I1 pushes the plates apart by {said:.3g} N: it isn't weighed"
         return [Doubt(source, _NORMAL, what, "check its sign and zero, whether the gap is kept, and the angle's unit")]
 
     def read(
@@ -124,7 +124,21 @@ class TorsionKind(SpecimenKind[TorsionEntry, TwistedCylinder]):
                 path, f"time_s, row {rows[0] + 1}", f"{backwards(time, rows[0])})", "sort the rows by time"
             )
         recording = Recording(time, _ANGLES[angles[0]] * angle, _TORQUES[torques[0]] * torque, name, path)
+        if _NORMAL in table:
+            pushed = table[_NORMAL].to_numpy(dtype=float)
+            if _pushed_otherwise(recording, body, pushed) is None:
+                channel = RecordedChannel(NORMAL_FORCE.name, time, pushed, NORMAL_FORCE.usual)
+                recording = replace(recording, channels=(channel,))
         return read_specimen(recording, errors, given.starts_at_contact, self.onset_power)
+
+
+def _pushed_otherwise(recording: Recording, body: TwistedCylinder, pushed: FloatArray) -> tuple[float, float] | None:
+    """Return by how much (N) a normal force rises, and would by theory; None where that is one."""
+    first, last = recording.displacement.argmin(), recording.displacement.argmax()
+    twist = recording.displacement[last] - recording.displacement[first]
+    said = 0.5 * twist / body.height * float(np.abs(recording.force[last] - recording.force[first]))
+    risen = float(pushed[last] - pushed[first])
+    return None if abs(risen - said) <= _OTHERWISE * said + 5 * sample_noise(pushed) else (risen, said)
 
 
 def _table(path: Path) -> "pd.DataFrame":
