@@ -22,12 +22,10 @@ from scipy.stats import linregress, norm
 
 from legfem.channels.kinds.lateral_stretch import LATERAL_STRETCH
 from legfem.common.units import FloatArray
-from legfem.data.noise import slowest_error
 from legfem.inverse.catalogue import Values
 from legfem.inverse.channel_readings import ChannelReadings
-from legfem.inverse.errors import reading_covariance, shared_errors
 from legfem.inverse.estimates import Estimate
-from legfem.inverse.loading_channels import loading_readings
+from legfem.inverse.loading_channels import loading_channel, loading_readings
 from legfem.specimens.comparison import SpecimenComparison
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.laws import bulk_ratio
@@ -161,14 +159,12 @@ def _compared(recordings: Sequence[SpecimenRecording], model: SpecimenForward, v
 
 
 def _covariance(one: SpecimenRecording, readings: ChannelReadings, predicted: FloatArray) -> FloatArray:
-    """Return the covariance (k, k) of stretches about predicted ones (k,)."""
-    slowest = slowest_error(one.course.rate, float(one.recording.time[-1]) - one.trial.touched)
-    covariance = reading_covariance(readings, readings.slope(predicted), slowest, [[0]])
+    """Return the covariance (k, k) of stretches less predicted ones (k,)."""
     force = np.interp(readings.time, one.course.time, one.course.force)
-    for effect in shared_errors(readings, predicted, force).values():
-        covariance = covariance + np.outer(effect, effect)
+    contact = np.zeros((len(force), len(force)))
+    channel = loading_channel(readings, [one.from_contact], force, contact, LATERAL_STRETCH.at_rest, 0.0)
     strain = _SHAPE * (predicted - LATERAL_STRETCH.at_rest)
-    return np.asarray(covariance + np.outer(strain, strain))
+    return np.asarray(channel.instrument + np.outer(strain, strain))
 
 
 def _readings(one: SpecimenRecording, reach: float) -> ChannelReadings | None:
