@@ -10,7 +10,7 @@ class Sight:
     Parameters
     ----------
     name
-        Of the channel's kind.
+        Name of the channel's kind.
     places
         What tells each from others, as its kind has it; none of a kind that has but one course.
     """

@@ -63,7 +63,7 @@ class ChannelKind:
     name
         As in columns of a recording, which end with the unit.
     unit
-        Of its values.
+        Unit of its values.
     words
         What it is, for a sentence that begins with "The".
     usual
@@ -124,7 +124,7 @@ class PlacedReadings:
     Parameters
     ----------
     places
-        Of the readings, (k, q).
+        Places of the readings, (k, q).
     time
         Since first contact, s.
     frame
@@ -148,11 +148,11 @@ class ReadingsAtSite:
     values
         In the channel's unit.
     depth
-        Of the cylinder after first contact where the reading lies in the first loading, mm; NaN elsewhere.
+        Depth of the cylinder after first contact where the reading lies in the first loading, mm; NaN elsewhere.
     force
         Along the travel, N.
     accuracy
-        Of the instrument.
+        Accuracy of the instrument.
     site
         Where the leg is pressed.
     outline_sd
@@ -185,11 +185,11 @@ class Frames:
     Parameters
     ----------
     time
-        Of each row, (n,), s, on the recording's clock.
+        Time of each row, (n,), s, on the recording's clock.
     columns
         The others of the table, (n, q), in its order.
     trial_time, trial_force
-        Of the recording, (m,): s, and N.
+        Clock and force of the recording, (m,): s, and N.
     """
 
     time: FloatArray
@@ -213,7 +213,7 @@ class Read:
     Parameters
     ----------
     name
-        Of its kind.
+        Name of its kind.
     time, values : (k,) array
         s, not falling, and the kind's unit.
     course : (k,) int array
@@ -293,14 +293,14 @@ class ChannelFile:
     def shared(self, read: PlacedReadings, accuracy: ChannelAccuracy) -> dict[str, FloatArray]:
         """Return by name what one standard deviation of an error does that all readings share, (k,).
 
-        Of a film that creeps: what only channels with places have.
+        Only channels with places have one, as of a film that creeps.
 
         Parameters
         ----------
         read
             The readings, as predicted.
         accuracy
-            Of the instrument.
+            Accuracy of the instrument.
         """
         return {}
 

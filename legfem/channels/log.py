@@ -41,7 +41,7 @@ class ChannelReader:
     system
         The model: a section with its line of travel, or a leg with its axis along z, pressed square to that.
     files
-        Of the kinds that the model gives.
+        Files of the kinds that the model gives.
     sights
         Places at which some kinds are seen.
     stated

@@ -26,11 +26,11 @@ class ReadState:
     Parameters
     ----------
     unknown : (n,) array
-        Of the system.
+        Unknown of the system.
     unknown_rates : (p, n) array
         Its derivatives.
     contact_force : (d,) array
-        Of the cylinder on the skin in d dimensions, N: that of its whole length.
+        Force of the whole cylinder on the skin in d dimensions, N.
     contact_force_rates : (p, d) array
         Its derivatives.
     nodal_force : (k, d) array
@@ -38,7 +38,7 @@ class ReadState:
     nodal_force_rates : (p, k, d) array
         Its derivatives.
     displacement
-        Of the cylinder, mm.
+        Displacement of the cylinder, mm.
     whole
         Length of the cylinder over a section that forces at nodes are of, mm; 1 in a leg in 3D.
     """
@@ -93,12 +93,12 @@ class SeenModel:
 
     @cached_property
     def places(self) -> FloatArray:
-        """Of the displacement's nodes, (nodes, 2), mm."""
+        """Places of the displacement's nodes, (nodes, 2), mm."""
         return np.asarray(self.system.spaces.displacement_space.tabulate_dof_coordinates()[:, :2])
 
     @cached_property
     def outlines(self) -> dict[str, Outline]:
-        """Of a section: its skin, the fascia's two faces, and the bones."""
+        """Outlines of a section: its skin, the fascia's two faces, and the bones."""
         spaces = self.system.spaces
         split = len(spaces.facet_tags.find(OUTER_FASCIA)) > 0
         return {
@@ -137,7 +137,7 @@ class SkinOnFace:
     arc, arc_rates : (k,), (p, k) array
         Way along the cylinder's face from its deepest point, to the left of the travel, mm; and its derivatives.
     load, load_rates : (k,), (p, k) array
-        Of the cylinder's normal pressure, N per mm of its length; and its derivatives.
+        Load of the cylinder's normal pressure, N per mm of its length; and its derivatives.
     """
 
     arc: FloatArray
@@ -155,7 +155,7 @@ class Seen:
     model
         The model.
     state
-        Of it.
+        State of the model.
     """
 
     model: SeenModel
@@ -290,7 +290,7 @@ class CrossedOutline:
     rates
         Derivatives of the points.
     origin, direction
-        Of the line.
+        Point and direction of the line.
     known
         Crossings with the undeformed outline that were found in earlier states, by the line.
     """

@@ -174,11 +174,11 @@ def with_channels(
     given
         Its ``[channels]``.
     recordings
-        Of one site.
+        Recordings of one site.
     site
         Where the leg is pressed, or the specimens' faces, one a recording; None of what has no frames.
     name
-        Of the site, where a leg has several.
+        Name of the site, where a leg has several.
 
     Raises
     ------
@@ -316,7 +316,7 @@ def read_channel(path: Path, kind: ChannelKind, column: str | None = None) -> tu
         A table of ``time_s`` and the channel's column, of few rows or many; or an instrument's file of any kind
         that recordings may have, whose columns state their units.
     kind
-        Of the channel.
+        Kind of the channel.
     column
         Name of its column, where that isn't the only one of its unit.
 

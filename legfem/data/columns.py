@@ -191,7 +191,7 @@ def propose(
     Parameters
     ----------
     path : Path
-        Of the file, for errors.
+        Path of the file, for errors.
     sheets : sequence of Sheet
         Its tables.
     given : dict, optional

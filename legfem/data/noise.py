@@ -106,7 +106,7 @@ def sizes_from_repeats(expected: FloatArray, vagueness: ArrayLike, differences: 
     vagueness
         Their log-standard deviations, (k,) or one for all.
     differences
-        Of each programme that was repeated.
+        Differences of each programme that was repeated.
     """
 
     def cost(logs: FloatArray) -> float:
@@ -211,7 +211,7 @@ def slowest_error(speed: float, duration: float) -> float:
     speed
         Greatest speed of the loading, mm/s.
     duration
-        Of the longest trial, s.
+        Duration of the longest trial, s.
     """
     return max(_SLOWEST_MM / speed, _SLOWEST_OF_TEST * duration)
 
@@ -252,7 +252,7 @@ def estimate_components(
     curves : (R, n) array
         The trials' forces on it, N.
     force, slope : (n,) array
-        Of the mean curve, N and N/mm, without its noise.
+        Force and slope of the mean curve, N and N/mm, without its noise.
     known_variance : (n,) array
         Variance of a trial's grid values that comes from white noise, N^2.
     expected : Expectation

@@ -28,13 +28,13 @@ class RecordedChannel:
     Parameters
     ----------
     name : str
-        Of its kind in `CHANNELS`.
+        Name of its kind in `CHANNELS`.
     time : (k,) array
         s, on the recording's clock, increasing at each place; read-only.
     values : (k,) array
         In the kind's unit; read-only.
     accuracy : ChannelAccuracy
-        Of the instrument.
+        Accuracy of the instrument.
     source : Path, optional
         File of its own; a column of the recording without it.
     course : (k,) int array
@@ -60,7 +60,7 @@ class RecordedChannel:
 
     @property
     def place(self) -> FloatArray:
-        """Of each reading (k, q); q = 0 of a channel that has no places."""
+        """Place of each reading (k, q); q = 0 for a channel that has no places."""
         return np.zeros((len(self.time), 0)) if self.course is None else np.array(self.places)[self.course]
 
     def at_each_place(self) -> "Iterator[tuple[int, RecordedChannel]]":

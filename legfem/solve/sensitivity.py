@@ -52,7 +52,7 @@ class SensitivityTracker:
         """Derivatives of the indenter's force on the skin at the last step, (parameters, dimension)."""
         nodes = len(system.spaces.trace) // system.spaces.dimension
         self.nodal_force_rates = np.zeros((len(self.parameters), nodes, system.spaces.dimension))
-        """Of what the rank adds to that on each of its skin's nodes, (parameters, nodes, dimension)."""
+        """Derivatives of the rank's forces on each of its skin's nodes, (parameters, nodes, dimension)."""
 
     @property
     def holds(self) -> bool:

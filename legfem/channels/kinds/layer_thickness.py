@@ -88,13 +88,13 @@ def refused(
     Parameters
     ----------
     kind
-        Of the channel.
+        Kind of the channel.
     stated, stated_sd
         The layer's thickness before it is pressed, as stated, and the standard deviation of its ends, mm.
     depths, values
         (k,), mm: how deep it was pressed at each reading, NaN out of the loading; and the readings.
     accuracy
-        Of the instrument.
+        Accuracy of the instrument.
     """
     name, kept = kind.title, np.isfinite(depths)
     depth, values = depths[kept], values[kept]

@@ -109,7 +109,7 @@ def times_by_rate(
     above : rows of cells
         The heading.
     names : sequence of str
-        Of the columns.
+        Names of the columns.
     values : (n, columns) array
         The samples.
     """

@@ -16,7 +16,7 @@ from legfem.mechanics.terms.tissue import EnergyTerm
 
 ALONG_THE_LEG = (0.0, 0.0, 1.0)
 USUAL_EXTENSION = 4.0
-r"""Of :math:`E_L - 3 \mu_T` over :math:`\mu_L - \mu_T`: there the energy has no further term in
+r"""Value of :math:`E_L - 3 \mu_T` over :math:`\mu_L - \mu_T` that is usual: there the energy has no further term in
 :math:`I_4^2`."""
 
 
