@@ -9,7 +9,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Annotated
 
 import numpy as np
@@ -18,15 +17,7 @@ from rich.console import Console
 from rich.table import Table
 
 from legfem.common.command_line import command_context, leave_to_first_rank
-from legfem.common.progress import Silent
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
-from legfem.inverse.correction import read_correction
-from legfem.inverse.library_build import build_library
-from legfem.legs.correction_of_leg import REFERENCE
-from legfem.legs.diagnosis import STIFFENING, Diagnoser, shown_mechanisms
-from legfem.legs.finite_element_models import LegVariants, solved_responses
-from legfem.legs.loading import load_subject
-from legfem.legs.schema import SUBJECTS
 from legfem.mechanics.contact import ContactSettings
 from legfem.solve.path import SolveReport
 from studies.command_line import new_app
@@ -186,34 +177,10 @@ def work_table(works: Mapping[str, Work], one: Operations) -> Table:
     return table
 
 
-def print_library() -> None:
-    """Solve subject 3's library for its recordings in this process, and print what that took."""
-    subject = load_subject(SUBJECTS.find(SUBJECT))
-    ends = read_correction(REFERENCE)
-    observed = Diagnoser(Path(), ends).observations(subject)
-    fine, coarse = solved_responses(subject, observed, None)
-    able, _ = shown_mechanisms(observed, ends)
-    started = time.process_time()
-    build_library(fine, coarse, observed, able, 1, Silent(), STIFFENING[subject.tissues["deep"].law])
-    seconds = time.process_time() - started
-    table = Table("mesh", title=f"The library of subject {SUBJECT}'s cold diagnosis")
-    for heading in ("solutions", "factorisations", "Newton iterations"):
-        table.add_column(heading, justify="right")
-    assert coarse.rougher is not None
-    named = {"default": fine, "of changes": coarse, "of the geometry's errors": coarse.rougher}
-    for name, responses in named.items():
-        assert isinstance(responses.variants, LegVariants)
-        tally = responses.variants.tally
-        table.add_row(name, *map(str, (tally.solutions, tally.factorisations, tally.iterations)))
-    Console().print(table)
-    Console().print(f"{seconds:.0f} s of the processor")
-
-
 @app.command()
 def bench(
     depth: Annotated[float, typer.Option(min=1.0, help="mm.")] = 30.0,
     repeats: Annotated[int, typer.Option(min=1, help="Of each; the fastest counts.")] = 3,
-    library: Annotated[bool, typer.Option("--library", help="Count a cold diagnosis' work instead (minutes).")] = False,
 ) -> None:
     """Print the work and the ratios of times of subject 3's curve.
 
@@ -221,9 +188,6 @@ def bench(
     """
     leave_to_first_rank()
     with command_context():
-        if library:
-            print_library()
-            return
         works, one = {}, None
         for name, (settings, sensitivities) in variants().items():
             test = default_test(settings)

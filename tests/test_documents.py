@@ -36,7 +36,6 @@ COMMANDS = (
     "studies.meshes",
     "studies.bench",
     "studies.cohort",
-    "studies.cohort.air",
     "studies.cohort.scored",
     "studies.cohort.simulated",
     "studies.cohort.two_layers",

@@ -68,7 +68,7 @@ RUN: dict[str, tuple[str, Read]] = {
     "studies.reconstruct": ("--jobs 2 --out OUT/subjects", files("subjects/*/subject.toml")),
     "studies.meshes": ("--out OUT", files("*.msh")),
     "studies.bench": ("--depth 5 --repeats 1", numbers),
-    "studies.recordings": ("--data DATA --test PHANTOM --jobs 2 --out OUT", result("indentations")),
+    "studies.recordings": ("--data DATA --folder EF10_75T --folder EF30_0T --jobs 2 --out OUT", result("folders")),
     "studies.people": ("--data DATA/multis_in_vivo --jobs 2 --out OUT", numbers),
     "studies.cohort.two_layers": ("--data DATA/multis_in_vivo --people 2 --out OUT", files("*/specimen.toml")),
     "studies.frauziols claims": ("--jobs 2 --out OUT", files("claims.json")),
@@ -76,8 +76,8 @@ RUN: dict[str, tuple[str, Read]] = {
     "legfem.study doe": ("--factorial-only --jobs 2 --out OUT", files("**/*.json")),
     "legfem.study reproduce": ("--jobs 2 --out OUT", files("**/result.json")),
 }
-"""Options, and what is read; FORCE and PHANTOM stand for names with a space."""
-WORDS = {"FORCE": "force alone", "PHANTOM": "230515|230515-P002-9"}
+"""Options, and what is read; FORCE stands for a name with a space."""
+WORDS = {"FORCE": "force alone"}
 LONG = {
     "studies.frauziols convergence": "`make verify` runs it whole",
     "studies.frauziols correction": "five minutes of both cores: tests/test_correction.py draws a coarse one",
@@ -86,7 +86,6 @@ LONG = {
     "studies.stockings claims": "six minutes: tests/test_stale_work.py runs it without its solves",
     "studies.cohort.simulated": "136 pressings at least: tests/test_cohort_on_engines.py runs a cohort",
     "studies.cohort.scored": "wants what studies.cohort.simulated made",
-    "studies.cohort.air": "likewise",
 }
 """What isn't run here, and why."""
 

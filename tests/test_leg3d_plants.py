@@ -2,25 +2,18 @@
 
 from __future__ import annotations
 
-import shutil
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from legfem.common.errors import InputError
 from legfem.common.progress import Silent
-from legfem.data.folder import RESOURCES
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
-from legfem.legs.loading import load_subject
-from legfem.solve.path import ForceCurve
 from studies.leg3d import __main__ as study
 from studies.leg3d import plants
 from studies.leg3d.__main__ import app
-from studies.leg3d.planted import TRIALS
 from studies.leg3d.plants import SOFTEST, STIFFEST, Found, PlantResult, counted, drawn, plant_result, plant_row
-from studies.leg3d.real import PlantedInLeg
 
 MODELS = ("3d", "2d, the table's nearest leg", "2d, no correction")
 
@@ -79,29 +72,9 @@ def test_a_first_plant_has_to_be_one_of_many(tmp_path, asked):
     assert told.exit_code == 2 and "--first" in told.output
 
 
-def test_a_folder_of_one_s_own_gets_a_lab_s_recordings_unless_it_has_some(tmp_path, monkeypatch):
-    folder = tmp_path / "leg"
-    shutil.copytree(RESOURCES / "frauziols" / "subjects" / "3", folder, ignore=shutil.ignore_patterns("recordings"))
-    toml = folder / "subject.toml"
-    whole = toml.read_text(encoding="utf-8")
-    planted = PlantedInLeg(folder, 1.0, fibres=2.0, depth=8.0)
-    with pytest.raises(InputError, match="the study writes its own"):
-        planted.written(tmp_path / "in" / "out", 1, tmp_path / "kept")
-    own = whole[: whole.index("# Give your instruments")]
-    (folder / "contours.csv").rename(tmp_path / "shared.csv")  # found from the copy too
-    own = own.replace('contours = "contours.csv"', 'contours = "../shared.csv"')
-    toml.write_text(own, encoding="utf-8")
-    depth = np.linspace(0.0, 8.0, 9)
-    monkeypatch.setattr(PlantedInLeg, "_curve", lambda *_: ForceCurve(depth, 0.1 * depth**1.5))
-    subject = load_subject(planted.written(tmp_path / "in" / "out", 1, tmp_path / "kept"))
-    assert len(subject.recordings) == TRIALS and not subject.plane_strain
-    assert subject.recordings[0].displacement.max() == pytest.approx(8.0, abs=0.2)
-    assert subject.fibres is not None and (subject.fibres.value, subject.fibres.sd) == (2.0, 0.2)
-
-
-@pytest.mark.parametrize("other", [["--c10", "2"], ["--fibres", "3"], ["--subject", "leg"]])
+@pytest.mark.parametrize("other", [["--c10", "2"], ["--fibres", "3"]])
 def test_many_plants_don_t_pass_over_what_is_asked_of_one(tmp_path, other):
     asked = ["--plants", "2", *other, "--out", str(tmp_path / "out")]
     told = CliRunner().invoke(app, asked)
     assert told.exit_code == 2
-    assert "--plants" in told.output and "leave --subject" in told.output
+    assert "--plants" in told.output and "leave --c10" in told.output

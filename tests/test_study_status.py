@@ -14,9 +14,6 @@ from studies.cases.__main__ import app as cases_app
 from studies.people import __main__ as people
 from studies.people.__main__ import app as people_app
 from studies.people.probe import SolvedPoint
-from studies.recordings import __main__ as recordings
-from studies.recordings.__main__ import app as recordings_app
-from studies.recordings.indentation import Row
 from studies.solvers import __main__ as solvers
 from studies.solvers.__main__ import app as solvers_app
 
@@ -37,23 +34,6 @@ def test_people_for_whom_no_probe_is_solved_exit_nonzero(tmp_path, monkeypatch):
     assert done.exit_code == 1, done.output
     assert "people: nothing was solved" in done.output
     assert "no step converges" in (tmp_path / "report.md").read_text()
-
-
-@pytest.mark.parametrize("problems", [("no drop", "too short"), ("no drop", "")])
-def test_recordings_of_which_none_is_solved_exit_nonzero(tmp_path, monkeypatch, problems):
-    names = [f"day|{k}" for k in range(len(problems))]
-    rows = [
-        Row(name, "beef", problem, explanations=((("nothing",), 1.0),), named_first="nothing")
-        for name, problem in zip(names, problems, strict=True)
-    ]
-    monkeypatch.setattr(recordings, "read_meat", lambda data: dict.fromkeys(names))
-    monkeypatch.setattr(recordings, "phantom_kinds", lambda data: [])
-    monkeypatch.setattr(recordings, "layer_curves", lambda *_: None)
-    monkeypatch.setattr(recordings, "each_in_turn", lambda work, tests, jobs: iter(rows))
-    given = ["--data", str(tmp_path), "--out", str(tmp_path / "out")]
-    done = CliRunner().invoke(recordings_app, given)
-    assert done.exit_code == (1 if all(problems) else 0), done.output
-    assert (tmp_path / "out" / "result.json").is_file()
 
 
 @pytest.mark.slow

@@ -29,16 +29,6 @@ def nothing_first(context: Any, cases: Sequence[Any], progress: Progress) -> Non
     """Prepare nothing."""
 
 
-def itself(case: Any) -> object:
-    """Return a case as what its outcome depends on."""
-    return case
-
-
-def one_batch(case: Any) -> object:
-    """Tell that all cases belong together."""
-    return 0
-
-
 @dataclass(frozen=True)
 class Kind[Context, Case, Outcome]:
     """A row of the table of kinds.
@@ -77,8 +67,8 @@ class Kind[Context, Case, Outcome]:
     line: Callable[[Case, Outcome], str]
     page: Callable[[Sequence[Outcome]], str]
     modules: tuple[str, ...] = ()
-    asked: Callable[[Case], object] = itself
-    batch: Callable[[Case], object] = one_batch
+    asked: Callable[[Case], object] = lambda case: case
+    batch: Callable[[Case], object] = lambda case: 0
     prepare: Callable[[Context, Sequence[Case], Progress], None] = nothing_first
 
     def count(

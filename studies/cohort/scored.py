@@ -18,7 +18,6 @@ from legfem.cohort.statistics import SOURCES, statistics, statistics_document
 from legfem.common.command_line import study_context
 from legfem.common.documents import markdown_table
 from legfem.common.units import FloatArray
-from legfem.inverse.fit import LEAST_CHANCE
 from studies.cohort.simulated import BROKEN, EXCHANGED, LUMPY, Spread, Tested, drawn_people, table_of
 from studies.command_line import DONE_IS_KEPT, Out, Seed, new_app, write_results
 
@@ -46,13 +45,6 @@ def errors_found(table: pd.DataFrame, tests: Sequence[Tested]) -> FloatArray:
         )
         found.append((np.log(value / one.c10), sd / value, low <= one.c10 <= high))
     return np.array(found, dtype=np.float64)
-
-
-def errors_drawn(air: Path) -> FloatArray:
-    """Return the same (n, 3) of the tests that `studies.cohort.air` drew, of those that fit."""
-    tests = json.loads((air / "result.json").read_text(encoding="utf-8"))["tests"]
-    fit = [one for one in tests if one["p_value"] >= LEAST_CHANCE]
-    return np.array([(one["error"], one["sd"], one["held"]) for one in fit], dtype=np.float64)
 
 
 def redrawn(tests: Sequence[Tested], errors: FloatArray, drift: float, seed: int) -> tuple[list[Member], list[Row]]:
@@ -95,9 +87,6 @@ def scored(
     found: Annotated[Path, typer.Argument(help="Results of legfem cohort on the simulated study.")],
     people: Annotated[int, typer.Option(min=34, help="As of the study.")] = 60,
     draws: Annotated[int, typer.Option(min=1, help="Cohorts drawn anew.")] = 20,
-    air: Annotated[
-        Path | None, typer.Option(help="Results of studies.cohort.air: errors to draw from, in place of the cohort's.")
-    ] = None,
     seed: Seed = 1,
     out: Out = None,
 ) -> None:
@@ -110,7 +99,7 @@ def scored(
         tests = drawn_people(people, spread, seed)
         document = json.loads((found / "cohort.json").read_text(encoding="utf-8"))
         table = pd.read_csv(found / "cohort.csv")
-        errors = errors_found(table, tests) if air is None else errors_drawn(air)
+        errors = errors_found(table, tests)
         true = truths(spread, errors)
         own = intervals_of(document["statistics"])
         inside = dict.fromkeys(true, 0)

@@ -20,7 +20,6 @@ from studies.command_line import new_app, write_results
 from studies.leg3d.other_code import PlantedByFelupe
 from studies.leg3d.planted import Planted
 from studies.leg3d.plants import HEADER, counted, drawn, identified, plant_result, plant_row
-from studies.leg3d.real import PlantedInLeg
 
 app = new_app()
 Out = Annotated[Path | None, typer.Option(help="Folder for results; results/leg3d by default.")]
@@ -51,9 +50,6 @@ def leg3d(
     fibres: Annotated[
         float, typer.Option(min=1.0, max=HIGHEST_RATIO, help="Muscle's shear modulus along over across.")
     ] = Planted.fibres,
-    subject: Annotated[
-        Path | None, typer.Option(help="Folder of a leg without recordings, in place of the small round one.")
-    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of the lab's errors.")] = 1,
     plants: Annotated[int, typer.Option(min=0, help="So many legs of random C10 and C20 in its place.")] = 0,
     first: Annotated[int, typer.Option(min=1, help="Number of the plant that is begun with; all are by default.")] = 1,
@@ -75,20 +71,18 @@ def leg3d(
                 "give a smaller number, or more --plants",
             )
         if plants:
-            if subject is not None or (c10, c20, fibres) != (Planted.c10, Planted.c20, Planted.fibres):
+            if (c10, c20, fibres) != (Planted.c10, Planted.c20, Planted.fibres):
                 raise InputError(
                     "leg3d",
                     "--plants",
                     "draws the small leg's C10 and C20",
-                    "leave --subject, --c10, --c20 and --fibres, or it, out",
+                    "leave --c10, --c20 and --fibres, or it, out",
                 )
             lines = _many(range(first - 1, plants), seed, folder, progress, code)
             write_atomically(folder / "plants.md", "\n".join(lines) + "\n")
             typer.echo("\n".join(lines))
             return
-        if subject is not None and code is CodeChoice.felupe:
-            raise InputError("leg3d", "--code", "felupe has the small leg alone", "leave --subject or it out")
-        planted = _BY[code](c10, c20, fibres) if subject is None else PlantedInLeg(subject, c10, c20, fibres)
+        planted = _BY[code](c10, c20, fibres)
         results = identified(planted, seed, folder, progress)
         rows = []
         for name, result in results.items():
@@ -114,11 +108,9 @@ def leg3d(
             for one in evidence.confirmations
         ]
         errors = [f"{name}: {value:.4f}" for name, value in evidence.errors.items()]
-        other = "finer elements and another contact law"
-        by = f"{code}'s hexahedra" if subject is None else other
         lines = [
             table,
-            f"Planted: C10 {c10:g}, C20 {c20:g} kPa, fibres' ratio {fibres:g}; simulated by {by}.",
+            f"Planted: C10 {c10:g}, C20 {c20:g} kPa, fibres' ratio {fibres:g}; simulated by {code}'s hexahedra.",
             *steps,
             f"Full solves in 3D: {evidence.full_solves}, rougher ones: {evidence.rough_solves}.",
             "Greatest error of P by cause: " + ", ".join(errors) + ".",

@@ -24,12 +24,9 @@ from legfem.legs.loading import load_subject
 from legfem.legs.model_3d import SOLVES, LegModels
 from legfem.legs.problem import section_forward
 from studies.leg3d.planted import Planted
-from studies.leg3d.real import PlantedInLeg
 
 
-def identified(
-    planted: Planted | PlantedInLeg, seed: int, folder: Path, progress: Progress
-) -> dict[str, Fit[LegDetails]]:
+def identified(planted: Planted, seed: int, folder: Path, progress: Progress) -> dict[str, Fit[LegDetails]]:
     """Return what both models find of a planted leg, and the section without a correction.
 
     Everything solved is kept: the same call goes on where it was stopped.

@@ -4,12 +4,21 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from legfem.common.documents import write_atomically
 from legfem.data import Recording, write_recording
 from studies.recordings.data import MeatTest, Phantom, phantom_kinds, read_meat, read_phantoms
-from studies.recordings.indentation import Assumed
+
+
+@dataclass(frozen=True)
+class Assumed:
+    """What the recordings' sheets don't state, mm."""
+
+    ball_radius: float = 5.0
+    layer_radius: float = 40.0
+
 
 _HEAD = """\
 id = {id}
