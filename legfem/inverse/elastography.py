@@ -18,7 +18,7 @@ from legfem.inverse.parameter import Prior
 Waved = Literal["deep", "superficial"]
 Plane = Literal["across", "along"]
 HIGHEST_RATIO = 8.0
-"""Of shear moduli, up to which fibres are tabulated."""
+"""Largest ratio of shear moduli at which fibres are tabulated."""
 _FEW_SD = 2.0
 _DISAGREES = 2.0
 """Standard deviations that two ways of measuring shouldn't lie apart."""

@@ -39,7 +39,7 @@ _MODEL_SHARE, _MODEL_LENGTH_MM = 0.01, 5.0
 """Of the model's own error, smooth along the displacement: over what the channel changes by. Meshes twice as fine
 change thicknesses by 0.007 mm at most, the skin's rise by 0.04 mm and the lateral force by 0.2 %."""
 _OWN = 0.05
-"""Of a reading's variance: what no neighbour shares."""
+"""Share of a reading's variance that no neighbour shares."""
 _SHAPE_LENGTH_MM = 10.0
 """Of what outlines that are off, and two effects at once, do beyond the sum of their single effects
 (`ChannelKind.model_share`): with skin and fascia 1 mm off, an aim of 1 mm and bones of 0.5 to 1.4 mm, 0.15 mm of the
@@ -202,7 +202,7 @@ deviation of what is expected."""
 ZERO_FACTORS = (0.37, 1.0, 2.7)
 """Standard deviations of a trial's zero over the one expected: likewise."""
 _UNBOUNDED = 1e6
-"""Of a variance: that of a reading which is set aside."""
+"""Factor on the variance of a reading which is set aside."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -245,7 +245,7 @@ class ErrorModel:
 
     @cached_property
     def covariance(self) -> FloatArray:
-        """Of everything; (n, n), N^2."""
+        """Covariance of all errors together; (n, n), N^2."""
         total = self.dense + self.known @ self.known.T
         total += self.gain_sd**2 * self.gains @ self.gains.T
         return np.asarray(total + self.zero_sd**2 * self.zeros @ self.zeros.T)

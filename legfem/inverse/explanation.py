@@ -67,7 +67,7 @@ class Explanation:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of its mechanisms."""
+        """Names of its mechanisms."""
         return self.fit.names
 
     @property
@@ -186,7 +186,7 @@ class Statement:
     """
 
     names: tuple[str, ...]
-    """Of mechanisms."""
+    """Names of mechanisms."""
     unnamed: bool
     probability: float
     like: tuple[str, ...] = ()

@@ -66,9 +66,9 @@ class Goodness:
 
 
 EXACT = Goodness(0.0, 0, 1.0)
-"""Of nothing that could disagree."""
+"""Goodness of a single test, which nothing can disagree with."""
 UNTESTED = Goodness(0.0, 0, math.nan)
-"""Of a model that was compared with nothing."""
+"""Goodness of a model that was compared with nothing."""
 
 
 @dataclass(frozen=True)
@@ -182,7 +182,7 @@ class TestFit:
     test: Measured
     channels: tuple[ChannelFit, ...]
     goodness: Goodness
-    """Of this test's differences alone, with as many degrees of freedom as readings."""
+    """Goodness of this test's differences alone, with as many degrees of freedom as readings."""
     fitted: bool = True
     """Else it was left out, and is predicted."""
     by_itself: Mapping[str, OwnEstimate] = field(default_factory=dict)
@@ -216,11 +216,11 @@ class Fit[Details]:
     assumed: Values
     """What of model and instrument was held; finite numbers in the model's units."""
     goodness: Goodness
-    """Of all differences with their covariance, and of priors."""
+    """Goodness of all differences with their covariance, and of priors."""
     cost: Cost
     agreement: Goodness
-    """Of what the tests say by themselves, were the parameters the same at all; its Birge ratio widens the errors that
-    tests have of their own, and so the intervals. `EXACT` of one test."""
+    """Agreement of what the tests say by themselves, were the parameters the same at all; its Birge ratio widens the
+    errors that tests have of their own, and so the intervals. `EXACT` of one test."""
     tests: tuple[TestFit, ...]
     log: SearchLog
     neo_hookean_limit: bool

@@ -30,7 +30,7 @@ _THIRDS = 3
 _WIDE = 3.0
 """Standard deviation of a part's share beforehand: as good as none."""
 INEXACT_SHARE = 0.4
-"""Of what shows of a mechanism, what its form may leave at most."""
+"""Largest share of a visible effect that the form may miss."""
 _SURELY = 2.0
 """Standard deviations."""
 

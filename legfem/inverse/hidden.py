@@ -71,7 +71,7 @@ class Limit:
     unit: str
     low: float
     high: float
-    """Between which it lies with 95 % (one-sided where only one sign is possible)."""
+    """95 % interval (one-sided where only one sign is possible)."""
     open_low: bool
     open_high: bool
     """Whether that end is only where what is possible ends: the recordings don't close it."""

@@ -293,7 +293,7 @@ THIRDS = "first", "second", "last"
 _FEWEST = 3
 """Readings of a part."""
 _DEVIATIONS = 1.96
-"""Of 95 %, either way."""
+"""Standard deviations of a 95 % interval, either way."""
 _LARGEST = 50.0
 """Logarithm of a factor that is beyond all bounds."""
 

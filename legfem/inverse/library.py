@@ -156,7 +156,7 @@ class Library:
     missing: Mapping[str, str] = field(default_factory=dict)
     """Mechanisms that have no table, and why."""
     reach: float = _REACH
-    """Of ln C10 from the middle, where it holds."""
+    """Largest departure of ln C10 from the middle at which it holds."""
     beside: ChannelTables = NO_CHANNELS
     """What is known of channels beside the force."""
     pairs: Mapping[frozenset[str], Columns] = field(default_factory=dict)

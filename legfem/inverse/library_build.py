@@ -21,7 +21,7 @@ _SMOOTH = 3e-3
 """Penalty of the squared second derivative by the logarithm of the way: at 5 mm waves of less than
 3 mm go."""
 _WIGGLE = 0.1
-"""Of the largest change: the most that a wiggle may be."""
+"""Largest share of a change that counts as a wiggle."""
 _FEWEST = 5
 """Points of a curve that can be smoothed."""
 

@@ -103,7 +103,7 @@ class LinearisedFit:
 
     @property
     def stiffness(self) -> tuple[str, ...]:
-        """Of C10 and C20 those that it has: a neo-Hookean tissue has no C20."""
+        """Names of the stiffnesses that it has: a neo-Hookean tissue has no C20."""
         return tuple(name for name in (DEEP_C10, DEEP_C20) if name in self.free)
 
     @property
@@ -195,7 +195,7 @@ class LinearisedFit:
 
 
 type Nuisances = Callable[[LinearisedFit], Sequence[NuisanceEffect]]
-"""What isn't known exactly does to the prediction of a fit."""
+"""Effects of uncertain inputs on the prediction of a fit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,7 +217,7 @@ class LinearisedProblem:
     aside: NDArray[np.bool_] | None = None
     """(N,): readings that are set aside, whose errors have no bounds; none without it."""
     nuisances: Nuisances | None = None
-    """Told of a fit, beside whose mechanisms they may do something else; they do the same beside all without it."""
+    """Recomputes nuisances for a fit with mechanisms; they are the same with all mechanisms without it."""
 
     def without(self, left_out: NDArray[np.bool_]) -> "LinearisedProblem":
         """Return the problem with observations left out."""

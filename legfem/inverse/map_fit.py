@@ -22,7 +22,7 @@ from legfem.inverse.predictor import Predictor, Responses, onset_name
 _FEW, _MANY = 6, 40
 """Evaluations of a search from each of several starts, and from the best of them."""
 _STEP = 1e-3
-"""Of differences, in standard deviations of what is known beforehand."""
+"""Step of differences, in standard deviations of what is known beforehand."""
 
 
 def fit(
@@ -220,7 +220,7 @@ def _change(
 
 _ROUNDS = 4
 _FIRST_SHARE = 0.2
-"""Of a further channel's range: its misfit to begin with."""
+"""Share of a further channel's range that counts as its misfit to begin with."""
 
 
 def ordinary_fit(problem: LinearisedProblem, starts: Sequence[Mapping[str, float]]) -> LinearisedFit:
@@ -259,7 +259,7 @@ def equally_weighted(problem: LinearisedProblem, misfit: FloatArray) -> Linearis
 REFITS = 8
 """About full solutions, at most."""
 _STAYS = 0.25
-"""Of a trial's noise: a refit that moves the prediction by less stays."""
+"""Share of a trial's noise: a refit that moves the prediction by less stays."""
 
 
 def base_about_solution(

@@ -35,7 +35,7 @@ class Notice:
     """One thing that a reader must know."""
 
     code: str
-    """Of an enumeration: `FitNotice`, or one of a kind's."""
+    """Code of an enumeration: `FitNotice`, or one of a kind's."""
     parameters: Mapping[str, Any] = field(default_factory=dict)
     """Numbers in the model's units, names, and tuples of them."""
 

@@ -36,9 +36,9 @@ class Observations:
     jitter_variance: FloatArray
     """mm^2, of the smoothed displacement."""
     white_sd: float
-    """Of one force reading, N."""
+    """Standard deviation of one force reading, N."""
     jitter_sd: float
-    """Of one displacement reading, mm."""
+    """Standard deviation of one displacement reading, mm."""
     contacts: tuple[Contact, ...]
     notices: tuple[Notice, ...]
     """What was noticed in the recordings, in sentences."""

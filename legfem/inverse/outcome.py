@@ -189,10 +189,10 @@ class JointForward[Model: Forward]:
 
     Parameters
     ----------
-    models : tuple of PreparedModel
+    models : tuple of Forward
         One a site, each pressed as deep as its recordings go.
     workers : Workers, optional
-        Of `solve_site` and the same models: processes that solve sites side by side. One site
+        Processes that run `solve_test` on the same models, sites side by side. One site
         after another without them.
     """
 

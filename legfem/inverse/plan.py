@@ -126,9 +126,9 @@ class DesignValue:
 
     design: Design | DirectReadings
     chances: Mapping[tuple[str, str], float]
-    """That data of the first explanation tell it from the second."""
+    """Chance that data of the first explanation favour it over the second."""
     chance: float
-    """That whichever explanation holds is told from all others."""
+    """Chance that whichever explanation holds is told from all others."""
 
 
 type DesignedNuisances = Callable[[Design, Observations, FloatArray], Sequence[NuisanceEffect]]

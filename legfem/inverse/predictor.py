@@ -83,12 +83,12 @@ class Ends(Protocol):
 
 
 ONSET_SDS_MM = 0.15, 1.0
-"""Between which the standard deviation of first contact lies where all trials seem to begin at the skin."""
+"""Bounds of the standard deviation of first contact where all trials seem to begin at the skin."""
 IN_AIR_SD_MM = 1.0
 """Where some trials begin in air: all may, by any way. The detection is where the fit begins, and no second reading
 beside it: it looked at the same forces."""
 AT_TOUCH_SD_MM = 0.05
-"""Of first contact, where recordings begin at first touch."""
+"""Standard deviation of first contact where recordings begin at first touch."""
 _ONSETS_MM = (-4.0, 4.0)
 
 

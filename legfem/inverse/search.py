@@ -181,7 +181,7 @@ class Search[C: Comparison]:
     generations: list[Generation] = field(default_factory=list)
     converged: bool = False
     emulator_error: float = math.nan
-    """N: the main_source, at the last proposal that was the best yet, before that was solved."""
+    """Largest force error (N) of the emulator at the last accepted point; NaN before there is one."""
 
     @property
     def domain(self) -> Domain:
@@ -219,7 +219,7 @@ class Search[C: Comparison]:
         return trials
 
     def _trial(self, point: FloatArray, values: Values, outcome: Outcome, stage: Stage) -> Trial:
-        # A curve that stops short says nothing about the main_source forces.
+        # A curve that stops short says nothing about the largest forces.
         if not (outcome.complete and self.misfit.reached_by(outcome)):
             return Trial(point, values, outcome, stage, None, math.inf)
         prediction = self.misfit.predict(outcome, self.law.readings(point))

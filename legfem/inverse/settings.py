@@ -166,7 +166,7 @@ Weighting = Literal["paper", "covariance"]
 
 @dataclass(frozen=True)
 class IdentificationSettings:
-    """Of one identification.
+    """Settings of one identification.
 
     Parameters
     ----------

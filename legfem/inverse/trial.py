@@ -22,7 +22,7 @@ class FullSolve:
     """One full forward solve of the search."""
 
     values: Values
-    """Of model and instrument, in their units."""
+    """Values of model and instrument, in their units."""
     cost: float
     """N2 (Eq. 12); NaN where the solve stopped short."""
     stage: Literal["design", "proposal", "bound", "genetic"]
@@ -41,7 +41,7 @@ class Generation:
     """Refinement of the emulator that it searched on, from 0."""
     number: int
     values: Values
-    """Of model and instrument, in their units."""
+    """Values of model and instrument, in their units."""
     cost: float
     """N2 on the emulator (of the full model without one)."""
 
@@ -100,7 +100,7 @@ class Trial:
     point: FloatArray
     """(p,): the law's free parameters, in the model's units."""
     values: Values
-    """Of model and instrument, free and held."""
+    """Values of model and instrument, free and held."""
     outcome: Outcome
     stage: Stage
     prediction: Prediction | None
@@ -142,7 +142,7 @@ class Linearised:
     ----------
     law : IdentifiedLaw
         p free parameters, k priors.
-    misfit : Misfit
+    misfit : Comparison
         n differences.
     prediction : Prediction
         Of the full solve.
@@ -331,7 +331,7 @@ class Emulated:
     ----------
     law : IdentifiedLaw
         p free parameters, k priors.
-    misfit : Compared
+    misfit : Comparison
         n differences.
     emulator : Emulator
         Of the force, in `Coordinates`.

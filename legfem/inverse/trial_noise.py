@@ -91,12 +91,12 @@ class Observed(Protocol):
 
     @property
     def white_sd(self) -> float:
-        """Of one force reading, N."""
+        """Standard deviation of one force reading, N."""
         ...
 
     @property
     def jitter_sd(self) -> float:
-        """Of one displacement reading, mm."""
+        """Standard deviation of one displacement reading, mm."""
         ...
 
     @property

@@ -49,9 +49,9 @@ def shift_of(limit: Limit, base: LinearisedFit) -> float:
 
 Verdict = Literal["consistent", "named", "ambiguous", "unexplained"]
 SMALL = 0.01
-"""Of the largest force: a root mean square misfit that is less may be good enough."""
+"""Share of the largest force: a root mean square misfit that is less may be good enough."""
 TRUSTED = 0.15
-"""Of C10: where all that may hide moves it by less, with 95 %, a model that fits is trusted."""
+"""Share of C10: where all that may hide moves it by less, with 95 %, a model that fits is trusted."""
 ADEQUATE = 0.5
 """Probability of the base model alone from which the recordings are called consistent."""
 SHOWN_MOST = 6
