@@ -176,7 +176,7 @@ sensor = [{{name = {quoted}, position_mm = [0.0, 55.0, 80.0], pressure_mmHg = 20
     if solved is None:
         found = identify_in_stocking(leg, StockingSettings(), Silent(), mesh=COARSEST)
     else:
-        found = assessed(replace(solved.details, leg=leg), {}, solved.log.wall_s)
+        found = assessed(replace(solved.details, leg=leg), solved.log, solved.settings)
     page = Elements()
     page.feed(rendered(stocking_web_page(found, f"run {text}")))
     return found, page

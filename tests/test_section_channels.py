@@ -178,7 +178,7 @@ def test_a_line_meets_a_patch_that_is_stretched_uniformly_where_geometry_says():
 def test_a_line_beside_an_outline_meets_nothing():
     edge = np.array([[[0.0, 0.0], [1.0, 0.0], [0.5, 0.1]]])
     assert first_crossing(edge, np.array([2.0, 5.0]), np.array([0.0, -1.0])) is None
-    assert first_crossing(edge, np.array([2.0, 5.0]), np.array([0.0, -1.0]), beside=1.2) is None
+    assert first_crossing(edge, np.array([2.0, 5.0]), np.array([0.0, -1.0]), shift=1.2) is None
 
 
 def test_forces_in_3d_turn_with_the_travel():

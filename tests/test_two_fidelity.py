@@ -202,7 +202,7 @@ def test_solves_are_kept_and_a_killed_run_goes_on(tmp_path):
 
 
 def test_a_leg_that_stops_short_is_a_search_error(tmp_path):
-    with pytest.raises(SearchError, match="--depth"):
+    with pytest.raises(SearchError, match="use less of the recordings' depth"):
         identified(recorded(tmp_path, 1.3), None, solid=AnalyticSolid(softest=100.0))
 
 

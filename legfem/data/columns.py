@@ -29,6 +29,9 @@ _COMMANDED = re.compile(
 )
 """What a drive was told to do, a second sensor that another is compared with, a statistic: no reading of the test."""
 
+_PRESSING = CHANNELS["axial_force"], CHANNELS["normal_force"]
+"""Channels that a machine with one force axis presses by."""
+
 
 def find_column(path: Path, sheet: Sheet, quantity: Quantity, given: str | None) -> tuple[SourceColumn, str]:
     """Find the column of a quantity, and say why it is that; ``given`` is what a user named.
@@ -62,7 +65,7 @@ def find_column(path: Path, sheet: Sheet, quantity: Quantity, given: str | None)
     able = [c for c in sheet.columns if may_be(c, quantity)]
     # A testing machine calls its only force axial, which is a channel beside the force in another's file.
     candidates = [c for c in able if channel_of(c) is None]
-    candidates = candidates or [c for c in able if channel_of(c) == CHANNELS["axial_force"]]
+    candidates = candidates or [c for c in able if channel_of(c) in _PRESSING]
     names = ", ".join(f"'{c.name}'" for c in sheet.columns)
     name_it = Remedy("name it with ", Argument(quantity, "NAME:UNIT"))
     if not candidates:
@@ -268,7 +271,7 @@ def refuse_other_table(path: Path, sheets: Sequence[Sheet]) -> None:
     kind = next((kind for column in columns if (kind := channel_of(column))), None)
     has = {quantity: [c for c in columns if may_be(c, quantity) and not channel_of(c)] for quantity in QUANTITIES}
     # A machine that calls its only force axial moves, too.
-    pressing = kind == CHANNELS["axial_force"] and has["displacement"]
+    pressing = kind in _PRESSING and has["displacement"]
     if kind is not None and has["time"] and not has["force"] and not pressing:
         raise InputError(
             path,

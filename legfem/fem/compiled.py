@@ -89,7 +89,7 @@ def _compile_here(what: Any, options: dict[str, Any]) -> None:
     with _locked(folder) as locked:
         if _finished(folder):
             return
-        _log.info("compiling finite-element forms (once per machine, ~20 s)")
+        _announce()
         if locked:
             for file in folder.iterdir():
                 if file.name != _LOCK:
@@ -131,6 +131,11 @@ def _finished(folder: Path) -> bool:
     """Tell whether all that FFCx began in a folder is complete."""
     sources = list(folder.glob("*.c"))
     return bool(sources) and all(source.with_suffix(".c.cached").exists() for source in sources)
+
+
+@cache
+def _announce() -> None:
+    _log.info("compiling finite-element forms (once per machine, ~20 s)")
 
 
 @cache
