@@ -86,6 +86,8 @@ class ChannelKind:
     """Value that is read as it is whatever the instrument's gain: what readings are shares of."""
     image: str = ""
     """What is laid into the section, and may lie beside where it is said to, to read this in it; nothing of others."""
+    presses: bool = False
+    """Whether it is the force that presses in a file that has no other."""
 
     @property
     def column(self) -> str:

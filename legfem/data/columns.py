@@ -29,7 +29,7 @@ _COMMANDED = re.compile(
 )
 """What a drive was told to do, a second sensor that another is compared with, a statistic: no reading of the test."""
 
-_PRESSING = CHANNELS["axial_force"], CHANNELS["normal_force"]
+_PRESSING = tuple(kind for kind in CHANNELS.values() if kind.presses)
 """Channels that a machine with one force axis presses by."""
 
 

@@ -64,6 +64,7 @@ AXIAL = replace(
     name="axial_force",
     words="force of the cylinder on the skin along the leg, towards greater z",
     models=frozenset({"3d"}),
+    presses=True,
 )
 MOMENT = ChannelKind(
     "axis_moment",

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 _RHEOMETER = ChannelAccuracy(reading=0.01, bias=0.02, gain=0.05, slow=0.02)
 """Thermal drift of the gap and what the specimen was laid in with are hundredths of a newton."""
 NORMAL_FORCE = ChannelKind(
-    "normal_force", "N", "force that pushes the plates apart", _RHEOMETER, models=frozenset({"specimen"})
+    "normal_force", "N", "force that pushes the plates apart", _RHEOMETER, models=frozenset({"specimen"}), presses=True
 )
 
 
