@@ -23,8 +23,9 @@ from legfem.legs.details import LegDetails
 from legfem.legs.identification import as_leg
 from legfem.legs.loading import load_subject
 from legfem.legs.problem import leg_problem
-from legfem.legs.site_test import beyond_of
+from legfem.legs.site import beyond_of
 from legfem.legs.subject import Subject
+from legfem.legs.unknowns import unknown_geometry
 from legfem.solve.path import ForceCurve
 
 DEPTH = 20.0
@@ -43,7 +44,7 @@ class AnalyticLeg:
     """kPa: below this C10 a solve stops at 12 mm."""
     killed_after: int = 10**9
     compromise: str = ""
-    depth: float = DEPTH
+    depth: float = DEPTH + 0.5
     early: float = 0.05
     """Of the fat's own share; without it a curve tells what both give together, and no more."""
     calls: int = field(default=0)
@@ -123,10 +124,10 @@ def identify(
     correction: TabulatedCorrection | None = None,
 ) -> list[Fit[LegDetails]]:
     """Return the results of laws, by default both."""
-    model = model or AnalyticLeg(depth=DEPTH + beyond_of(parameters or (), fixed or {}))
+    model = model or AnalyticLeg(depth=DEPTH + 0.5 + beyond_of(parameters or (), fixed or {}))
     settings = settings or IdentificationSettings()
     request = SearchRequest(parameters, fixed or {}, settings=settings)
-    problem = leg_problem(as_leg(subject), laws, request, [correction], JointForward((model,)))
+    problem = leg_problem(as_leg(subject), laws, request, [correction], JointForward((model,)), unknown_geometry)
     store = None if solves is None else Store(solves, Outcome, model.fingerprint())
     with FullSolver(problem.forward, store, 1, Silent(), problem.sensitivities) as solver:
         return fit_with(problem, laws, solver, settings)

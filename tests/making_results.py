@@ -22,7 +22,7 @@ from legfem.legs.details import AppliedCorrection, LegDetails, LegDocument, Spat
 from legfem.legs.identification import as_leg
 from legfem.legs.loading import load_subject
 from legfem.legs.notices import LegNotice
-from legfem.legs.site_test import SiteTest
+from legfem.legs.site import MeasuredSite
 from legfem.legs.subject import Subject
 
 INSTRUMENT = Instrument(force_sd=0.04, displacement_sd=0.02)
@@ -95,7 +95,7 @@ def result(
     squares = float(cost(*best))
     n = len(depth)
     leg = as_leg(subject or made_subject())
-    test = SiteTest(leg.sites[0], measured)
+    test = MeasuredSite(leg.sites[0].site or "leg", measured)
     channel = test.data.channels[0]
     goodness = Goodness(1.05 * n if two else 40.0 * n, n - len(columns), 0.3 if two else 1e-12)
     given = {

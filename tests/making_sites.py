@@ -65,7 +65,7 @@ def sited_leg(
     return SitedLeg("leg", "Closed form", tuple(sites), folder)
 
 
-def sites_model(depth: float = DEPTH) -> JointForward:
+def sites_model(depth: float = DEPTH + 0.5) -> JointForward:
     """Return the model of the leg."""
     models = tuple(SiteLeg(depth=depth, factor=factor) for factor in FACTORS)
     return JointForward(models)  # type: ignore[arg-type]

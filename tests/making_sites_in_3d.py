@@ -110,8 +110,8 @@ def models_of(
 def models_as_deep_as_asked() -> Callable[..., list[LegModels]]:
     """Return what takes the place of `legfem.legs.model_3d.leg_models`."""
 
-    def models(leg: SitedLeg, curves: Sequence[Any], *_: Any) -> list[LegModels]:
-        depth = float(min(curve.displacement[-1] for curve in curves))
+    def models(leg: SitedLeg, depths: Sequence[float], *_: Any) -> list[LegModels]:
+        depth = max(depths)
         shape = spatial_leg(leg.sites[0])
         return [
             LegModels(*(FibrousLeg(rise=rise, depth=depth) for _ in range(3)), shape, depth)

@@ -16,13 +16,15 @@ from legfem.common.errors import InputError
 from legfem.data.recording import RecordedChannel
 from legfem.geometry.section import layer_thicknesses
 from legfem.inverse.catalogue import parameter_of
-from legfem.inverse.comparison import total_of
+from legfem.inverse.comparison import JointComparison, total_of
 from legfem.inverse.outcome import Outcome
 from legfem.inverse.settings import IdentificationSettings
-from legfem.legs.problem import measured_curve
-from legfem.legs.site_channels import site_channels
-from legfem.legs.site_test import SiteTest
+from legfem.inverse.station_test import StationTest
+from legfem.inverse.trial_noise import estimate_noise
+from legfem.legs.forward import law_of
+from legfem.legs.site import site_test
 from legfem.legs.subject import LegAccuracy, Subject
+from legfem.legs.unknowns import unknowns_at
 
 BOTH = ("deep.C10", "superficial.C10")
 TRUTH = {"deep.C10": 1.4e-3, "superficial.C10": 2.6e-3}
@@ -120,7 +122,8 @@ def test_intervals_hold_the_truth_as_often_as_they_say(tmp_path):
 def test_thickness_says_most_about_the_fat(fit, subject):
     alone = fitted(replace(subject, recordings=tuple(replace(one, channels=()) for one in subject.recordings)))
     fat, before = (one.estimates["superficial.C10"] for one in (fit, alone))
-    assert fat.standard_error < 0.8 * before.standard_error
+    # By every trial's own readings the force tells more of the fat than its mean curve did.
+    assert fat.standard_error < 0.95 * before.standard_error
     assert before.information_shares == {} and "channels" not in before.error_shares
     assert set(fat.information_shares) == {"force", "fat_thickness"}
     assert sum(fat.information_shares.values()) == pytest.approx(1.0)
@@ -136,7 +139,7 @@ def test_without_channels_nothing_moves(tmp_path):
         identify(plain, model=leg, laws=("neo-hookean",), parameters=parameters)[0]
         for leg in (LayeredLeg(), AnalyticLeg())
     )
-    assert one.weighting == "paper"
+    assert one.weighting == "covariance"
     for name in BOTH:
         assert one.estimates[name].value == other.estimates[name].value
         assert one.estimates[name].ci95 == other.estimates[name].ci95
@@ -151,10 +154,7 @@ def test_the_plain_sum_can_t_weigh_them(subject):
 @pytest.mark.parametrize("by_instrument", [False, True])
 def test_predictions_have_the_derivatives_of_differences(tmp_path, by_instrument):
     subject = recorded(tmp_path / "leg", names=("fat_thickness", "lateral_force"))
-    curve = measured_curve(subject)
-    test = SiteTest(
-        subject, curve, beyond=1.0 * by_instrument, by_instrument=by_instrument, beside=site_channels(subject, curve)
-    )
+    test = replace(site_test(subject, None), beyond=1.0 * by_instrument, by_instrument=by_instrument)
     leg = LayeredLeg(depth=DEPTH + 1)
     instrument = np.array([1.1, 0.05, -0.4])
     exact = test.predict(leg.solve(TRUTH, BOTH).curve, TRUTH, instrument)
@@ -177,6 +177,20 @@ def test_predictions_have_the_derivatives_of_differences(tmp_path, by_instrument
             np.testing.assert_allclose(exact.sensitivities[name], difference, atol=1e-6)
 
 
+def about_the_truth(subject: Subject) -> StationTest:
+    """Return a leg's recordings with their errors about the model that made them."""
+    test, leg = site_test(subject, None), LayeredLeg(depth=DEPTH + 1)
+    curve = leg.solve(TRUTH, BOTH).curve
+    noise = estimate_noise(test.observed, subject.instrument, test.observed.slowest)
+    law = law_of("neo-hookean", subject, leg.nominal)
+    unknowns = unknowns_at(test, subject, curve, TRUTH, None, law, {})
+    return test.about(curve, TRUTH, test.contacts, noise, unknowns)
+
+
+def covariances_of(test: StationTest) -> dict[str, np.ndarray]:
+    return dict(JointComparison((test,), near=(TRUTH, test.data.values)).covariances_at(TRUTH))
+
+
 @pytest.mark.parametrize("kind", ["reading", "bias", "gain", "slow", "lag"])
 def test_every_error_is_as_large_as_it_is_said_to_be(tmp_path, kind):
     """The spread of readings that err in one way alone, beside the covariance for that error."""
@@ -185,38 +199,34 @@ def test_every_error_is_as_large_as_it_is_said_to_be(tmp_path, kind):
     every = []
     for seed in range(40):
         subject = recorded(tmp_path / "leg", seed, accuracy=accuracy, every=2.0)
-        curve = measured_curve(replace(subject, recordings=subject.recordings[:1]))
-        curve = replace(curve, noise=replace(curve.noise, shift_sd=0.0, common_shift_sd=0.0))
-        one = replace(subject, recordings=subject.recordings[:1])
-        (channel,) = site_channels(one, curve)
-        at = np.argsort(channel.depth)
-        every.append((channel.readings.values[at][1:], np.sqrt(np.diag(channel.instrument))[at][1:]))
+        test = about_the_truth(replace(subject, recordings=subject.recordings[:1]))
+        read = test.data.spans[1]
+        stated = np.sqrt(np.diag(covariances_of(test)["channels"])[read])
+        every.append((test.data.values[read][1:], stated[1:]))
     values, stated = (np.array(part) for part in zip(*every, strict=True))
     spread = np.sqrt(np.mean(np.std(values, axis=0, ddof=1) ** 2))
     assert spread == pytest.approx(np.sqrt(np.mean(stated**2)), rel=0.25)
 
 
 def test_outlines_make_a_thickness_err(subject):
-    curve = measured_curve(subject)
-    (sure,), (unsure,) = (
-        site_channels(replace(subject, accuracy=LegAccuracy(contour_sd=sd)), curve) for sd in (0.0, 0.5)
-    )
+    sure, unsure = (about_the_truth(replace(subject, accuracy=LegAccuracy(contour_sd=sd))) for sd in (0.0, 0.5))
     own = layer_thicknesses(subject.section, subject.indenter.aim, subject.indenter.direction)["fat_thickness"]
-    assert not sure.outlines.any()
-    at_rest = np.argmin(unsure.depth)
-    assert np.sqrt(unsure.outlines[at_rest, at_rest]) == pytest.approx(np.sqrt(2) * 0.5 * 6.0 / own, rel=0.1)
-    np.testing.assert_array_equal(sure.instrument, unsure.instrument)
+    assert not any("outlines" in one.effect.name for one in sure.unknowns)
+    (effect,) = (one.effect.effect for one in unsure.unknowns if "outlines" in one.effect.name)
+    read = unsure.data.spans[1]
+    at_rest = read.start + int(np.argmin(unsure.data.channels[1].station))
+    assert effect[at_rest] == pytest.approx(np.sqrt(2) * 0.5 * 6.0 / own, rel=0.1)
+    assert not effect[unsure.data.spans[0]].any()
 
 
 def test_errors_by_source_add_up(subject):
-    curve = measured_curve(subject)
-    test = SiteTest(subject, curve, beside=site_channels(subject, curve))
-    errors = test.own_errors
-    assert set(errors) == {"recordings", "few_repeats", "model", "channels"}
+    test = about_the_truth(replace(subject, accuracy=LegAccuracy(contour_sd=0.5)))
+    errors = covariances_of(test)
+    assert {"recordings", "model", "channels", "assumed", "shape"} <= set(errors)
     np.linalg.cholesky(total_of(errors))
     forces = test.data.spans[0]
-    assert not errors["channels"][forces].any()
-    both = errors["recordings"] + errors["few_repeats"]
-    np.testing.assert_allclose(both[forces, forces], curve.covariance, rtol=1e-12)
-    assert np.linalg.eigvalsh(errors["few_repeats"])[-1] > 0
+    assert not np.diag(errors["channels"])[forces].any()
+    # All together they are the error model's, and what leaves first contact open.
+    known = test.errors.covariance + test._of_onsets
+    np.testing.assert_allclose(total_of(errors), known, rtol=1e-9, atol=1e-12)
     assert test.data.channels[1].unit == CHANNELS["fat_thickness"].unit

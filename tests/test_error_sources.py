@@ -39,7 +39,7 @@ def test_shares_are_those_of_the_closed_form():
 
 @pytest.mark.parametrize(
     ("noise", "ends_sd", "said", "unsaid", "source"),
-    [(0.01, 0.15, LONGER, DEEPER, "ends"), (1.0, 1e-3, DEEPER, LONGER, "recordings")],
+    [(0.01, 0.15, LONGER, DEEPER, "ends"), (3.0, 1e-3, DEEPER, LONGER, "recordings")],
 )
 def test_advice_is_what_narrows_the_interval(tmp_path, noise, ends_sd, said, unsaid, source):
     subject = pressed_leg(tmp_path, 0.9, 0.0, noise=noise)

@@ -146,8 +146,8 @@ def test_a_known_ratio_takes_its_part_of_the_force_out_of_c10(tmp_path: Path):
     high, c10 = without.estimates["deep.C10"], found.estimates["deep.C10"]
     assert high.value > 1.2e-3 and not high.ci95[0] < 1e-3 < high.ci95[1]
     assert c10.value == pytest.approx(1e-3, rel=0.02) and c10.ci95[0] < 1e-3 < c10.ci95[1]
-    assert c10.relative_half_width > 1.5 * sure.estimates["deep.C10"].relative_half_width
-    assert c10.error_shares["fibres"] > 0.8
+    assert c10.relative_half_width > 1.2 * sure.estimates["deep.C10"].relative_half_width
+    assert max(c10.error_shares, key=c10.error_shares.get) == "fibres"
     assert "muscle fibres" in c10.why
     assert any("equally stiff in all directions" in text for text in sentences_of([without]))
     (said,) = [text for text in sentences_of([found]) if "times as stiff in shear" in text]

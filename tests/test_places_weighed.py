@@ -156,7 +156,8 @@ def test_identification_takes_displacements_inside_as_they_come(subject, both):
         low, high = both.estimates[name].ci95
         assert low < truth < high
     fat, before = (one.estimates["superficial.C10"] for one in (both, alone))
-    assert fat.standard_error < 0.8 * before.standard_error
+    # By every trial's own readings the force tells more of the fat than its mean curve did.
+    assert fat.standard_error < 0.95 * before.standard_error
     assert fat.information_shares[INSIDE.name] > 0.05
     assert both.goodness.fits
 

@@ -5,17 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from making_identification import AnalyticLeg, curve_of
 from making_results import measured_curve, result
 
 from legfem.common.errors import InputError
 from legfem.geometry.section import first_crossing, girth
-from legfem.inverse.settings import SearchRequest
+from legfem.legs.forward import law_of
 from legfem.legs.loading import load_subject
 from legfem.legs.placement import Calf, calf_section
-from legfem.legs.problem import leg_problem
 from legfem.legs.schema import SUBJECTS
-from legfem.legs.site_test import TYPICAL_SHAPE
-from legfem.legs.subject import TYPICAL_FORCE_SD, SitedLeg
+from legfem.legs.site import site_test
+from legfem.legs.subject import TYPICAL_FORCE_SD
+from legfem.legs.unknowns import unknowns_at
 from legfem.report.kinds.leg import leg_page
 
 
@@ -48,10 +49,12 @@ def test_a_calf_has_the_girth_and_the_fat_that_were_measured(tmp_path: Path, aro
 
 def test_the_interval_carries_the_error_of_the_shape(tmp_path: Path):
     subject = load_subject(described(tmp_path / "leg", "girth_mm = 365\nfat_mm = 8"))
-    (test,) = leg_problem(SitedLeg("leg", "leg", (subject,), subject.directory), ["neo-hookean"], SearchRequest()).tests
-    force = test.data.values
-    shared = test.shared_errors({"deep.C10": 0.003}, force)
-    assert shared[TYPICAL_SHAPE].effect == pytest.approx(TYPICAL_FORCE_SD * force)
+    curve, values = curve_of(3.0, 0.0), {"deep.C10": 0.003}
+    test, law = site_test(subject, None), law_of("neo-hookean", subject, AnalyticLeg().nominal)
+    predicted = test.every_reading(curve, values)
+    # Of a leg in 3D no outline is displaced, and the shape is a share of the force.
+    (shape,) = (one for one in unknowns_at(test, subject, curve, values, None, law, {}) if one.source == "shape")
+    assert shape.effect.effect == pytest.approx(TYPICAL_FORCE_SD * predicted)
 
 
 @pytest.mark.parametrize(

@@ -165,12 +165,9 @@ def _measure(entry: Mapping[str, Any]) -> Measure:
     if sd is None and low is not None and high is not None:
         sd = (high - low) / (2 * _NORMAL)
     shares = entry.get("share_of_squared_error") or {}
-    kept = 1 - shares.get("few_repeats", 0.0)
     alike = sum(share for source, share in shares.items() if source in _ALIKE)
     verdict = entry.get("identifiability") or ""
-    if sd is None or kept <= 0:
-        return Measure(entry["value"], low, high, sd, entry["unit"], verdict)
-    return Measure(entry["value"], low, high, sd * kept**0.5, entry["unit"], verdict, alike=min(alike / kept, 1.0))
+    return Measure(entry["value"], low, high, sd, entry["unit"], verdict, alike=min(alike, 1.0))
 
 
 def _curve(law: Mapping[str, Any]) -> Curve | None:

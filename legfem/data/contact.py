@@ -176,7 +176,7 @@ def fit_onset(d: FloatArray, force: FloatArray, instrument: Instrument, scales: 
     near = _near(d, force, rough, instrument, scales)
     if near is None:
         return _at_start(d, force, noise, displacement_sd)
-    found = _onset([near], rough, scales)
+    found = _onset(near, rough, scales)
     best, error, gain = found.place, found.error, found.gain
     air = near.x < best
     significant = best - float(d[0]) > displacement_sd and gain > _LEAST_GAIN and air.sum() >= 4
@@ -209,31 +209,6 @@ class Onset:
     """Standard error."""
     gain: float
     """By how many variances of the errors air before it fits better than contact at the start."""
-
-
-def common_onset(
-    presses: Sequence[tuple[FloatArray, FloatArray]], apart_sd: float, instrument: Instrument
-) -> Onset | None:
-    """Find where force begins in presses that lie on each other; None where they show too little of it.
-
-    All rise alike from one place, each from a level of its own, and each begins in air or at first touch: contact
-    isn't before the last of them begins. See `first_contact`.
-
-    Parameters
-    ----------
-    presses : sequence of pairs of (n,) arrays
-        Displacements, mm, growing and smooth, and forces, N.
-    apart_sd : float
-        Standard error of one's place beside the others', mm.
-    instrument : Instrument
-        Errors of a reading.
-    """
-    # Which has come the longest way shows most of the air.
-    longest = min(presses, key=lambda one: float(one[0][0]))
-    rough = _rough_contact(*longest, _scatter(longest[1], instrument)[1])
-    near = [one for d, force in presses if (one := _near(d, force, rough, instrument, LEG)) is not None]
-    latest = max(float(d[0]) for d, _ in presses)
-    return _onset(near, rough, LEG, (latest, apart_sd)) if near else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -284,24 +259,24 @@ def _near(d: FloatArray, force: FloatArray, rough: float, instrument: Instrument
     return _Near(x, whitening, level, left - level * (level @ left))
 
 
-def _onset(near: Sequence[_Near], rough: float, scales: Scales, begun: tuple[float, float] | None = None) -> Onset:
-    """Return the onset of presses; the last of them begins at a place with a standard error, mm."""
-    first = min(float(one.x[0]) for one in near)
+def _onset(near: _Near, rough: float, scales: Scales) -> Onset:
+    """Return the onset of a press."""
+    first = float(near.x[0])
     last = max(rough + 0.5 * scales.way, first + 0.1 * scales.way)
     onsets = np.linspace(first, last, 101)
-    best, error, cost = _places(near, onsets, scales, begun)
+    best, error, cost = _places(near, onsets, scales)
     reach = max(4.0 * error, 2 * (onsets[1] - onsets[0]))
     onsets = np.linspace(max(first, best - reach), min(last, best + reach), 101)
-    best, error, cost = _places(near, onsets, scales, begun)
+    best, error, cost = _places(near, onsets, scales)
     # Against the best fit that has contact at the start: noise alone gains little.
     _, _, without = _places(near, np.array([first]), scales)
     gain = (without - cost) / max(1.0, cost / _freedom(near))
     return Onset(best, float(np.hypot(error, _SHAPE_ERROR * scales.way)), gain)
 
 
-def _freedom(near: Sequence[_Near]) -> int:
-    """Return the degrees of freedom that place, size, stiffening and levels leave."""
-    return max(sum(len(one.x) - 1 for one in near) - 3, 1)
+def _freedom(near: _Near) -> int:
+    """Return the degrees of freedom that place, size, stiffening and level leave."""
+    return max(len(near.x) - 4, 1)
 
 
 def _at_start(d: FloatArray, force: FloatArray, noise: float, displacement_sd: float) -> Contact:
@@ -343,26 +318,17 @@ def _blocks(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, Float
     return np.bincount(index, x) / counts, np.bincount(index, y) / counts, counts.astype(float)
 
 
-def _places(
-    near: Sequence[_Near], onsets: FloatArray, scales: Scales, begun: tuple[float, float] | None = None
-) -> tuple[float, float, float]:
+def _places(near: _Near, onsets: FloatArray, scales: Scales) -> tuple[float, float, float]:
     """Return the mean and standard deviation of first contact over onsets (m,) and powers, mm, and the least cost."""
-    depths = [np.maximum(one.x[:, None] - onsets[None, :], 0.0) / scales.way for one in near]
-    left = np.concatenate([one.left for one in near])
-
-    def felt(power: float) -> FloatArray:
-        return np.concatenate([one.felt(depth**power) for one, depth in zip(near, depths, strict=True)])
-
+    depth, left = np.maximum(near.x[:, None] - onsets[None, :], 0.0) / scales.way, near.left
     costs = []
     for power, likely in scales.powers:
-        explained = _explained(left, felt(power), felt(power + 1.0))
+        explained = _explained(left, near.felt(depth**power), near.felt(depth ** (power + 1.0)))
         costs.append(float(left @ left) - explained - 2.0 * np.log(likely))
     cost = np.array(costs)
     least = float(cost.min())
     # A misfit beyond the errors widens: what isn't described isn't known any better.
     weight = np.exp(-0.5 * (cost - least) / max(1.0, least / _freedom(near))).sum(axis=0)
-    if begun is not None:
-        weight *= np.exp(-0.5 * (np.maximum(begun[0] - onsets, 0.0) / begun[1]) ** 2)
     weight /= weight.sum()
     best = float(weight @ onsets)
     step = float(onsets[-1] - onsets[0]) / max(len(onsets) - 1, 1)

@@ -23,25 +23,17 @@ from legfem.inverse.outcome import Outcome
 from legfem.inverse.readings import Data
 from legfem.solve.path import ForceCurve
 
-Weighting = Literal["paper", "covariance"]
-"""What is minimised: the plain sum of squares (Eq. 12 of the paper), or the sum weighted by the errors."""
+Weighting = Literal["paper", "covariance", "equal"]
+"""What is minimised: the plain sum of squares (Eq. 12 of the paper), the sum weighted by the errors, or one in which a
+channel's readings weigh equally, as of a model that misses what was read by more than its errors: weighted by these,
+a wrong model's best fit may lie far from all data (Peelle's puzzle)."""
 ErrorSource = Literal[
-    "recordings",
-    "few_repeats",
-    "differences",
-    "model",
-    "misfit",
-    "sizes",
-    "ends",
-    "fibres",
-    "shape",
-    "channels",
-    "priors",
+    "recordings", "differences", "model", "misfit", "sizes", "ends", "fibres", "shape", "assumed", "channels", "priors"
 ]
 """Readings of the force; what intervals are wider by since few repeats tell poorly how much they differ; a factor by
 which recordings or specimens differ; the model's numerical error; what the law misses; sizes of specimens; the
-correction for the cylinder's ends; muscle fibres' part in it; a typical shape in place of measured outlines;
-instruments of what else was recorded; what was known beforehand."""
+correction for the cylinder's ends; muscle fibres' part in it; outlines, aim and direction;
+what was assumed of other tissues; instruments of what else was recorded; what was known beforehand."""
 Covariances = Mapping[ErrorSource, FloatArray]
 """Covariances of the readings (n, n), in their units squared, by source; they add up."""
 
@@ -251,6 +243,16 @@ class Test(ABC):
     def own_errors(self) -> Covariances:
         """Errors that no other test has, (n, n) by source."""
 
+    @property
+    def equal_covariance(self) -> FloatArray:
+        """Covariance (n, n) that weighs the readings of a channel equally."""
+        return np.eye(len(self.data))
+
+    @property
+    def parts_along(self) -> Mapping[str, NDArray[np.int_]]:
+        """Places of the forces read in each third of the depth, where they are read over displacement."""
+        return thirds_of(self.data.channels[0])
+
     def shared_errors(self, values: Values, predicted: FloatArray) -> Mapping[str, Mode]:
         """Errors that tests of a problem have alike, by name, about predicted readings (n,) at values."""
         return {}
@@ -264,7 +266,7 @@ class JointComparison(Comparison):
     ----------
     tests : tuple of Test
         With n readings together; every one is solved, in this order, in one outcome.
-    weighting : {"covariance", "paper"}
+    weighting : {"covariance", "paper", "equal"}
         What `objective` sums.
     near : tuple, optional
         Values and predicted readings (n,) of a solve near the optimum, about which shared errors count in the weights
@@ -302,9 +304,11 @@ class JointComparison(Comparison):
     @cached_property
     def parts_along(self) -> Mapping[str, NDArray[np.int_]]:
         """Places of the forces in each third of every test's depth, where they are read over displacement."""
-        return thirds_of(
-            [(test.data.channels[0], span.start) for test, span in zip(self.tests, self.spans, strict=True)]
-        )
+        found: dict[str, list[NDArray[np.int_]]] = {}
+        for test, span in zip(self.tests, self.spans, strict=True):
+            for name, places in test.parts_along.items():
+                found.setdefault(name, []).append(span.start + places)
+        return {name: np.concatenate(places) for name, places in found.items()}
 
     @cached_property
     def linear_scale(self) -> FloatArray | None:
@@ -387,12 +391,24 @@ class JointComparison(Comparison):
         shared: dict[ErrorSource, FloatArray] = {}
         for mode in modes.values():
             shared[mode.source] = shared.get(mode.source, 0.0) + np.outer(mode.effect, mode.effect)
-        # A source whose error was measured, as modes, isn't taken to be what is usual too.
-        return {**self._own_errors, **shared}
+        own = dict(self._own_errors)
+        if "model" in shared:
+            # A model's error that was measured, as modes, isn't taken to be what is usual too.
+            own.pop("model", None)
+        return {
+            source: np.asarray(own.get(source, 0.0) + shared.get(source, 0.0))
+            for source in dict.fromkeys([*own, *shared])
+        }
 
     def weighted(self, values: FloatArray) -> FloatArray:
         """Scale values (n, ...) so that `objective` is their sum of squares."""
         return values if self.weighting == "paper" else super().weighted(values)
+
+    @cached_property
+    def _lower(self) -> FloatArray:
+        if self.weighting != "equal":
+            return super()._lower
+        return np.linalg.cholesky(block_diag(*(test.equal_covariance for test in self.tests)))
 
     def alone(self, number: int) -> "JointComparison":
         """One of the tests by itself, with the same weights."""

@@ -148,13 +148,6 @@ class TabulatedCorrection:
         """Return ``1 - P`` (..., n)."""
         return 1 - self.correction(displacement, c10, c20)
 
-    def covariance(self, displacement: FloatArray, c10: float, c20: float) -> FloatArray:
-        """Return the covariance (n, n) of P's error, relative to the corrected force."""
-        total = np.zeros((len(displacement), len(displacement)))
-        for relative in self.relative_errors(displacement, c10, c20).values():
-            total += np.outer(relative, relative)
-        return total
-
     def relative_errors(self, displacement: FloatArray, c10: float, c20: float) -> dict[str, FloatArray]:
         """Return the modes (n,) of P's error, relative to the corrected force.
 

@@ -194,6 +194,8 @@ def alike_in_both(
 
 ROUGHNESS, ROUGHNESS_LENGTH_MM = 1e-4, 0.5
 """Of the model's force along the way, over the largest: elements that come into contact."""
+COMMON_GAIN = "load cell's gain"
+"""Name of its effect, which all tests with one cell share."""
 COMMON_GAIN_SD = 0.005
 """Relative error of the load cell's calibration, the same in all trials (class 0.5 of ISO 376)."""
 GAIN_SDS = tuple(float(EXPECTED_GAIN_SD * np.exp(x)) for x in (-2.0, -1.0, 0.0, 1.0, 2.0))
@@ -226,6 +228,8 @@ class ErrorModel:
         What `covariance` takes, of a trial's gain and zero (N).
     names
         Of the columns of ``known``.
+    of_model
+        (N, N): the model's own error among ``dense``.
     """
 
     noise: Noise
@@ -237,6 +241,7 @@ class ErrorModel:
     gain_sd: float = EXPECTED_GAIN_SD
     zero_sd: float = 0.02
     names: tuple[str, ...] = field(default_factory=tuple)
+    of_model: FloatArray | None = None
 
     @property
     def zero_sds(self) -> tuple[float, ...]:
@@ -319,17 +324,18 @@ def error_model(
     own = trial_covariance(observed, noise)
     force, others = prediction[: len(own)], prediction[len(own) :]
     trials = np.eye(int(observed.trial.max()) + 1)[observed.trial]
-    blocks: list[FloatArray] = [numerical_covariance(observed.displacement, force, numerical) + own]
+    of_model = [numerical_covariance(observed.displacement, force, numerical)]
+    blocks: list[FloatArray] = [of_model[0] + own]
     spread: list[FloatArray] = [np.sqrt(np.diag(own))]
-    columns = {"load cell's gain": np.concatenate([COMMON_GAIN_SD * force, np.zeros(len(others))]), **dict(unknowns)}
+    columns = {COMMON_GAIN: np.concatenate([COMMON_GAIN_SD * force, np.zeros(len(others))]), **dict(unknowns)}
     first = len(force)
     for one in observed.channels:
         here = slice(first, first + len(one.values))
         predicted = prediction[here]
         own = reading_covariance(one, one.slope(predicted), noise.correlation_time, observed.repeated)
         laid = (images or {}).get(one.name, {})
-        model = model_covariance(one, predicted) + covariance_of_places(one, predicted, laid)
-        blocks.append(own + model)
+        of_model.append(model_covariance(one, predicted))
+        blocks.append(own + of_model[-1] + covariance_of_places(one, predicted, laid))
         spread.append(np.sqrt(np.diag(blocks[-1])))
         shared = shared_errors(one, predicted, one.weights @ force)
         shared |= errors_of_places(one, predicted) | errors_of_image(one, laid)
@@ -346,6 +352,7 @@ def error_model(
         np.concatenate(spread),
         zero_sd=noise.zero_sd,
         names=tuple(columns),
+        of_model=np.asarray(block_diag(*of_model)),
     )
 
 

@@ -24,9 +24,8 @@ from legfem.common.units import FloatArray
 from legfem.data.folder import RESOURCES
 from legfem.inverse.correction import SCHEMA, TabulatedCorrection
 from legfem.inverse.elastography import FibreRatio
+from legfem.inverse.ends import FIBRES
 
-FIBRES = "fibres: "
-"""What names of a correction's modes begin with that fibres add."""
 TABLE = RESOURCES / "frauziols" / "correction-fibres.json"
 FIBRES_KIND = "fibres-of-legs"
 

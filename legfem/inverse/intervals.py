@@ -16,7 +16,7 @@ the greatest :math:`|\ln k|` beyond errors is taken as one standard deviation of
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -338,20 +338,11 @@ def by_third(third: NDArray[np.int_], after: NDArray[np.bool_]) -> Mapping[str, 
     return {name: places for name, places in found.items() if len(places) >= _FEWEST}
 
 
-def thirds_of(forces: Sequence[tuple[Channel, int]]) -> Mapping[str, NDArray[np.int_]]:
-    """Return places of forces that are read over displacement, by the third of their own test's depth.
-
-    Parameters
-    ----------
-    forces
-        Of every test, with the place of its first.
-    """
-    told = [(one, first) for one, first in forces if one.along == "displacement_mm"]
-    if not told:
+def thirds_of(forces: Channel) -> Mapping[str, NDArray[np.int_]]:
+    """Return places of forces that are read over displacement, by the third of the depth; of others none."""
+    if forces.along != "displacement_mm":
         return {}
-    third = np.concatenate([third_of(one.station, float(one.station.max())) for one, _ in told])
-    places = np.concatenate([first + np.arange(len(one)) for one, first in told])
-    return {name: places[inside] for name, inside in by_third(third, np.zeros(len(third), dtype=bool)).items()}
+    return by_third(third_of(forces.station, float(forces.station.max())), np.zeros(len(forces), dtype=bool))
 
 
 def departure_of(

@@ -73,6 +73,33 @@ def build_library(
     return _assembled(solved, observed, tissue, tasks, outcomes, middle)
 
 
+def geometric_changes(
+    responses: tuple[SolvedResponses, SolvedResponses],
+    observed: Observations,
+    stiffness: Stiffness,
+    jobs: int,
+    progress: Progress,
+) -> NuisanceChanges:
+    """Solve what displaced geometries do to the elastic courses, but for those whose solution stops.
+
+    Parameters
+    ----------
+    responses
+        The body's on the mesh that is reported on, and on a coarser one.
+    observed
+        The recordings, for their channels.
+    stiffness
+        C10 and C20, MPa.
+    jobs, progress
+        See `build_library`.
+    """
+    tasks = [Task(stiffness, geometry=geometry) for geometry in responses[1].variants.displaced]
+    found = outcomes_of(responses, tasks, jobs, progress)
+    done = [(task, outcome) for k, task in enumerate(tasks) if (outcome := found[k]) is not None]
+    names = _known_channels(done) if observed.channels else ()
+    return _nuisances(responses[0].grid, done, names)
+
+
 def _assembled(
     solved: SolvedResponses,
     observed: Observations,

@@ -25,6 +25,8 @@ CHANGES_AT = (-0.35, 0.35)
 """Logarithms of C10 over the middle's, at which changes are tabulated."""
 
 
+STIFFENING = {"neo-hookean": 0.0, "reduced-polynomial": 0.8}
+"""ln(1 + C20 / C10) at which changes are tabulated, by a tissue's law."""
 _ROUND = 0.25
 """Of the middle's ln C10; and of where its stiffening is looked up."""
 _ROUND_FROM, _FIRST_C10 = 1e-3, 0.8e-3

@@ -1,7 +1,7 @@
 """Channels beside the force in a test's loading: readings, what these err by, and what a model makes of them."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,13 +16,11 @@ from legfem.data.segmentation import Segmentation
 from legfem.inverse import errors
 from legfem.inverse.channel_readings import ChannelReadings, grouped, noise_of
 from legfem.inverse.comparison import Prediction
-from legfem.inverse.errors import Elsewhere
 from legfem.inverse.readings import OFFSET, Channel, Reading
 from legfem.solve.path import ForceCurve
 
 type Derivatives = dict[str, FloatArray]
 type Corrected = Callable[[FloatArray, Derivatives], tuple[FloatArray, Derivatives]]
-_SAME = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +37,6 @@ class LoadingChannel:
         Of a reading, a bias, a gain, slow errors, a lag, and of where contact is put.
     outlines : (k, k) array
         By errors of the body's own sizes: a thickness is compared with that of the model.
-    laid : Mapping[str, ndarray]
-        By the way in which an image lies elsewhere, what one standard deviation does, (k,).
     """
 
     readings: ChannelReadings
@@ -48,7 +44,6 @@ class LoadingChannel:
     slope: FloatArray
     own: FloatArray
     outlines: FloatArray
-    laid: Elsewhere = field(default_factory=dict)
 
     def __len__(self) -> int:
         """Return the number of readings."""
@@ -61,22 +56,8 @@ class LoadingChannel:
 
     @property
     def instrument(self) -> FloatArray:
-        """Covariance (k, k) by the instrument, but for `image_errors`."""
-        return np.asarray(self.own + errors.covariance_of_places(self.readings, self.level, self.laid))
-
-    def seen_in(self, curve: ForceCurve) -> "LoadingChannel":
-        """Return the channel whose image lies elsewhere in what a model's solve shows."""
-        laid = {way: np.zeros(len(self)) for way in self.readings.laid_courses}
-        for way, names in self.readings.laid_courses.items():
-            for name, rows in zip(names, self.readings.rows, strict=True):
-                laid[way][rows] = self.readings.accuracy.laid[way] * curve.channel(name, self.depth[rows])
-        return replace(self, laid=laid)
-
-    def as_seen(self, other: "LoadingChannel") -> bool:
-        """Whether its image does as in another solve, but for a twentieth."""
-        return self.laid.keys() == other.laid.keys() and all(
-            np.abs(self.laid[way] - effect).max() <= _SAME * np.abs(effect).max() for way, effect in other.laid.items()
-        )
+        """Covariance (k, k) by the instrument."""
+        return np.asarray(self.own + errors.covariance_of_places(self.readings, self.level, {}))
 
     @cached_property
     def parts(self) -> list[tuple[str, FloatArray]]:
@@ -87,8 +68,7 @@ class LoadingChannel:
     @cached_property
     def channel(self) -> Channel:
         """The readings as all tests have them."""
-        of_image = sum((effect**2 for effect in self.laid.values()), np.zeros(len(self)))
-        return replace(self.readings.channel, sd=np.sqrt(np.diag(self.instrument + self.outlines) + of_image))
+        return replace(self.readings.channel, sd=np.sqrt(np.diag(self.instrument + self.outlines)))
 
     @cached_property
     def size(self) -> float:
@@ -99,16 +79,6 @@ class LoadingChannel:
     def numerical(self) -> FloatArray:
         """Covariance (k, k) of the model's own error, about the measured change."""
         return errors.model_covariance(self.readings, self.slope * self.depth)
-
-
-def image_errors(beside: Sequence[LoadingChannel]) -> FloatArray:
-    """Return the covariance (k, k) of channels, one after the other, by where the images lie that they are read in."""
-    modes: dict[str, FloatArray] = {}
-    ends = np.cumsum([0, *map(len, beside)])
-    for one, start, end in zip(beside, ends[:-1], ends[1:], strict=True):
-        for name, effect in errors.errors_of_image(one.readings, one.laid).items():
-            modes.setdefault(name, np.zeros(ends[-1]))[start:end] = effect
-    return np.asarray(sum((np.outer(mode, mode) for mode in modes.values()), np.zeros((ends[-1], ends[-1]))))
 
 
 def loading_readings(trials: Sequence[Segmentation], deepest: float, model: str) -> Iterator[ChannelReadings]:

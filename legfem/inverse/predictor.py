@@ -19,9 +19,11 @@ from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.inverse.body_models import Columns
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, deep_stiffness
 from legfem.inverse.emulator import At, GridSpline
+from legfem.inverse.ends import Correction
 from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, TissueResponses, Values, null_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
+from legfem.inverse.stations import since_touch
 
 LawName = Literal["neo-hookean", "reduced-polynomial"]
 _FACTOR_NODES = 4
@@ -74,14 +76,6 @@ class Responses(TissueResponses, Protocol):
         ...
 
 
-class Ends(Protocol):
-    """A factor on the plane-strain force for the cylinder's ends, a function of the stiffness."""
-
-    def factor(self, displacement: FloatArray, c10: FloatArray, c20: FloatArray) -> FloatArray:
-        """Return the factor (..., n) at displacements (n,) in mm; stiffnesses in MPa."""
-        ...
-
-
 ONSET_SDS_MM = 0.15, 1.0
 """Bounds of the standard deviation of first contact where all trials seem to begin at the skin."""
 IN_AIR_SD_MM = 1.0
@@ -115,7 +109,7 @@ class Predictor:
     observed: Observations
     responses: Responses
     law: LawName
-    ends: Ends | None = None
+    ends: Correction | None = None
     measured: Prior | None = None
     offset: FloatArray | float = 0.0
     _splines: dict[tuple[int, float, float], PPoly | None] = field(default_factory=dict, repr=False)
@@ -139,14 +133,11 @@ class Predictor:
 
     def _onset(self, trial: int) -> Parameter:
         """Return a trial's first contact, after that counted from."""
-        prior = Prior(0.0, AT_TOUCH_SD_MM, "linear", "the recording begins at first touch")
-        if self.observed.shows_air:
-            prior = detected_onset(self.observed, trial)
         return Parameter(
             onset_name(trial),
             "mm",
             _ONSETS_MM,
-            prior,
+            onset_prior(self.observed, trial),
             role="nuisance",
             statement="first contact, after that found in the recording",
         )
@@ -326,9 +317,7 @@ def _as_it_is(courses: FloatArray) -> FloatArray:
 class _Elastic:
     """Curves at several factors on the deep stiffness, interpolated to every station's; nothing before first touch.
 
-    A force is read by a straight line through what lies within a way h to either side, and where first touch lies
-    within it, too, that is the mean of what is nothing before: with a force that begins in proportion to its way x,
-    (x + h) / (2 h) times the force at (x + h) / 2.
+    See `legfem.inverse.stations.since_touch`.
     """
 
     splines: Sequence[Callable[[FloatArray, int], FloatArray]]
@@ -336,24 +325,16 @@ class _Elastic:
     half_width: FloatArray
 
     def __call__(self, displacement: FloatArray) -> FloatArray:
-        since, share = self._since(displacement)
+        since, share = since_touch(displacement, self.half_width)
         return share * self._of(since, 0)
 
     def slope(self, displacement: FloatArray) -> FloatArray:
         """Return the derivative of the force (n,) by the displacement, N/mm."""
-        since, share = self._since(displacement)
+        since, share = since_touch(displacement, self.half_width)
         inside = share < 1.0
         by_share = np.divide(0.5, self.half_width, out=np.zeros_like(since), where=inside & (self.half_width > 0))
         slope = share * np.where(inside, 0.5, 1.0) * self._of(since, 1) + by_share * self._of(since, 0)
         return np.where(share > 0.0, slope, 0.0)
-
-    def _since(self, displacement: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return ways after first touch (n,) whose forces are read, and the shares of them that count."""
-        half = np.broadcast_to(self.half_width, displacement.shape)
-        across = (half > 0) & (np.abs(displacement) < half)
-        share = np.where(displacement > 0, 1.0, 0.0)
-        share = np.divide(displacement + half, 2 * half, out=share, where=across)
-        return np.maximum(np.where(across, 0.5 * (displacement + half), displacement), 0.0), share
 
     def _of(self, at: FloatArray, derivative: int) -> FloatArray:
         values = [spline(at, derivative) for spline in self.splines]
@@ -412,6 +393,13 @@ def detected_onset(observed: Observations, trial: int) -> Prior:
     place, sd = contact.expected
     sd = float(np.clip(sd, *ONSET_SDS_MM))
     return Prior(place - contact.displacement, sd, "linear", "detection in the recording")
+
+
+def onset_prior(observed: Observations, trial: int) -> Prior:
+    """Return what is known of a trial's first contact beforehand, after that counted from (mm)."""
+    if observed.shows_air:
+        return detected_onset(observed, trial)
+    return Prior(0.0, AT_TOUCH_SD_MM, "linear", "the recording begins at first touch")
 
 
 def onset_name(trial: int) -> str:

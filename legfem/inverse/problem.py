@@ -6,7 +6,7 @@ A `Problem` has tests, a model of all of them and unknowns by law; `fit` searche
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, is_dataclass
+from dataclasses import asdict, dataclass, is_dataclass, replace
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any, Protocol
@@ -15,7 +15,7 @@ import numpy as np
 
 from legfem.common.units import FloatArray, readable_unit
 from legfem.inverse import catalogue
-from legfem.inverse.comparison import Comparison, Covariances, ErrorSource, JointComparison, Weighting, total_of
+from legfem.inverse.comparison import Comparison, Covariances, JointComparison, Weighting, total_of
 from legfem.inverse.estimates import Estimate, Optimum, correlations_of, estimates
 from legfem.inverse.fit import EXACT, Cost, Fit, Goodness, OwnEstimate, r_squared
 from legfem.inverse.intervals import NO_DEPARTURE, PartDeparture, departure_of
@@ -43,8 +43,8 @@ class Problem[C: Comparison](Protocol):
         """What is free and held in each law."""
         ...
 
-    def comparison(self, law: catalogue.IdentifiedLaw, near: tuple[catalogue.Values, FloatArray] | None = None) -> C:
-        """Predictions beside the readings; with ``near`` shared errors count in the weights about that solve."""
+    def comparison(self, law: catalogue.IdentifiedLaw, near: Found[C] | None = None) -> C:
+        """Predictions beside the readings; by the errors about a finished search where there is one."""
         ...
 
     @property
@@ -54,7 +54,7 @@ class Problem[C: Comparison](Protocol):
 
     @property
     def weighs_shared_errors(self) -> bool:
-        """Whether errors that tests share are weighed against what was known beforehand."""
+        """Whether errors are known only about a first search."""
         ...
 
     def refined(self, search: Search[C]) -> C | None:
@@ -95,11 +95,12 @@ def fit_with[C: Comparison](
     problem: Problem[C], laws: Sequence[catalogue.LawName], solver: FullSolver, settings: IdentificationSettings
 ) -> list[Fit[Any]]:
     """`fit` with a solver that is at hand; see there."""
-    near = None
+    near, begun = None, dict[catalogue.LawName, Search[C]]()
     if problem.weighs_shared_errors:
-        near = Searches(problem.unknowns, solver, settings, problem.comparison).nearest(laws)
+        near = Searches(problem.unknowns, solver, settings, problem.comparison, refined=problem.refined).nearest(laws)
+        begun[near.search.law.name] = replace(near.search, law=problem.unknowns[near.search.law.name])
     searches = Searches(
-        problem.unknowns, solver, settings, lambda law: problem.comparison(law, near), refined=problem.refined
+        problem.unknowns, solver, settings, lambda law: problem.comparison(law, near), begun, problem.refined
     )
     return [problem.assessed(found) for found in searches.find(laws)]
 
@@ -158,8 +159,7 @@ def optimum_of(
 def _departure(found: Found[Any], covariances: Covariances) -> PartDeparture:
     """What the law's misfit may do to a stiffness, beyond errors of readings and of the model's numbers."""
     comparison = found.search.misfit
-    known: tuple[ErrorSource, ...] = ("recordings", "few_repeats", "model")
-    errors = total_of({source: covariances[source] for source in known if source in covariances})
+    errors = total_of({source: part for source, part in covariances.items() if source in ("recordings", "model")})
     return departure_of(comparison.parts_along, comparison.measured, found.linear.prediction.values, errors)
 
 
@@ -173,6 +173,7 @@ def cost_of(found: Found[Any], per_length: float = math.nan) -> Cost:
     minimised = {
         "paper": "the sum itself (Eq. 12)",
         "covariance": "the sum weighted with the inverse covariance (dimensionless)",
+        "equal": "the sum with equal weights within each channel (dimensionless), since the law misses the recordings",
     }[weighting]
     return Cost(
         value=value,

@@ -7,12 +7,13 @@ contact truly began there, where the recording's displacement counts from 0. Clo
 model's curve, so that no solve is needed for any of the three.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray
@@ -48,6 +49,10 @@ class Channel:
     def __len__(self) -> int:
         """Number n of readings."""
         return len(self.values)
+
+    def part(self, rows: NDArray[np.int_]) -> "Channel":
+        """Return some of the readings, by their places."""
+        return replace(self, station=self.station[rows], values=self.values[rows], sd=self.sd[rows])
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,23 +130,6 @@ class Reading:
 
     grid: FloatArray
     displacement: FloatArray
-
-    def __call__(self, force: FloatArray, instrument: FloatArray) -> FloatArray:
-        """Return the readings (..., n) of forces (..., m).
-
-        ``instrument`` (..., k) begins with the numbers of `INSTRUMENT`; the two broadcast.
-        """
-        gain, zero, offset = np.moveaxis(instrument, -1, 0)[:3]
-        return gain[..., None] * self.at(force, offset) + zero[..., None]
-
-    def derivatives(self, force: FloatArray, instrument: FloatArray) -> dict[str, FloatArray]:
-        """Return the derivatives (n,) of the readings of a force (m,) by the instrument's."""
-        gain, _, offset = instrument[:3]
-        return {
-            GAIN: self.at(force, np.asarray(offset)),
-            ZERO: np.ones(len(self.displacement)),
-            OFFSET: -gain * self.at(force, np.asarray(offset), derivative=True),
-        }
 
     @cached_property
     def _knots(self) -> FloatArray:

@@ -180,6 +180,8 @@ class Search[C: Comparison]:
     """All full solves, in the order asked for."""
     generations: list[Generation] = field(default_factory=list)
     converged: bool = False
+    begun: bool = False
+    """Whether an earlier search, by other weights, was near the optimum: none by the minimiser is needed then."""
     emulator_error: float = math.nan
     """Largest force error (N) of the emulator at the last accepted point; NaN before there is one."""
 
@@ -228,9 +230,15 @@ class Search[C: Comparison]:
 
     def beside(self, misfit: C) -> "Search[C]":
         """Return a search beside another reading of the recordings, with what was solved so far."""
-        other = replace(self, misfit=misfit, trials=[], generations=list(self.generations), converged=False)
+        other = replace(self, misfit=misfit, trials=[], generations=list(self.generations), converged=False, begun=True)
         other.trials += [other._trial(one.point, one.values, one.outcome, one.stage) for one in self.trials]
         return other
+
+    def reread(self, trial: Trial) -> Trial:
+        """Return another search's solve as this one's comparison reads it."""
+        point = self.law.point({**self.law.fixed, **trial.values})
+        read = self._trial(point, trial.values, trial.outcome, trial.stage)
+        return trial if read.prediction is None else read
 
     def emulated(self) -> Emulated:
         """Return the model between all complete solves."""
@@ -255,7 +263,7 @@ class Search[C: Comparison]:
             yield self.design(), "design"
         while not self.complete:
             yield self._stiffer(), "design"
-        if self._wide and (failed := [one.point for one in self.trials if one.prediction is None]):
+        if self._wide and not self.begun and (failed := [one.point for one in self.trials if one.prediction is None]):
             known = np.array([trial.point for trial in self.complete])
             yield half_way(self.coordinates, np.array(failed), known), "design"
         gained, refuted = math.inf, 0
@@ -315,11 +323,12 @@ class Search[C: Comparison]:
             return emulated.residual(domain.values(genes))
 
         start = domain.genes(self.best.point)
-        found = self.settings.minimiser(cost, start[None], self.settings.seed + attempt)
-        path = np.array([trusted(genes)[0] for genes, _ in found.path])
-        self._remember(emulated, path.reshape(-1, len(start)), attempt)
-        candidates = [start]
-        starts = [found.best, start]
+        candidates, starts = [start], [start]
+        if not self.begun:
+            found = self.settings.minimiser(cost, start[None], self.settings.seed + attempt)
+            path = np.array([trusted(genes)[0] for genes, _ in found.path])
+            self._remember(emulated, path.reshape(-1, len(start)), attempt)
+            starts.insert(0, found.best)
         if self._wide:
             known = sorted(self.complete, key=lambda trial: trial.objective)[1:_MORE_STARTS]
             starts += [domain.genes(trial.point) for trial in known]

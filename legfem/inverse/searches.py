@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.inverse.catalogue import DEEP_C20, IdentifiedLaw, LawName, Values, model_values
+from legfem.inverse.catalogue import DEEP_C20, IdentifiedLaw, LawName, model_values
 from legfem.inverse.comparison import Comparison
 from legfem.inverse.least_squares import Residual
 from legfem.inverse.outcome import FullSolver, Key, Outcome, key_of_values
@@ -40,7 +40,17 @@ def run_together[C: Comparison](searches: Sequence[Search[C]]) -> None:
 
 
 def run_plain(search: Search) -> None:
-    """Search without an emulator; a repeated individual isn't solved again."""
+    """Search without an emulator; a repeated individual isn't solved again.
+
+    Where other weights brought a search near the optimum, a few steps by the solves' own derivatives end there.
+    """
+    if search.begun:
+        for _ in range(_MOST_STEPS):
+            if search.is_near_optimum():
+                break
+            search.solve(search.domain.inside(search.best.point + search.newton_step())[None], "proposal")
+        search.converged = search.is_near_optimum()
+        return
     domain, settings, law = search.domain, search.settings, search.law
     done: dict[Key, Trial] = {}
 
@@ -66,6 +76,8 @@ def run_plain(search: Search) -> None:
     search.converged = search.is_near_optimum()
 
 
+_MOST_STEPS = 5
+"""By a solve's own derivatives."""
 _MOST_REFINED = 6
 """Times that a comparison is made anew about what a search found."""
 # C20 over its standard error below which the neo-Hookean limit is looked at by itself.
@@ -152,11 +164,11 @@ class Searches[C: Comparison]:
         self._run(names)
         return [self._find(name) for name in names]
 
-    def nearest(self, names: Sequence[LawName]) -> tuple[Values, FloatArray]:
-        """Return values and forces (n,), N, of the best solve for the law of most parameters."""
+    def nearest(self, names: Sequence[LawName]) -> Found[C]:
+        """Return what was found of the law of most parameters."""
         most = max(names, key=lambda name: len(self.laws[name].parameters))
         (found,) = self.find([most])
-        return found.best.values, found.linear.prediction.values
+        return found
 
     def _find(self, name: LawName) -> Found[C]:
         search = self._search(name)
@@ -165,7 +177,7 @@ class Searches[C: Comparison]:
         if k is not None and "neo-hookean" in self.laws:
             near = bool(best.point[k] <= _NEAR_LIMIT * search.standard_error()[k])
             if near or "neo-hookean" in self._searches:
-                neo_hookean = self._search("neo-hookean").best
+                neo_hookean = search.reread(self._search("neo-hookean").best)
                 if neo_hookean.objective <= best.objective:
                     best = neo_hookean
         if k is not None and best.values[DEEP_C20] == 0.0:

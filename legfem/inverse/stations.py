@@ -212,3 +212,17 @@ def read_at(trial: Segmentation, stations: Stations) -> StationReadings:
         force[here], leverage[here] = line.value, line.leverage
         jitter[here] = np.interp(d, segment.displacement[order], segment.leverage[order])
     return StationReadings(force, leverage, jitter)
+
+
+def since_touch(displacement: FloatArray, half_width: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return ways after touch (n,), mm, whose forces are read at displacements (n,), and the shares that count.
+
+    A force is read by a straight line through what lies within a half-width h (n,) to either side, and where touch
+    lies within it, too, that is the mean of what is nothing before: with a force that begins in proportion to its way
+    x, (x + h) / (2 h) times the force at (x + h) / 2.
+    """
+    half = np.broadcast_to(half_width, displacement.shape)
+    across = (half > 0) & (np.abs(displacement) < half)
+    share = np.where(displacement > 0, 1.0, 0.0)
+    share = np.divide(displacement + half, 2 * half, out=share, where=across)
+    return np.maximum(np.where(across, 0.5 * (displacement + half), displacement), 0.0), share

@@ -15,7 +15,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
@@ -159,31 +159,6 @@ REFERENCE, LEGS = STUDY / "correction.json", STUDY / "correction-legs.json"
 AUTO, OWN, NONE = "auto", "own", "none"
 
 
-class Correction(Protocol):
-    """A factor on the plane-strain force, with its uncertainty (``1 - P(d)``, Eq. 3).
-
-    Stiffnesses are those of the deep tissue in MPa, of any shape ``(...)``; displacements are
-    ``(n,)`` in mm.
-    """
-
-    @property
-    def name(self) -> str:
-        """What reports call it."""
-        ...
-
-    def factor(self, displacement: FloatArray, c10: FloatArray, c20: FloatArray) -> FloatArray:
-        """Return the factor (..., n)."""
-        ...
-
-    def covariance(self, displacement: FloatArray, c10: float, c20: float) -> FloatArray:
-        """Return the covariance (n, n) of the factor's relative error, for the intervals."""
-        ...
-
-    def relative_errors(self, displacement: FloatArray, c10: float, c20: float) -> Mapping[str, FloatArray]:
-        """Return the modes (n,) that the covariance is made of, by what causes them."""
-        ...
-
-
 def choose_correction(name: str, subject: Subject) -> TabulatedCorrection | None:
     """Return the correction that ``--correction`` names, with the leg's fibres if they are known.
 
@@ -274,12 +249,3 @@ def _another_cylinder(subject: Subject, tabulated: Mapping[str, float]) -> str:
     if np.allclose(size, own, rtol=0.01):
         return ""
     return f"a cylinder of {own[0]:g} x {own[1]:g} mm, not {size[0]:g} x {size[1]:g} mm"
-
-
-def correction_factor(
-    correction: Correction | None, displacement: FloatArray, c10: FloatArray, c20: FloatArray
-) -> FloatArray:
-    """Return the factor (..., n); 1 without a correction."""
-    if correction is None:
-        return np.ones((*np.shape(c10), len(displacement)))
-    return correction.factor(displacement, c10, c20)

@@ -20,7 +20,7 @@ from legfem.geometry.leg_surface import TriangleSurface
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values, with_units
 from legfem.inverse.fit import Fit
 from legfem.jobs.store import read_arrays, write_arrays
-from legfem.legs.site_test import curve_of
+from legfem.legs.site import curve_of
 from legfem.legs.subject import SitedLeg, Subject
 from legfem.solve.path import ForceCurve
 
@@ -164,10 +164,9 @@ class LegDocument:
             "correction_P": None if applied is None else applied.P,
             "correction_P_sd": None if applied is None else applied.sd,
             "noise": {
-                "reading_force_sd_N": curve.noise.force_sd,
-                "correlation_length_mm": curve.noise.correlation_length,
+                "reading_force_sd_N": curve.white_sd,
                 "trials": curve.n_trials,
-                "source": curve.noise.source,
+                "source": "repeats and instrument" if curve.n_trials > 1 else "instrument",
             },
         }
 

@@ -17,6 +17,7 @@ from legfem.inverse.diagnosed_fit import solution_notices
 from legfem.inverse.elastography import disagreement, elastography_priors
 from legfem.inverse.library import Library
 from legfem.inverse.library_build import build_library
+from legfem.inverse.library_tasks import STIFFENING
 from legfem.inverse.linearised import LinearisedFit, NuisanceEffect
 from legfem.inverse.measured_strength import MeasuredStrength, measured_strength
 from legfem.inverse.mechanism import Occurrence, null_of, prior_of, testable
@@ -75,10 +76,6 @@ def check_measured(toml: Path, effects: Sequence[MeasuredEffect]) -> None:
 
 def _sd_of(mechanism: Mechanism, one: MeasuredEffect) -> float:
     return one.sd / one.value if prior_of(mechanism.parameters[0]).scale == "log" else one.sd
-
-
-STIFFENING = {"neo-hookean": 0.0, "reduced-polynomial": 0.8}
-"""ln(1 + C20 / C10) at which a leg's changes are tabulated, by its law."""
 
 
 @dataclass(eq=False)

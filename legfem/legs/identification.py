@@ -30,7 +30,6 @@ from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.common.wording import Argument, Remedy
 from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO, LawName, deep_stiffness
-from legfem.inverse.comparison import JointComparison
 from legfem.inverse.correction import FIRST_RATIO, TabulatedCorrection, confirmed_correction
 from legfem.inverse.fibre_ratio import check_in_plane
 from legfem.inverse.fit import Fit
@@ -46,10 +45,10 @@ from legfem.legs.forward import PlaneStrainForward, laws_of, values_of
 from legfem.legs.model_3d import SOLVES, LegModels, check_has_ends, kept_forward, leg_models, start_of_ratio
 from legfem.legs.notices import of_two_fidelities
 from legfem.legs.problem import LegProblem, leg_problem, pressed_depth, split_instrument
-from legfem.legs.site_channels import site_channels
-from legfem.legs.site_test import SiteTest, measured_curve, with_instrument_errors
+from legfem.legs.site import measured_curve, site_test
 from legfem.legs.solver_3d import LegSolver, model_errors
 from legfem.legs.subject import SitedLeg, Subject
+from legfem.legs.unknowns import Geometry, unknown_geometry
 
 MOST_SOLVES = 8
 """In 3D, of all laws together, those that measure the errors among them."""
@@ -239,29 +238,30 @@ def fit_in_3d(
     """
     request = request or SearchRequest()
     parameters, own_errors = split_instrument(request.parameters, request.fixed)
-    curves = [with_instrument_errors(measured_curve(site, request.depth), own_errors) for site in leg.sites]
-    models = models or leg_models(leg, curves, request, settings, comm)
+    curves = tuple(measured_curve(site, request.depth) for site in leg.sites)
+    tests = tuple(site_test(site, request.depth, model="3d") for site in leg.sites)
+    models = models or leg_models(leg, [float(test.grid[-1]) for test in tests], request, settings, comm)
     kept = tuple(map(kept_forward, models))
     jobs = min(request.jobs, len(models)) if comm.size == 1 else 1
     unknowns = laws_of(leg.sites[0], laws, kept[0].nominal, parameters, request.fixed)
-    tests = tuple(
-        SiteTest(site, curve, beside=site_channels(site, curve, "3d"))
-        for site, curve in zip(leg.sites, curves, strict=True)
-    )
-    problem = LegProblem(leg, tests, JointForward(kept), unknowns, "covariance", own_errors)
+    problem = LegProblem(leg, tests, curves, JointForward(kept), unknowns, unknown_geometry, "covariance", own_errors)
     with (
         Workers(solve_test, kept, jobs, along=True) as workers,
         replace(request, jobs=1).solver(JointForward(kept, workers), problem.sensitivities) as solver,
     ):
-        free = JointComparison(tests)
         few = replace(request.settings, most_solves=FIRST_SOLVES)
-        most = max(laws, key=lambda name: len(unknowns[name].parameters))
-        (start,) = Searches(unknowns, solver, few, lambda law: free).find([most])
+        start = Searches(unknowns, solver, few, problem.comparison).nearest(laws)
         errors = model_errors(leg, models, start, request.progress, jobs)
         problem = replace(problem, spatial=errors.summary).corrected(errors.modes)
-        near = problem.comparison(start.search.law, (start.best.values, start.linear.prediction.values))
         settled = replace(request.settings, most_solves=MOST_SOLVES_OF_SITES)
-        searches = Searches(unknowns, solver, settled, lambda law: near, {most: start.search})
+        searches = Searches(
+            unknowns,
+            solver,
+            settled,
+            lambda law: problem.comparison(law, start),
+            {start.search.law.name: start.search},
+            problem.refined,
+        )
         found = searches.find(laws)
     return [problem.assessed(one) for one in found]
 
@@ -383,12 +383,13 @@ def fit_leg(
     corrections: Sequence[TabulatedCorrection | None] | None = None,
     forward: Forward | None = None,
     models: LegModels | None = None,
+    geometry: Geometry | None = None,
 ) -> list[Fit[LegDetails]]:
     """Fit laws to sections in plane strain.
 
     Parameters
     ----------
-    given, laws, request, corrections, forward
+    given, laws, request, corrections, forward, geometry
         See `legfem.legs.problem.leg_problem`.
     models
         Of the only site in 3D: its solves confirm the correction; see `legfem.legs.identification.TwoFidelities`.
@@ -401,7 +402,7 @@ def fit_leg(
         If too few full solves reach the measured depths.
     """
     request = request or SearchRequest()
-    problem = leg_problem(as_leg(given), laws, request, corrections, forward)
+    problem = leg_problem(as_leg(given), laws, request, corrections, forward, geometry)
     if models is None:
         return fit(problem, laws, request)
     (test,) = problem.tests

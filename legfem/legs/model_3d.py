@@ -11,7 +11,6 @@ from mpi4py import MPI
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, Silent
 from legfem.common.wording import Argument
-from legfem.data import LoadingCurve
 from legfem.experiments.indentation import OnStep
 from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, membrane_of
 from legfem.inverse.catalogue import DEEP_RATIO, Values, stiffness_in_words
@@ -328,12 +327,12 @@ class KeptForward:
 
 def leg_models(
     leg: SitedLeg,
-    curves: Sequence[LoadingCurve],
+    depths: Sequence[float],
     request: SearchRequest,
     settings: SolidLegSettings | None = None,
     comm: MPI.Intracomm = MPI.COMM_SELF,
 ) -> list[LegModels]:
-    """Return the models in 3D of a leg's sites, each pressed as deep as its curve goes.
+    """Return the models in 3D of a leg's sites, each pressed as deep (mm) as stated.
 
     Raises
     ------
@@ -343,8 +342,8 @@ def leg_models(
     kept = None if request.out is None else request.out / SOLVES
     ratio = seeks_ratio(leg.sites[0], request)
     return [
-        LegModels.of_subject(site, float(curve.displacement[-1]), kept, settings, request.progress, comm, ratio)
-        for site, curve in zip(leg.sites, curves, strict=True)
+        LegModels.of_subject(site, depth, kept, settings, request.progress, comm, ratio)
+        for site, depth in zip(leg.sites, depths, strict=True)
     ]
 
 

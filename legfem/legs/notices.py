@@ -14,7 +14,7 @@ from legfem.inverse.notice import Notice, doubted
 from legfem.legs.correction_of_leg import why_uncorrected, why_without_fibres
 from legfem.legs.details import AppliedCorrection, LegDetails, SpatialEvidence, SpatialSites
 from legfem.legs.plausibility import doubts_about, doubts_about_stiffness, poisson_ratio
-from legfem.legs.site_test import curve_of
+from legfem.legs.site import curve_of
 from legfem.legs.subject import TYPICAL_FORCE_SD, Subject
 
 

@@ -127,7 +127,7 @@ def accuracy_of_shape(subject: Subject) -> Accuracy:
     )
 
 
-def _word(name: str) -> str:
+def word_of(name: str) -> str:
     """Return what an assumed number is called."""
     size = name.removeprefix(SIZE)
     return _WORDS[name] if size == name else f"{_A_SIZE}{size.replace('_', ' ')}"
@@ -204,7 +204,7 @@ def nuisance_effects(
     found: list[NuisanceEffect] = []
     for name in changes.material:
         if (sd := accuracy.log_sd(name)) > 0:
-            word = _word(name)
+            word = word_of(name)
             degrees = GEOMETRY_DOF if name.startswith(SIZE) else MATERIAL_DOF
             found.append(NuisanceEffect(word, sd * effect(name), Cause(word, degrees)))
     scale = {

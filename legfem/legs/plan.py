@@ -15,7 +15,7 @@ from legfem.inverse.errors import error_model
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.library import Library
 from legfem.inverse.library_build import build_library
-from legfem.inverse.library_tasks import rounded
+from legfem.inverse.library_tasks import STIFFENING, rounded
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, NuisanceEffect
 from legfem.inverse.mechanism import prior_of
 from legfem.inverse.observations import Observations, blank_observations
@@ -32,7 +32,7 @@ from legfem.inverse.predictor import Predictor
 from legfem.inverse.trial_noise import Noise
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.correction_of_leg import choose_correction
-from legfem.legs.diagnosis import STIFFENING, Diagnoser, accuracy_of, ruled_out_of, shown_mechanisms
+from legfem.legs.diagnosis import Diagnoser, accuracy_of, ruled_out_of, shown_mechanisms
 from legfem.legs.nuisances import nuisance_effects
 from legfem.legs.subject import Subject
 from legfem.mechanisms import Mechanism

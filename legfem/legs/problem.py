@@ -7,15 +7,20 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.linalg import block_diag
+from scipy.special import stdtrit
+from scipy.stats import chi2
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.common.wording import Argument, Remedy
+from legfem.data import LoadingCurve
 from legfem.inverse.catalogue import DEEP_D2, IdentifiedLaw, LawName, Values, deep_stiffness
-from legfem.inverse.comparison import Covariances, ErrorSource, JointComparison, Weighting, total_of
+from legfem.inverse.comparison import Covariances, ErrorSource, JointComparison, Test, Weighting, total_of
 from legfem.inverse.correction import TabulatedCorrection
-from legfem.inverse.fit import ChannelFit, Fit, Identity, TestFit, versions
-from legfem.inverse.intervals import IDENTIFIABLE_WITHIN, NUMERICAL_ERROR, NUMERICAL_LENGTH_MM, WEAKLY_WITHIN, quantile
+from legfem.inverse.ends import Correction, corrected, source_of_mode
+from legfem.inverse.fit import LEAST_CHANCE, ChannelFit, Cost, Fit, Identity, TestFit, r_squared, versions
+from legfem.inverse.intervals import IDENTIFIABLE_WITHIN, NUMERICAL_ERROR, PRIOR_DOF, WEAKLY_WITHIN, effective_degrees
 from legfem.inverse.outcome import Forward, JointForward
 from legfem.inverse.parameter import Parameter
 from legfem.inverse.problem import SingleTests, cost_of, goodness_of, held_values, log_of, optimum_of, search_settings
@@ -23,87 +28,118 @@ from legfem.inverse.readings import INSTRUMENT
 from legfem.inverse.search import Search
 from legfem.inverse.searches import Found
 from legfem.inverse.settings import SearchRequest, free_of_model
-from legfem.legs.correction_of_leg import Correction
+from legfem.inverse.station_test import StationTest
+from legfem.inverse.trial import Trial
+from legfem.inverse.trial_noise import estimate_noise
 from legfem.legs.details import AppliedCorrection, LegDetails, SpatialSites
 from legfem.legs.forward import PlaneStrainForward, laws_of
 from legfem.legs.notices import notices_about
-from legfem.legs.site_channels import site_channels
-from legfem.legs.site_test import SiteTest, beyond_of, measured_curve, source_of_mode, with_instrument_errors
+from legfem.legs.nuisances import GEOMETRY_DOF, MATERIAL_DOF, MATERIAL_LOG_SD
+from legfem.legs.site import MeasuredSite, beyond_of, measured_curve, site_test
 from legfem.legs.subject import SitedLeg, Subject
+from legfem.legs.unknowns import Geometry, SectionGeometry, unknowns_at
 
 if TYPE_CHECKING:
     from legfem.experiments.plane_strain import PlaneStrainSettings
 
-ALIKE: frozenset[ErrorSource] = frozenset({"ends", "fibres", "shape"})
+ALIKE: frozenset[ErrorSource] = frozenset({"ends", "fibres", "assumed"})
 """Sources of error that all sites of a leg have alike: they make none differ from another."""
-_ALWAYS_BY = ("deep.C10", "deep.C20", "superficial.C10", "fascia.C10")
+_ALWAYS_BY = ("deep.C10", "deep.C20", *MATERIAL_LOG_SD)
 _ASSUMED = ("superficial.C10", "fascia.C10")
+_STAYS = 0.05
+"""Share of a first contact's standard deviation by which it may move, and of a misfit, before all is made anew."""
 
 
 @dataclass(frozen=True, eq=False)
 class LegProblem:
     """A leg's sites beside its model; a `legfem.inverse.problem.Problem`.
 
+    A first search weighs the readings of a channel equally. About its optimum the errors of all readings are found,
+    of which some are shares of what the model predicts, and by these the search is repeated. Where a law misses the
+    recordings by more than their errors, it is shown as near to them as equal weights bring it.
+
     Parameters
     ----------
     leg : SitedLeg
         One leg pressed in one way is a leg of one site.
-    tests : tuple of SiteTest
+    tests : tuple of StationTest
         One a site.
+    curves : tuple of LoadingCurve
+        Mean of each site's loadings, which people are shown.
     forward : Forward
         Of all sites, in their order.
     unknowns : Mapping[str, IdentifiedLaw]
         By law.
+    geometry : Geometry
+        What outlines, aim and direction that are off do at each site.
     weighting : {"paper", "covariance"}, optional
         What to minimise; see `weighting_of`.
     own_errors : Mapping[str, float]
-        Standard deviations by which each site's instrument errs, which the curves' errors have.
+        Standard deviations by which each site's instrument errs beside what all have.
     spatial : callable, optional
         What is known of solves in 3D beside a finished search; of a search that goes on these.
     """
 
     leg: SitedLeg
-    tests: tuple[SiteTest, ...]
+    tests: tuple[StationTest, ...]
+    curves: tuple[LoadingCurve, ...]
     forward: Forward
     unknowns: Mapping[LawName, IdentifiedLaw]
+    geometry: Geometry
     weighting: Weighting | None = None
     own_errors: Values = field(default_factory=dict)
     spatial: Callable[[Found[JointComparison]], SpatialSites] | None = None
 
-    @property
-    def weighs_shared_errors(self) -> bool:
-        """Whether the correction's error is weighed against what was known beforehand."""
-        known = any(len(law.priors) for law in self.unknowns.values())
-        return known and any(test.correction is not None for test in self.tests)
+    weighs_shared_errors = True
 
-    @property
-    def _joint(self) -> bool:
-        """Whether readings have to be weighed by their errors, and an instrument's numbers are among these."""
-        return len(self.tests) > 1 or self.spatial is not None
+    def comparison(self, law: IdentifiedLaw, near: Found[JointComparison] | None = None) -> JointComparison:
+        """Corrected forces beside the recordings, as the instruments show them; by their errors about a search."""
+        weighting = weighting_of(law, self.weighting, any(test.observed.channels for test in self.tests))
+        if near is None:
+            return JointComparison(self._read_by(law, self.tests), "paper" if weighting == "paper" else "equal")
+        best, tests = near.best, list[StationTest]()
+        every = zip(self._read_by(law, near.search.misfit.tests), self.tests, best.outcome.curves, strict=True)
+        for number, (test, own, curve) in enumerate(every):
+            subject, observed = self.leg.sites[number], test.observed
+            moved = replace(test, correction=own.correction).about(curve, best.values, test.contacts)
+            left = observed.force - moved.every_reading(curve, best.values)[: len(observed.force)]
+            noise = estimate_noise(observed, subject.instrument, observed.slowest, left)
+            changes = self.geometry(number, deep_stiffness(best.values))
+            unknowns = unknowns_at(moved, subject, curve, best.values, changes, law, self.own_errors)
+            tests.append(moved.about(curve, best.values, test.contacts, noise, unknowns))
+        about = best.values, near.linear.prediction.values
+        return JointComparison(tuple(tests), weighting, about)
 
-    def comparison(self, law: IdentifiedLaw, near: tuple[Values, FloatArray] | None = None) -> JointComparison:
-        """Corrected forces beside the recordings, as the instrument of one site shows them."""
-        if self._joint:
-            return JointComparison(self.tests, "covariance", near)
-        (test,) = self.tests
-        weighting = weighting_of(law, self.weighting, bool(test.beside))
+    def _read_by(self, law: IdentifiedLaw, tests: Sequence[Test]) -> tuple[StationTest, ...]:
+        """Return tests as the instrument shows them whose numbers a law has; several sites have one each."""
+        found = tuple(test for test in tests if isinstance(test, StationTest))
+        if len(found) > 1:
+            return found
         beyond = beyond_of(law.parameters, law.fixed)
-        read = replace(test, beyond=beyond, by_instrument=law.reads, finds_contact=weighting == "covariance")
-        return JointComparison((read,), weighting, near)
+        return (replace(found[0], beyond=beyond, by_instrument=law.reads),)
 
     @property
     def sensitivities(self) -> tuple[str, ...]:
         """What solves are differentiated by; the stiffnesses always, since back-substitutions cost next to nothing."""
-        return tuple(dict.fromkeys((*_ALWAYS_BY, *free_of_model(self.unknowns))))
+        known = [name for name in _ALWAYS_BY if name in self.forward.nominal]
+        return tuple(dict.fromkeys((*known, *free_of_model(self.unknowns))))
 
     def refined(self, search: Search[JointComparison]) -> JointComparison | None:
-        """Comparison with what images do that lie elsewhere, as the best solve shows it; None where that is known."""
-        comparison, curves = search.misfit, search.best.outcome.curves
-        sites = [test for test in comparison.tests if isinstance(test, SiteTest)]
-        seen = [test.seen_in(curve) for test, curve in zip(sites, curves, strict=True)]
-        if all(one is None for one in seen):
+        """Comparison about the contacts that a search leads to, or by equal weights where errors don't explain it."""
+        now, best = search.misfit, search.best
+        if now.weighting == "paper":
             return None
-        return replace(comparison, tests=tuple(one or test for one, test in zip(seen, sites, strict=True)))
+        misses = float(chi2.sf(best.objective, len(now))) < LEAST_CHANCE
+        weighting = "equal" if now.near is not None and misses else now.weighting
+        moved = replace(now, weighting=weighting)
+        contacts = _contacts(moved, best)
+        pairs = zip(now.tests, best.outcome.curves, contacts, strict=True)
+        tests = tuple(test.about(curve, best.values, at) for test, curve, at in pairs if isinstance(test, StationTest))
+        if weighting == now.weighting and all(
+            _as_before(one, then) for one, then in zip(now.tests, tests, strict=True)
+        ):
+            return None
+        return replace(moved, tests=tests)
 
     def corrected(self, corrections: Sequence[Correction | None]) -> "LegProblem":
         """The same with other corrections, one a site."""
@@ -119,8 +155,7 @@ class LegProblem:
         goodness = goodness_of(found, covariance)
         single = SingleTests(found, covariance)
         agreement = single.agreement
-        # The sites' repeats say how well their errors are known; the fewest count.
-        times = quantile(min(test.curve.noise.repeat_dof for test in self.tests))
+        times = self._quantile(found, covariances)
         spatial = None if self.spatial is None else self.spatial(found)
         estimates, correlations = optimum_of(
             found,
@@ -130,7 +165,11 @@ class LegProblem:
             _assumed_stiffness(law),
             spatial is None,
         )
-        corrections = tuple(_applied(test.correction, test.curve.displacement, best.values) for test in self.tests)
+        corrections = tuple(
+            _applied(test.correction, curve.displacement, best.values)
+            for test, curve in zip(self.tests, self.curves, strict=True)
+        )
+        tests = tuple(self._test_fits(found, single))
         result = Fit(
             kind="leg",
             subject=Identity(self.leg.id, self.leg.title, self.leg.origin),
@@ -140,9 +179,9 @@ class LegProblem:
             values=MappingProxyType(dict(best.values)),
             assumed=held_values(law),
             goodness=goodness,
-            cost=cost_of(found, self._per_length(found)),
+            cost=self._cost(found, tests),
             agreement=agreement,
-            tests=tuple(_test_fits(found, single)),
+            tests=tests,
             log=log_of(found),
             neo_hookean_limit=found.neo_hookean_limit,
             weighting=comparison.weighting,
@@ -152,29 +191,84 @@ class LegProblem:
         )
         return replace(result, notices=notices_about(result))
 
-    def _per_length(self, found: Found[JointComparison]) -> float:
-        """Sum of squared differences of forces per unit length of the cylinder, (N/mm)2; NaN of other indenters."""
-        left = found.linear.prediction.values - found.search.misfit.measured
-        forces = [test.data.spans[0] for test in self.tests]
-        lengths = [test.subject.indenter.length for test in self.tests]
-        spans = found.search.misfit.spans
-        every = zip(spans, forces, lengths, strict=True)
-        return math.fsum(float(np.sum(left[span][force] ** 2)) / one**2 for span, force, one in every)
+    def _cost(self, found: Found[JointComparison], tests: Sequence[TestFit]) -> Cost:
+        """Return the plain sum of squares over the mean loading curves, Eq. 12."""
+        squares = np.array([np.sum(one.force.residual**2) for one in tests])
+        lengths = np.array([site.indenter.length for site in self.leg.sites])
+        measured, value = np.concatenate([curve.force for curve in self.curves]), float(squares.sum())
+        spread, per_length = r_squared(value, measured), float(np.sum(squares / lengths**2))
+        return replace(cost_of(found), value=value, points=len(measured), per_length=per_length, r_squared=spread)
+
+    def _quantile(self, found: Found[JointComparison], covariances: Covariances) -> float:
+        """Return Student's two-sided 95 % quantile for the first parameter, by how well its errors are known."""
+        gain = found.linear.gain[0, : len(found.search.misfit)]
+        parts = {source: float(gain @ part @ gain) for source, part in covariances.items()}
+        # The sites' repeats say how well their errors are known; the fewest count.
+        repeats = min(curve.n_trials for curve in self.curves) - 1
+        degrees = {"recordings": PRIOR_DOF + repeats, "shape": GEOMETRY_DOF, "assumed": MATERIAL_DOF}
+        known = [(part, float(degrees[source])) for source, part in parts.items() if source in degrees]
+        return float(stdtrit(effective_degrees(sum(parts.values()), known), 0.975))
 
     def _settings(self, found: Found[JointComparison], times: float) -> dict[str, object]:
         law = found.search.law
         return {
-            "depth_mm": [float(test.curve.displacement[-1]) for test in self.tests],
+            "depth_mm": [float(curve.displacement[-1]) for curve in self.curves],
             "deep_D2_per_MPa": {**law.nominal, **law.fixed}.get(DEEP_D2, math.inf),
-            "fascia_thickness_mm": [test.subject.section.fascia_thickness for test in self.tests],
+            "fascia_thickness_mm": [site.section.fascia_thickness for site in self.leg.sites],
             **search_settings(found.search),
             "numerical_error_relative": NUMERICAL_ERROR,
-            "numerical_error_length_mm": NUMERICAL_LENGTH_MM,
-            "interval": f"95 %, profile of the cost, t quantile {times:.2f}, covariance of recordings and "
-            "numerical error",
+            "t_quantile": times,
+            "interval": f"95 %, profile of the cost, t quantile {times:.2f}, covariance of recordings, numerical "
+            "error, outlines, aim, direction and assumed tissues",
             "identifiable_within_relative_half_width": IDENTIFIABLE_WITHIN,
             "weakly_identifiable_within_relative_half_width": WEAKLY_WITHIN,
         }
+
+    def _test_fits(self, found: Found[JointComparison], single: SingleTests) -> list[TestFit]:
+        """Every site's mean loading curve, and what else was recorded there, beside the joint fit."""
+        joint, values = found.search.misfit, found.best.values
+        every = zip(
+            joint.tests,
+            joint.spans,
+            self.curves,
+            found.best.outcome.curves,
+            single.goodness(),
+            single.by_itself(),
+            strict=True,
+        )
+        fits = []
+        for test, span, curve, solved, goodness, own in every:
+            assert isinstance(test, StationTest)
+            at, prediction = curve.displacement, found.linear.prediction.part(span)
+            rates = {name: solved.sensitivity(name, at) for name in solved.sensitivities}
+            force, by = corrected(test.correction, at, solved(at), rates, values)
+            further = test.data.channels[1:]
+            shown = MeasuredSite(test.name, curve, further)
+            channels = [ChannelFit(shown.data.channels[0], force, MappingProxyType(by))]
+            for channel, rows in zip(further, test.data.spans[1:], strict=True):
+                slopes = {name: rate[rows] for name, rate in prediction.sensitivities.items()}
+                channels.append(ChannelFit(channel, prediction.values[rows], MappingProxyType(slopes)))
+            fits.append(TestFit(shown, tuple(channels), goodness, by_itself=MappingProxyType(own)))
+        return fits
+
+
+def _contacts(comparison: JointComparison, near: Trial) -> list[FloatArray]:
+    """Return where a solve has the first contacts of every test's trials, mm."""
+    assert near.prediction is not None
+    if comparison.weighting == "equal":
+        covariance = np.asarray(block_diag(*(test.equal_covariance for test in comparison.tests)))
+    else:
+        covariance = comparison.covariance
+    left = np.linalg.solve(covariance, near.prediction.values - comparison.measured)
+    pairs = zip(comparison.tests, comparison.spans, strict=True)
+    return [test.contacts_of(left[span]) for test, span in pairs if isinstance(test, StationTest)]
+
+
+def _as_before(one: Test, then: StationTest) -> bool:
+    """Whether contacts have stayed, and slopes are known from a fit."""
+    assert isinstance(one, StationTest)
+    moved = np.abs(one.contacts - then.contacts)
+    return one.slopes is not None and bool(np.all(moved <= _STAYS * then.contact_sd))
 
 
 def leg_problem(
@@ -183,6 +277,7 @@ def leg_problem(
     request: SearchRequest,
     corrections: Sequence[TabulatedCorrection | None] | None = None,
     forward: Forward | None = None,
+    geometry: Geometry | None = None,
 ) -> LegProblem:
     """A leg's sites in plane strain, with corrections for 3D.
 
@@ -198,6 +293,8 @@ def leg_problem(
         One a site.
     forward : Forward, optional
         Of all sites, one curve each; see `section_forward`, which makes it otherwise.
+    geometry : Geometry, optional
+        What outlines, aim and direction that are off do; by solves of the sections without it.
 
     Raises
     ------
@@ -208,17 +305,19 @@ def leg_problem(
     parameters, fixed, own_errors = request.parameters, request.fixed, dict[str, float]()
     if several:
         parameters, own_errors = split_instrument(parameters, fixed)
-    curves = [with_instrument_errors(measured_curve(site, request.depth), own_errors) for site in leg.sites]
-    forward = forward or section_forward(leg, request)
+    curves = tuple(measured_curve(site, request.depth) for site in leg.sites)
+    paper = request.settings.weighting == "paper"
     tests = tuple(
-        SiteTest(site, curve, correction, beside=site_channels(site, curve))
-        for site, curve, correction in zip(leg.sites, curves, corrections or [None] * len(curves), strict=True)
+        site_test(site, request.depth, correction, loading_alone=paper)
+        for site, correction in zip(leg.sites, corrections or [None] * len(curves), strict=True)
     )
+    forward = forward or section_forward(leg, request)
     unknowns = laws_of(leg.sites[0], laws, forward.nominal, parameters, fixed)
     if not several:
         for law in unknowns.values():
-            weighting_of(law, request.settings.weighting, bool(tests[0].beside))
-    return LegProblem(leg, tests, forward, unknowns, request.settings.weighting, own_errors)
+            weighting_of(law, request.settings.weighting, bool(tests[0].observed.channels))
+    geometry = geometry or SectionGeometry(leg, tests, request)
+    return LegProblem(leg, tests, curves, forward, unknowns, geometry, request.settings.weighting, own_errors)
 
 
 def section_forward(
@@ -248,12 +347,13 @@ def pressed_depth(site: Subject, request: SearchRequest, with_offset: bool = Tru
     InputError
         If the recordings can't be used.
     """
+    measured_curve(site, request.depth)
     beyond = beyond_of(request.parameters or (), request.fixed) if with_offset else 0.0
-    return float(measured_curve(site, request.depth).displacement[-1]) + beyond
+    return float(replace(site_test(site, request.depth), beyond=beyond).grid[-1])
 
 
 def weighting_of(law: IdentifiedLaw, asked: Weighting | None, channels: bool = False) -> Weighting:
-    """What is minimised: the plain sum where nothing else is asked for or needed.
+    """What is minimised: the sum weighted by the errors, unless the paper's plain sum is asked for.
 
     Raises
     ------
@@ -267,16 +367,14 @@ def weighting_of(law: IdentifiedLaw, asked: Weighting | None, channels: bool = F
             "has no errors by which newtons and millimetres could be weighed against each other",
             "leave it out, or take the channels out of the recordings",
         )
-    if len(law.priors) == 0 and not channels:
-        return asked or "paper"
-    if asked == "paper":
+    if asked == "paper" and len(law.priors):
         raise InputError(
             Argument("weighting"),
             "paper",
             "has no errors that a prior could be weighed against",
             "leave it out, or give covariance",
         )
-    return "covariance"
+    return asked or "covariance"
 
 
 def split_instrument(
@@ -339,25 +437,3 @@ def _applied(correction: Correction | None, displacement: FloatArray, values: Va
     sd = factor * np.sqrt(sum(mode**2 for mode in modes.values()))
     fibrous = any(source_of_mode(name) == "fibres" for name in modes)
     return AppliedCorrection(correction.name, 1 - factor, sd, fibrous)
-
-
-def _test_fits(found: Found[JointComparison], single: SingleTests) -> list[TestFit]:
-    """Every site beside the joint fit."""
-    prediction, joint = found.linear.prediction, found.search.misfit
-    every = zip(joint.tests, joint.spans, single.goodness(), single.by_itself(), strict=True)
-    return [
-        TestFit(
-            test,
-            tuple(
-                ChannelFit(
-                    channel,
-                    prediction.values[span][own],
-                    MappingProxyType({name: by[span][own] for name, by in prediction.sensitivities.items()}),
-                )
-                for channel, own in zip(test.data.channels, test.data.spans, strict=True)
-            ),
-            goodness,
-            by_itself=MappingProxyType(own),
-        )
-        for test, span, goodness, own in every
-    ]

@@ -18,7 +18,7 @@ from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO, IdentifiedLaw, Values
 from legfem.inverse.comparison import JointComparison
 from legfem.inverse.correction import FIRST_RATIO, TabulatedCorrection, first_contact_error, mesh_error, smooth_ratio
 from legfem.inverse.elastography import FibreRatio
-from legfem.inverse.fibre_correction import FIBRES
+from legfem.inverse.ends import FIBRES, OF_MODEL
 from legfem.inverse.fibre_ratio import SHAPE_SD_OF_FIBRES
 from legfem.inverse.outcome import ForwardModel, FullSolver, Outcome
 from legfem.inverse.search import SearchError
@@ -27,7 +27,6 @@ from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
 from legfem.legs.details import SpatialSites
 from legfem.legs.model_3d import ROUGHER, LegModels
-from legfem.legs.site_test import OF_MODEL
 from legfem.legs.subject import SitedLeg
 from legfem.mechanics.terms import Fibres
 from legfem.solve.path import ForceCurve

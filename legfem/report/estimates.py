@@ -212,7 +212,6 @@ class Remedies:
         """Return what to do where most of an error has a source."""
         return {
             "recordings": f"{self.recordings}, or state what you already know of it (--prior)",
-            "few_repeats": "few repeats tell poorly by how much they differ, so record more of them",
             "differences": "the recordings differ from one another by a factor, so test more specimens",
             "model": "most of the uncertainty comes from the model itself, and further recordings will not reduce it; "
             "state what you already know (--prior)",
@@ -223,8 +222,10 @@ class Remedies:
             "waves along and across the leg ([[elastography]]), or use --model 3d",
             "channels": "most of the uncertainty comes from the instruments beside the load cell; state their errors "
             "under [channels] where they are smaller, or record more often",
-            "shape": "most of the uncertainty comes from a typical calf's outlines; give this leg's own "
-            "([section] contours)",
+            "shape": "most of the uncertainty comes from the outlines, the aim and the direction; give this leg's own "
+            "outlines ([section] contours), or state how well all three are known ([accuracy])",
+            "assumed": "most of the uncertainty comes from what is assumed of fat and fascia; measure them with shear "
+            "waves ([[elastography]])",
             "priors": "most of the uncertainty comes from what was stated with --prior; measure that "
             "separately, and state the new value",
         }[source]

@@ -16,7 +16,7 @@ from legfem.inverse.fit import Fit
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.details import LegDetails
 from legfem.legs.finite_element_models import plane_strain_test
-from legfem.legs.site_test import curve_of
+from legfem.legs.site import curve_of
 from legfem.legs.subject import Subject
 from legfem.meshing.section import SectionMeshSettings
 from legfem.report import diagnosis_document

@@ -15,7 +15,7 @@ from legfem.common.units import FloatArray
 from legfem.inverse.comparison import Comparison, Covariances, Prediction, total_of
 from legfem.inverse.errors import alike_in_both
 from legfem.inverse.fit import ChannelFit
-from legfem.inverse.loading_channels import BesideForce, LoadingChannel, image_errors, loading_channel, loading_readings
+from legfem.inverse.loading_channels import BesideForce, LoadingChannel, loading_channel, loading_readings
 from legfem.inverse.outcome import Outcome
 from legfem.inverse.readings import INSTRUMENT, OFFSET, RELAXATION
 from legfem.specimens.comparison import Part, SpecimenComparison, slopes_by_readings
@@ -246,7 +246,7 @@ class SpecimenReadings(Comparison):
     @cached_property
     def beside_errors(self) -> FloatArray:
         """Covariance of what was read beside the forces, by instruments and model."""
-        found = block_diag(*(one.instrument + one.numerical for one in self._every)) + image_errors(self._every)
+        found = block_diag(*(one.instrument + one.numerical for one in self._every))
         starts = np.cumsum([0, *map(len, self._every)])
         for (k, one), (m, other) in permutations(enumerate(self._every), 2):
             alike = alike_in_both(one.readings, one.level, other.readings, other.level)

@@ -14,13 +14,13 @@ from legfem.data import Instrument
 from legfem.data.recording import Origin
 from legfem.inverse.catalogue import DEEP_C10, RATIO
 from legfem.inverse.library_build import build_library
-from legfem.inverse.library_tasks import middle_of
+from legfem.inverse.library_tasks import STIFFENING, middle_of
 from legfem.inverse.notice import FitNotice, Notice, doubted
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.responses import PLAIN, SolvedResponses
 from legfem.inverse.verdict import Diagnosis
 from legfem.jobs.store import code_fingerprint
-from legfem.legs.diagnosis import STIFFENING, diagnose_body, shown_mechanisms
+from legfem.legs.diagnosis import diagnose_body, shown_mechanisms
 from legfem.legs.nuisances import Accuracy
 from legfem.specimens.agreement import TestsAgreement, agreement_of_tests
 from legfem.specimens.artefacts import SizeDependence, size_dependence

@@ -15,7 +15,7 @@ from scipy.special import stdtrit
 from legfem.common.errors import Doubt, InputError
 from legfem.common.units import FloatArray
 from legfem.common.wording import Argument
-from legfem.inverse.catalogue import IdentifiedLaw, LawName, Values, model_values
+from legfem.inverse.catalogue import IdentifiedLaw, LawName, model_values
 from legfem.inverse.comparison import total_of
 from legfem.inverse.fit import EXACT, ChannelFit, Fit, Goodness, Identity, TestFit, least_akaike, versions
 from legfem.inverse.intervals import bound_of, quantile
@@ -90,7 +90,7 @@ class SpecimenProblem:
         """Recordings count alike in the search, whatever they share."""
         return False
 
-    def comparison(self, law: IdentifiedLaw, near: tuple[Values, FloatArray] | None = None) -> SpecimenReadings:
+    def comparison(self, law: IdentifiedLaw, near: Found[SpecimenReadings] | None = None) -> SpecimenReadings:
         """Forces beside the recordings, from where their contact seems to be: nothing after that is air."""
         fitted = _fitted(self.folder, self.prepared, self.held_out)
         return self._with_channels(comparison_of(fitted, self.forward, self.folder, self._seeks_ratio))

@@ -17,7 +17,7 @@ from legfem.common.progress import Progress
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.experiments.compression import CompressionSettings
 from legfem.geometry.slices import SliceSet
-from legfem.inverse.catalogue import IdentifiedLaw, LawName, Values
+from legfem.inverse.catalogue import IdentifiedLaw, LawName
 from legfem.inverse.outcome import FullSolver
 from legfem.inverse.parameter import Priors
 from legfem.inverse.problem import fit_with, log_of, search_settings
@@ -119,7 +119,7 @@ class ScanProblem:
             (fit,) = fit_with(self, [LAW], solver, settings)
         return fit
 
-    def comparison(self, law: IdentifiedLaw, near: tuple[Values, FloatArray] | None = None) -> ScanComparison:
+    def comparison(self, law: IdentifiedLaw, near: Found[ScanComparison] | None = None) -> ScanComparison:
         """Both scans beside the model."""
         return self.scans
 

@@ -27,8 +27,8 @@ from legfem.legs.finite_element_models import plane_strain_test
 from legfem.legs.forward import PlaneStrainForward
 from legfem.legs.identification import fit_leg
 from legfem.legs.loading import load_subject
+from legfem.legs.problem import pressed_depth
 from legfem.legs.schema import SUBJECTS
-from legfem.legs.site_test import measured_curve
 from legfem.legs.subject import Subject
 from legfem.mechanics.contact import ContactSettings
 from legfem.meshing.section import SectionMeshSettings
@@ -131,7 +131,7 @@ def _recorded(truth: PlantedTruth) -> Subject:
 
 
 def _depth(subject: Subject) -> float:
-    return float(measured_curve(subject).displacement[-1])
+    return pressed_depth(subject, SearchRequest())
 
 
 @cache

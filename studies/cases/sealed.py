@@ -15,20 +15,12 @@ from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.library import Library
 from legfem.inverse.library_build import build_library
-from legfem.inverse.library_tasks import middle_of
+from legfem.inverse.library_tasks import STIFFENING, middle_of
 from legfem.inverse.mechanism import Mechanism, TissueMechanism
 from legfem.inverse.responses import SolvedResponses
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.correction_of_leg import choose_correction
-from legfem.legs.diagnosis import (
-    STIFFENING,
-    Diagnoser,
-    accuracy_of,
-    diagnose_body,
-    ruled_out_of,
-    shown_mechanisms,
-    with_correction,
-)
+from legfem.legs.diagnosis import Diagnoser, accuracy_of, diagnose_body, ruled_out_of, shown_mechanisms, with_correction
 from legfem.legs.finite_element_models import solved_responses
 from legfem.legs.subject import Subject
 from legfem.mechanisms import OCCURRENCES, mechanisms

@@ -25,7 +25,7 @@ from legfem.legs.details import SpatialSites
 from legfem.legs.identification import fit_in_3d
 from legfem.legs.loading import load_sites
 from legfem.legs.model_3d import leg_models, start_of_ratio
-from legfem.legs.site_test import measured_curve
+from legfem.legs.problem import pressed_depth
 from legfem.meshing.leg_sizes import SolidMeshSettings
 from studies.command_line import new_app
 from studies.leg3d.orientations import FINE, WAYS, sited_folder
@@ -93,8 +93,8 @@ def found_of(planted: Planted, tests: str, elements: str, seed: int, out: Path, 
         asked = tuple(parameter_of(name, nominal) for name in nominal)
         # Solves in 3D are shared by all that press alike.
         request = SearchRequest(asked, out=out, progress=progress)
-        curves = [measured_curve(site) for site in leg.sites]
-        models = leg_models(leg, curves, request, ELEMENTS[elements])
+        depths = [pressed_depth(site, request, with_offset=False) for site in leg.sites]
+        models = leg_models(leg, depths, request, ELEMENTS[elements])
         request = replace(request, out=out / "solves" / place.name)
         (result,) = fit_in_3d(leg, ["neo-hookean"], request, models=models)
         spatial = result.details.spatial

@@ -12,7 +12,7 @@ from legfem.inverse.catalogue import DEEP_C10, LawName, symbol_of
 from legfem.inverse.document import KindDocument
 from legfem.inverse.fit import Fit
 from legfem.legs.details import LegDetails, LegDocument, SpatialEvidence, SpatialSites
-from legfem.legs.site_test import curve_of
+from legfem.legs.site import curve_of
 from legfem.legs.subject import Subject
 from legfem.report import estimates
 from legfem.report import page as web

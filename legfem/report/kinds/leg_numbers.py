@@ -13,7 +13,7 @@ from legfem.inverse.intervals import NUMERICAL_ERROR
 from legfem.legs.details import AppliedCorrection, LegDetails, SpatialEvidence, SpatialSites
 from legfem.legs.finite_element_models import tissues_of
 from legfem.legs.forward import values_of
-from legfem.legs.site_test import curve_of
+from legfem.legs.site import curve_of
 from legfem.legs.subject import Subject
 from legfem.mechanics.materials import Hyperelastic
 from legfem.report.estimates import estimated, held_text, how_found, wave_rows, words_of
@@ -29,7 +29,8 @@ _AT = (5.0, 15.0, 25.0)
 _TISSUES = ("deep", "superficial", "fascia")
 _WEIGHTINGS = {
     "paper": "all points have the same weight, as in the paper",
-    "covariance": "points are weighted by the inverse of the readings' covariance",
+    "covariance": "readings are weighted by the inverse of their covariance",
+    "equal": "readings of a channel have the same weight, since the law misses them by more than their errors",
 }
 
 
@@ -105,13 +106,7 @@ def _site_rows(fit: LegFit, number: int) -> list[Known]:
     trials = f"{curve.n_trials} recording{'s' * (curve.n_trials > 1)}, from first contact"
     return [
         *rows,
-        Known(
-            f"{at}noise of a force reading",
-            f"{curve.noise.force_sd:.3g} N (sd)",
-            data,
-            curve.noise.source,
-            remark=f"correlated over {' and '.join(f'{way:.2g}' for way in curve.noise.slow_ways)} mm",
-        ),
+        Known(f"{at}noise of a force reading", f"{curve.white_sd:.3g} N (sd)", data, "from sample to sample"),
         *(
             Known(
                 f"{at}{channel_name(beside)}, first and deepest reading",
@@ -196,13 +191,13 @@ def _procedure(fit: LegFit) -> str:
     details, several = fit.details, len(fit.tests) > 1
     curves = [curve_of(one) for one in fit.tests]
     pressed = ", ".join(
-        f"{one.name}: {site.indenter}, {len(curve.displacement)} points to {curve.displacement[-1]:.4g} mm"
+        f"{one.name}: {site.indenter}, to {curve.displacement[-1]:.4g} mm"
         if several
-        else f"a rigid {site.indenter}, pressed into the leg; {len(curve.displacement)} points, every "
-        f"{curve.displacement[1] - curve.displacement[0]:.3g} mm to {curve.displacement[-1]:.4g} mm after first contact"
+        else f"a rigid {site.indenter}, pressed into the leg to {curve.displacement[-1]:.4g} mm after first contact"
         for one, site, curve in zip(fit.tests, details.leg.sites, curves, strict=True)
     )
     trials = sum(curve.n_trials for curve in curves)
+    weighed = "the loading of" if fit.weighting == "paper" else "loading, hold and unloading of"
     searched = (
         "an emulator of the model, which full solves refined and confirmed"
         if fit.settings.get("emulator", True)
@@ -214,10 +209,9 @@ def _procedure(fit: LegFit) -> str:
         own = f" Errors of the sites' instruments are independent: {sizes}."
     together = "All sites were fitted together by one set of tissues. " if several else ""
     return (
-        f"The recordings ({trials} trial{'s' * (trials > 1)}) are of {pressed}. The loading parts were averaged to one "
-        f"curve{' for each site' if several else ''}, whose errors are known. {together}{_model(fit)} {_searcher(fit)} "
-        f"searched for {_sought(fit)} on {searched}; {_WEIGHTINGS[fit.weighting]}.{own} Unloading and holds were not "
-        "used."
+        f"The recordings ({trials} trial{'s' * (trials > 1)}) are of {pressed}. At stations along {weighed} every "
+        f"trial they are compared with the model. {together}{_model(fit)} {_searcher(fit)} searched for {_sought(fit)} "
+        f"on {searched}; {_WEIGHTINGS[fit.weighting]}.{own}"
     )
 
 

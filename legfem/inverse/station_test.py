@@ -1,0 +1,417 @@
+r"""Recordings at their stations as a test of a problem: what a solved curve makes of them, and what both err by.
+
+With the first contacts :math:`\delta_t` at which a fit has the trials, readings are linear in what the model gives on
+its grid. About these contacts they are linear in the contacts, too, which have a prior of their own from the
+recordings: to first order a contact that is left open is an error of the readings,
+
+.. math:: F(d - \delta_t) \approx F(d - \hat\delta_t) - F'(d - \hat\delta_t)\, (\delta_t - \hat\delta_t),
+
+and a problem is made anew about the contacts that it leads to until they stay (`StationTest.about`).
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legfem.common.units import FloatArray
+from legfem.data.phases import LOADING
+from legfem.inverse.catalogue import Values, deep_stiffness
+from legfem.inverse.comparison import Covariances, ErrorSource, Mode, Prediction, Test
+from legfem.inverse.ends import Correction, corrected, source_of_mode
+from legfem.inverse.errors import COMMON_GAIN, ErrorModel, error_model
+from legfem.inverse.intervals import by_third, third_of
+from legfem.inverse.linearised import NuisanceEffect
+from legfem.inverse.observations import Observations
+from legfem.inverse.predictor import onset_prior
+from legfem.inverse.readings import GAIN, INSTRUMENT, OFFSET, ZERO, Data
+from legfem.inverse.station_reading import StationReading
+from legfem.inverse.trial_noise import Noise
+from legfem.solve.path import ForceCurve
+
+GRID_MM = 0.25
+"""Step of the grid on which the model's force is taken."""
+MARGIN_MM = 0.3
+"""How much deeper than the recordings a model is pressed: contact may have begun earlier."""
+_ENDS_OF_LENGTHS = 0.05
+"""Share of a thickness's or the skin's change by which it may differ in 3D. Assumed: no table of it is there."""
+_FIRST_SHARE = 0.05
+"""Share of a channel's range that counts as its misfit before there is a fit."""
+
+
+class Unknown(NamedTuple):
+    """What isn't known exactly of a test."""
+
+    effect: NuisanceEffect
+    source: ErrorSource
+    shared: bool
+    """Whether all tests of a problem have it alike."""
+
+
+@dataclass(frozen=True, eq=False)
+class StationTest(Test):
+    """Recordings of one site at their stations.
+
+    Parameters
+    ----------
+    title : str
+        What people call the site.
+    observed : Observations
+        K trials at n stations, and what else was recorded.
+    rows : (N,) array
+        Places of the readings that count among all of ``observed``.
+    correction : Correction, optional
+        Of the force in plane strain for the cylinder's ends.
+    beyond : float
+        How much deeper than the recordings the model's grid goes (mm), for contact that began before their zero.
+    by_instrument : bool
+        Whether the instrument has a gain, zero or contact offset that is free or held.
+    onsets : (K,) array, optional
+        First contacts about which the readings are linear (mm), after those counted from; as expected without it.
+    errors : ErrorModel, optional
+        Errors of all readings about a fit; equal ones in each channel without it.
+    unknowns : tuple of Unknown
+        Those of the known effects among ``errors`` that aren't the instruments'.
+    slopes : (N,) array, optional
+        Derivatives of all readings by the displacement, from a fit; those of the recordings without it.
+    sizes : (N,) array, optional
+        Misfits of the channels that weigh their readings where weights are equal.
+    """
+
+    title: str
+    observed: Observations
+    rows: NDArray[np.int_]
+    correction: Correction | None = None
+    beyond: float = 0.0
+    by_instrument: bool = False
+    onsets: FloatArray | None = None
+    errors: ErrorModel | None = None
+    unknowns: tuple[Unknown, ...] = ()
+    slopes: FloatArray | None = None
+    sizes: FloatArray | None = None
+
+    @property
+    def name(self) -> str:
+        """What people call the site."""
+        return self.title
+
+    @cached_property
+    def data(self) -> Data:
+        """The forces (N) along the displacement after first contact (mm), then what was recorded with them."""
+        every = self.observed.data
+        kept = [self.rows[(self.rows >= span.start) & (self.rows < span.stop)] - span.start for span in every.spans]
+        pairs = zip(every.channels, kept, strict=True)
+        return Data(tuple(one.part(rows) for one, rows in pairs if len(rows) or one.name == "force"))
+
+    @cached_property
+    def contacts(self) -> FloatArray:
+        """First contacts (K,) about which the readings are linear, mm."""
+        return self._expected[0] if self.onsets is None else self.onsets
+
+    @cached_property
+    def _expected(self) -> tuple[FloatArray, FloatArray]:
+        """First contacts as the recordings by themselves have them, and standard deviations of these; (K,) each."""
+        priors = [onset_prior(self.observed, trial) for trial in range(len(self.observed.trials))]
+        return np.array([one.centre for one in priors]), np.array([one.sd for one in priors])
+
+    @cached_property
+    def grid(self) -> FloatArray:
+        """Displacements (g,) at which the model's force is taken, mm."""
+        deepest = float(self.observed.displacement[self._force_rows].max()) + self.beyond + MARGIN_MM
+        return GRID_MM * np.arange(1, int(np.floor(deepest / GRID_MM + 1e-9)) + 1)
+
+    @cached_property
+    def _force_rows(self) -> NDArray[np.int_]:
+        return self.rows[self.rows < len(self.observed.force)]
+
+    @property
+    def model_size(self) -> int:
+        """Number m of values on the model's grid: forces, and of each course its value at rest and changes."""
+        return self.station.size
+
+    @cached_property
+    def linear_scale(self) -> FloatArray | None:
+        """Sizes (m,) of what isn't a force along the travel, which is 0; None where all is."""
+        if not self.station.courses:
+            return None
+        sizes = [
+            max(float(np.ptp(one.values)), 3 * one.kind.usual.reading)
+            for one in self.observed.channels
+            for _ in one.courses
+        ]
+        return np.concatenate([np.zeros(len(self.grid)), np.repeat(sizes, 1 + len(self.grid))])
+
+    @property
+    def reach(self) -> str:
+        """Deepest point of the grid."""
+        return f"{self.grid[-1]:g} mm"
+
+    @cached_property
+    def by_displacement(self) -> FloatArray:
+        """Derivative (all N readings,) by the displacement, per mm: of a fit, else of the recordings."""
+        if self.slopes is not None:
+            return self.slopes
+        observed = self.observed
+        return np.concatenate([observed.stiffness, *(one.slope(one.values) for one in observed.channels)])
+
+    @property
+    def if_deeper(self) -> FloatArray:
+        """Change of the measured readings (n,) per relative change of the displacements."""
+        observed = self.observed
+        along = np.concatenate([observed.displacement, *(one.displacement for one in observed.channels)])
+        return np.asarray(-along * self.by_displacement)[self.rows]
+
+    @cached_property
+    def parts_along(self) -> Mapping[str, NDArray[np.int_]]:
+        """Places of the forces of the loading, by the third of the depth that they were read in."""
+        d, phase = self.observed.displacement[self._force_rows], self.observed.phase[self._force_rows]
+        return by_third(third_of(d, float(d.max())), phase != LOADING)
+
+    def reached_by(self, curve: ForceCurve) -> bool:
+        """Whether a solve came to the grid's end; one that stops short says nothing of the greatest forces."""
+        return curve.depth >= self.grid[-1] - 1e-9 and all(name in curve.channels for name in self.station.courses)
+
+    @cached_property
+    def station(self) -> StationReading:
+        """What the readings take of a model's courses."""
+        return StationReading(self.observed, self.contacts, self.grid)
+
+    @cached_property
+    def _reading(self) -> FloatArray:
+        return self.station.plain[self.rows]
+
+    @cached_property
+    def _shift(self) -> FloatArray:
+        """What contacts that are expected elsewhere than the readings are linear about change of these, (n,)."""
+        return np.asarray((self._onset_effects @ (self.contacts - self._expected[0]))[self.rows])
+
+    @cached_property
+    def _onset_effects(self) -> FloatArray:
+        """Derivative of all readings by how much deeper each trial pressed, (N, K)."""
+        trial = self.observed.trial[self.observed.nearest]
+        return np.asarray(np.eye(len(self.contacts))[trial] * self.by_displacement[:, None])
+
+    def read(self, model_values: FloatArray, instrument: FloatArray) -> FloatArray:
+        """Readings (..., n) that the instrument shows of the model's (..., m)."""
+        if not self.by_instrument:
+            return np.asarray(model_values @ self._reading.T + self._shift)
+        shape = np.broadcast_shapes(model_values.shape[:-1], instrument.shape[:-1])
+        values = np.broadcast_to(model_values, (*shape, model_values.shape[-1])).reshape(-1, model_values.shape[-1])
+        numbers = np.broadcast_to(instrument, (*shape, instrument.shape[-1])).reshape(-1, instrument.shape[-1])
+        found = np.array([self._seen(one, number) for one, number in zip(values, numbers, strict=True)])
+        return found.reshape(*shape, -1)
+
+    def _seen(self, values: FloatArray, instrument: FloatArray) -> FloatArray:
+        """Return the readings (n,) of the model's values (m,) by one instrument."""
+        gain, zero, offset = instrument[:3]
+        matrix = self._reading if offset == 0.0 else self.station.matrix(offset=float(offset))[self.rows]
+        forces = self.rows < len(self.observed.force)
+        return np.where(forces, gain, 1.0) * (matrix @ values) + np.where(forces, zero, 0.0) + self._shift
+
+    def predict(self, curve: ForceCurve, values: Values, instrument: FloatArray) -> Prediction:
+        """Corrected force of a solve, and further channels, as the instrument shows them."""
+        model, by = self.on_grid(curve, values)
+        if not self.by_instrument:
+            seen = {name: self._reading @ rates for name, rates in by.items()}
+            return Prediction(self._reading @ model + self._shift, seen, model, by)
+        numbers = instrument[: len(INSTRUMENT)]
+        linear = numbers * (1.0, 0.0, 1.0)
+        seen = {name: self._seen(rates, linear) - self._shift for name, rates in by.items()}
+        forces = self.rows < len(self.observed.force)
+        slope = self.station.matrix(1, float(numbers[2]))[self.rows] @ model
+        ones = numbers * (0.0, 0.0, 1.0) + (1.0, 0.0, 0.0)
+        seen |= {
+            GAIN: np.where(forces, self._seen(model, ones) - self._shift, 0.0),
+            ZERO: forces.astype(float),
+            OFFSET: -np.where(forces, numbers[0], 1.0) * slope,
+        }
+        return Prediction(self._seen(model, numbers), seen, model, by)
+
+    def on_grid(self, curve: ForceCurve, values: Values) -> tuple[FloatArray, dict[str, FloatArray]]:
+        """Return what the model gives on its grid (m,), corrected, and the derivatives."""
+        names = tuple(curve.sensitivities)
+        parts, by = [curve(self.grid)], {name: [curve.sensitivity(name, self.grid)] for name in names}
+        parts[0], first = corrected(
+            self.correction, self.grid, parts[0], {name: rows[0] for name, rows in by.items()}, values
+        )
+        by = {name: [rates] for name, rates in first.items()}
+        at = np.concatenate([[0.0], self.grid])
+        for one in self.observed.channels:
+            for course in one.courses:
+                level = curve.channel(course, at)
+                rates = {name: curve.channel_sensitivity(course, name, at) for name in names}
+                change, by_change = level[1:] - level[0], {name: rate[1:] - rate[0] for name, rate in rates.items()}
+                if one.follows_force:
+                    change, by_change = corrected(self.correction, self.grid, change, by_change, values)
+                parts += [level[:1], change]
+                for name in names:
+                    by[name] += [rates[name][:1], by_change[name]]
+        return np.concatenate(parts), {name: np.concatenate(rows) for name, rows in by.items()}
+
+    @cached_property
+    def _equal(self) -> FloatArray:
+        """Standard deviations (N,) of all readings that weigh those of a channel equally."""
+        if self.sizes is not None:
+            return self.sizes
+        return np.concatenate(
+            [
+                np.full(len(one), max(_FIRST_SHARE * float(np.ptp(one.values)), float(one.sd.max())))
+                for one in self.observed.data.channels
+            ]
+        )
+
+    @cached_property
+    def equal_covariance(self) -> FloatArray:
+        """Covariance (n, n) that weighs a channel's readings equally, first contacts left open."""
+        return np.asarray(np.diag(self._equal**2) + self._of_onsets)[np.ix_(self.rows, self.rows)]
+
+    @cached_property
+    def _of_onsets(self) -> FloatArray:
+        effects = self._onset_effects * self._expected[1]
+        return np.asarray(effects @ effects.T)
+
+    @cached_property
+    def own_errors(self) -> Covariances:
+        """Errors that no other test has, (n, n) by source; equal ones before there is a fit."""
+        if self.errors is None:
+            return {"recordings": self.equal_covariance}
+        errors, forces = self.errors, len(self.observed.force)
+        by_trial = np.hstack([errors.gain_sd * errors.gains, errors.zero_sd * errors.zeros])
+        assert errors.of_model is not None
+        read = errors.dense - errors.of_model
+        channels = read.copy()
+        channels[:forces, :forces] = 0.0
+        found: dict[ErrorSource, FloatArray] = {
+            "recordings": read - channels + by_trial @ by_trial.T + self._of_onsets,
+            "model": errors.of_model,
+        }
+        if self.observed.channels:
+            found["channels"] = channels
+        return {source: part[np.ix_(self.rows, self.rows)] for source, part in found.items()}
+
+    def shared_errors(self, values: Values, predicted: FloatArray) -> Mapping[str, Mode]:
+        """Errors of the correction, and known effects: of the instrument, and of what isn't known exactly."""
+        found: dict[str, Mode] = {}
+        source: ErrorSource
+        if self.errors is None:
+            return found
+        stated = {one.effect.name: one for one in self.unknowns}
+        for name, effect in zip(self.errors.names, self.errors.known.T, strict=True):
+            source, shared = "channels", False
+            if name in stated:
+                _, source, shared = stated[name]
+            elif name == COMMON_GAIN:
+                source, shared = "recordings", True
+            found[name if shared else f"{self.title}: {name}"] = Mode(source, effect[self.rows])
+        if self.correction is not None:
+            found |= self._of_correction(values, predicted)
+        return found
+
+    def _of_correction(self, values: Values, predicted: FloatArray) -> dict[str, Mode]:
+        assert self.correction is not None
+        observed, of_deep = self.observed, deep_stiffness(values)
+        modes = dict(self.correction.relative_errors(observed.displacement, *of_deep))
+        # How an error runs along the depth is known roughly: it may lean by as much as it is.
+        lean = 2.0 * observed.displacement / observed.displacement.max() - 1.0
+        modes |= {f"{name}, leaning": mode * lean for name, mode in modes.items() if source_of_mode(name) != "model"}
+        whole = np.zeros(len(self._equal))
+        whole[self.rows] = predicted
+        spans, unlike = observed.data.spans, np.zeros(len(whole))
+        found = {name: np.zeros(len(whole)) for name in modes}
+        for name, mode in modes.items():
+            found[name][spans[0]] = mode * whole[spans[0]]
+            for one, span in zip(observed.channels, spans[1:], strict=True):
+                if one.follows_force:
+                    found[name][span] = (one.weights @ mode) * whole[span]
+        for one, span in zip(observed.channels, spans[1:], strict=True):
+            if not one.follows_force:
+                unlike[span] = _ENDS_OF_LENGTHS * one.displacement * one.slope(one.values)
+        result = {name: Mode(source_of_mode(name), mode[self.rows]) for name, mode in found.items()}
+        if unlike.any():
+            result[f"{self.title}: ends, shape under the cylinder"] = Mode("ends", unlike[self.rows])
+        return result
+
+    def contacts_of(self, left: FloatArray) -> FloatArray:
+        """Return where a fit has contacts (K,), mm.
+
+        Parameters
+        ----------
+        left
+            (n,): predicted less measured readings over the covariance of their errors, contacts left open in it.
+        """
+        centre, sd = self._expected
+        return np.asarray(centre + sd**2 * (self._onset_effects[self.rows].T @ left))
+
+    def about(
+        self,
+        curve: ForceCurve,
+        values: Values,
+        contacts: FloatArray,
+        noise: Noise | None = None,
+        unknowns: Sequence[Unknown] = (),
+    ) -> "StationTest":
+        """Return the test with contacts, slopes, misfits and errors about a solve.
+
+        Parameters
+        ----------
+        curve, values
+            The solve.
+        contacts
+            (K,), mm: about which readings are linear from now on.
+        noise
+            Of the trials; errors stay as they are without it.
+        unknowns
+            What isn't known exactly.
+        """
+        moved = replace(self, onsets=contacts)
+        model = moved.on_grid(curve, values)[0]
+        predicted = moved.station.plain @ model
+        moved = replace(moved, slopes=moved.station.matrix(1) @ model)
+        misfit = predicted - self.observed.values
+        sizes = np.empty(len(misfit))
+        for one, span in zip(self.observed.data.channels, self.observed.data.spans, strict=True):
+            kept = np.intersect1d(np.arange(span.start, span.stop), self.rows)
+            rms = float(np.sqrt(np.mean(misfit[kept] ** 2))) if len(kept) else 0.0
+            sizes[span] = max(rms, float(np.median(one.sd)))
+        moved = replace(moved, sizes=sizes)
+        if noise is None:
+            return moved
+        known = [(one.effect.name, one.effect.effect) for one in unknowns]
+        errors = error_model(self.observed, noise, predicted, known, images=moved.station.images_elsewhere(curve))
+        return replace(moved, errors=errors, unknowns=tuple(unknowns))
+
+    @property
+    def contact_sd(self) -> FloatArray:
+        """Standard deviations (K,) of first contacts beforehand, mm."""
+        return self._expected[1]
+
+    def derivatives(self, curve: ForceCurve, values: Values) -> dict[str, FloatArray]:
+        """Return the derivatives (N,) of all readings of a solve by the model's parameters, by their names."""
+        return {name: np.asarray(self.station.plain @ rates) for name, rates in self.on_grid(curve, values)[1].items()}
+
+    def every_reading(self, curve: ForceCurve, values: Values) -> FloatArray:
+        """Return all readings (N,) of a solve, those too that don't count."""
+        return np.asarray(self.station.plain @ self.on_grid(curve, values)[0])
+
+
+def rows_of(observed: Observations, depth: float | None = None, loading_alone: bool = False) -> NDArray[np.int_]:
+    """Return the places of the readings that count.
+
+    Parameters
+    ----------
+    observed
+        All that was recorded.
+    depth
+        Greatest displacement that counts, mm.
+    loading_alone
+        Whether neither holds, unloading nor further channels count, as in the paper's Eq. 12.
+    """
+    along = np.concatenate([observed.displacement, *(one.displacement for one in observed.channels)])
+    kept = np.ones(len(along), dtype=bool) if depth is None else along <= depth + 1e-9
+    if loading_alone:
+        kept[: len(observed.force)] &= observed.phase == LOADING
+        kept[len(observed.force) :] = False
+    return np.flatnonzero(kept)

@@ -1,0 +1,142 @@
+"""What isn't known exactly of a leg beside its recordings: outlines, aim, direction, assumed tissues."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from legfem.common.units import FloatArray
+from legfem.geometry.section import layer_thicknesses
+from legfem.inverse.catalogue import IdentifiedLaw, Values
+from legfem.inverse.library import NuisanceChanges
+from legfem.inverse.library_build import geometric_changes
+from legfem.inverse.library_tasks import STIFFENING, rounded
+from legfem.inverse.linearised import Cause, NuisanceEffect
+from legfem.inverse.mechanism import Stiffness
+from legfem.inverse.readings import GAIN, OFFSET, ZERO
+from legfem.inverse.settings import SearchRequest
+from legfem.inverse.station_test import StationTest, Unknown
+from legfem.legs.finite_element_models import solved_responses
+from legfem.legs.nuisances import (
+    GEOMETRY_DOF,
+    MATERIAL_DOF,
+    MATERIAL_LOG_SD,
+    Accuracy,
+    accuracy_of_shape,
+    nuisance_effects,
+    word_of,
+)
+from legfem.legs.subject import TYPICAL_FORCE_SD, SitedLeg, Subject
+from legfem.solve.path import ForceCurve
+
+RESPONSES = "responses"
+"""Folder, of what keeps solves, for those of displaced geometries."""
+
+
+type Geometry = Callable[[int, Stiffness], NuisanceChanges | None]
+"""Changes of the courses of a site, by its number, by outlines, aim and direction that are off, near a stiffness (MPa);
+None where they aren't known."""
+
+
+def unknown_geometry(site: int, stiffness: Stiffness) -> None:
+    """Return nothing: the geometry of a closed form, or of a leg in 3D, isn't displaced."""
+
+
+@dataclass(eq=False)
+class SectionGeometry:
+    """Displaced geometries of a leg's sections, solved on a coarse mesh when first asked for.
+
+    Parameters
+    ----------
+    leg
+        With its sites.
+    tests
+        One a site.
+    request
+        Where solves are kept, processes and progress.
+    """
+
+    leg: SitedLeg
+    tests: Sequence[StationTest]
+    request: SearchRequest
+    _known: dict[int, NuisanceChanges] = field(default_factory=dict, init=False, repr=False)
+
+    def __call__(self, site: int, stiffness: Stiffness) -> NuisanceChanges:
+        """Return the changes at a site by each geometry, near the stiffness (MPa) that is asked for first."""
+        if site not in self._known:
+            subject, observed, request = self.leg.sites[site], self.tests[site].observed, self.request
+            folder = None if request.out is None else request.out / RESPONSES
+            c10 = rounded(stiffness[0])
+            centre = c10, c10 * float(np.expm1(STIFFENING[subject.tissues["deep"].law]))
+            responses = solved_responses(subject, observed, folder)
+            self._known[site] = geometric_changes(responses, observed, centre, request.jobs, request.progress)
+        return self._known[site]
+
+
+def unknowns_at(
+    test: StationTest,
+    subject: Subject,
+    curve: ForceCurve,
+    values: Values,
+    changes: NuisanceChanges | None,
+    law: IdentifiedLaw,
+    own_errors: Values,
+) -> list[Unknown]:
+    """Return what one standard deviation of each thing that isn't known exactly does to all of a site's readings.
+
+    Parameters
+    ----------
+    test
+        The site's recordings, about the solve.
+    subject
+        The leg as it was pressed there.
+    curve, values
+        A solve near the optimum, with its derivatives.
+    changes
+        By displaced geometries.
+    law
+        What is free in it isn't assumed.
+    own_errors
+        Standard deviations of the site's own instrument, by full name.
+    """
+    accuracy, predicted = accuracy_of_shape(subject), test.every_reading(curve, values)
+    found: list[Unknown] = []
+    every, rates = {**law.nominal, **values}, test.derivatives(curve, values)
+    for name in MATERIAL_LOG_SD:
+        sd = accuracy.log_sd(name)
+        if name in rates and name not in law.names and sd > 0:
+            effect = NuisanceEffect(word_of(name), sd * every[name] * rates[name], Cause(word_of(name), MATERIAL_DOF))
+            found.append(Unknown(effect, "assumed", True))
+    displaced = (
+        _of_shape(test, subject, predicted, accuracy)
+        if changes is None
+        else nuisance_effects(changes, test.observed, predicted, accuracy)
+    )
+    found += [Unknown(one, "shape", False) for one in displaced]
+    force: FloatArray = np.where(np.arange(len(predicted)) < len(test.observed.force), 1.0, 0.0)
+    by_instrument = {GAIN: force * predicted, ZERO: force, OFFSET: test.by_displacement}
+    for name, sd in own_errors.items():
+        found.append(Unknown(NuisanceEffect(name, sd * by_instrument[name], Cause(name)), "recordings", False))
+    return found
+
+
+def _of_shape(
+    test: StationTest, subject: Subject, predicted: FloatArray, accuracy: Accuracy
+) -> Iterator[NuisanceEffect]:
+    """Yield what outlines do of which no displaced geometry is solved.
+
+    A thickness that is off at rest is so in proportion all along the test; a typical calf's shape is a share of the
+    force.
+    """
+    force = np.arange(len(predicted)) < len(test.observed.force)
+    if subject.typical_shape:
+        shape = Cause("typical shape", GEOMETRY_DOF)
+        yield NuisanceEffect(shape.name, TYPICAL_FORCE_SD * np.where(force, predicted, 0.0), shape)
+    at_rest = layer_thicknesses(subject.section, subject.indenter.aim, subject.indenter.direction)
+    spans = test.observed.data.spans[1:]
+    for one, span in zip(test.observed.channels, spans, strict=True):
+        if one.name in at_rest and accuracy.contour_sd > 0:
+            effect = np.zeros(len(predicted))
+            # A thickness lies between two outlines.
+            effect[span] = np.sqrt(2) * accuracy.contour_sd * predicted[span] / at_rest[one.name]
+            yield NuisanceEffect(f"outlines about the {one.kind.title}", effect, Cause("outlines", GEOMETRY_DOF))
