@@ -65,7 +65,7 @@ def result(
     columns = [rates["deep.C10"], rates["deep.C20"]][: 2 if law == "reduced-polynomial" else 1]
     matrix = np.column_stack(columns)
     optimum = np.linalg.lstsq(matrix, measured.force, rcond=None)[0]
-    covariance = np.linalg.inv(matrix.T @ np.linalg.solve(measured.covariance, matrix))
+    covariance = np.linalg.inv((matrix.T / measured.force_sd**2) @ matrix)
     error = np.sqrt(np.diag(covariance))
 
     def cost(c10, c20):

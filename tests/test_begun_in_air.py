@@ -4,13 +4,14 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 from making_identification import DEPTH, curve_of, identify, pressed_leg
 
-from legfem.data import segment_all
-from legfem.data.alignment import align_branches, loading_branch
+from legfem.data import Instrument, Recording, mean_loading_curve, segment_all
 from studies.making.recording import INSTRUMENT, Course, LabErrors, record
 
 DRAWS, RATE, PRESSED = 16, 0.5, DEPTH - 2.0
+NOISY = Instrument(force_sd=0.25, displacement_sd=0.02)
 
 
 def test_sound_repeats_with_different_ways_of_air_are_not_refused(tmp_path: Path) -> None:
@@ -44,6 +45,25 @@ def test_a_load_cell_that_wanders_through_much_air_is_not_taken_for_the_leg() ->
         travel = RATE * time
         course = Course(time, travel, generator.uniform(0.1, 0.3) * (travel + 0.05 * travel**2))
         trials = segment_all(record([course] * 3, LabErrors(0.01, 12.0), generator), INSTRUMENT)
-        found = align_branches([loading_branch(one) for one in trials], [one.contact for one in trials], INSTRUMENT)
-        deepest = [float(one.depth[-1]) for one in found.branches]
-        assert abs(np.mean(deepest) - travel[-1]) < 0.8, seed
+        assert abs(mean_loading_curve(trials).displacement[-1] - travel[-1]) < 0.8, seed
+
+
+@pytest.mark.parametrize("air", [(0.3, 1.3, 2.4), (0.0, 0.0, 0.0)])
+def test_a_noisy_cell_hides_the_air_of_every_repeat_and_c10_is_within_its_interval(tmp_path: Path, air) -> None:
+    c10, seeds, held = 0.6, (0, 6, 12), 0
+    for seed in seeds:
+        generator = np.random.default_rng([seed, 41])
+        recordings = []
+        for number, (gap, zero) in enumerate(zip(air, (0.1, -0.05, -0.1), strict=True)):
+            time = np.arange(0.0, (PRESSED + gap) / RATE, 0.1)
+            travel = RATE * time
+            force = curve_of(c10, 0.0)(np.maximum(travel - gap, 0.0)) + zero
+            noisy = (one + sd * generator.standard_normal(len(time)) for one, sd in ((travel, 0.02), (force, 0.25)))
+            recordings.append(Recording(time, *noisy, f"trial{number + 1}"))
+        leg = replace(pressed_leg(tmp_path, c10, 0.0), recordings=tuple(recordings), instrument=NOISY)
+        assert not any(one.contact.in_air for one in leg.trials)
+        (fit,) = identify(leg, laws=("neo-hookean",))
+        low, high = fit.estimates["deep.C10"].shown.ci95
+        held += low <= c10 <= high
+        print(air, seed, low, high)
+    assert held == len(seeds)

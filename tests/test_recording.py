@@ -175,21 +175,18 @@ def test_the_mean_curve_is_the_true_one_and_the_raw_data_stay():
     error = curve.force - tissue_force(curve.displacement)
     assert np.abs(error / curve.force_sd).max() < 4.0
     assert np.abs(error[8:] / curve.force[8:]).max() < 0.03
-    assert curve.force_sd**2 == pytest.approx(np.diag(curve.covariance))
     assert all((r.force == kept).all() for r, kept in zip(trials, before, strict=True))
 
 
-def test_a_trial_without_air_joins_those_with_it():
+def test_a_trial_without_air_is_shown_with_those_with_it():
     trials = [
         press(air=air, depth=18, force_sd=0.03, displacement_sd=0.02, offset=0.3, seed=k)
         for k, air in enumerate((3.0, 0.0, 4.0))
     ]
     curve = mean_loading_curve(segment_all(trials, INSTRUMENT))
     assert [c.in_air for c in curve.contacts] == [True, False, True]
-    assert curve.noise.common_shift_sd > 0.02
     error = curve.trial_force - tissue_force(curve.displacement)
     assert np.abs(error).max() < 0.35
-    assert np.ptp(curve.trial_force, axis=0).max() < 0.25
 
 
 def test_displacement_noise_does_not_flatten_the_curve():
@@ -212,35 +209,7 @@ def test_sparse_and_dense_sampling_give_the_same_curve():
 
 def test_white_noise_is_recovered():
     trials = [press(force_sd=0.05, displacement_sd=0.02, seed=k) for k in range(3)]
-    noise = mean_loading_curve(segment_all(trials, INSTRUMENT)).noise
-    assert noise.white_sd == pytest.approx(0.05, rel=0.1)
-    assert noise.repeat_dof == 2
-    assert mean_loading_curve(segment_all(trials[:1], INSTRUMENT)).noise.source == "instrument"
-
-
-def test_the_covariance_covers_the_error_of_a_fitted_stiffness():
-    """Scale factors fitted by least squares with the covariance scatter as it says."""
-    scores, coloured = [], np.exp(-0.04 / 1.5)
-    for seed in range(30):
-        rng = np.random.default_rng(100 + seed)
-        trials = []
-        for k in range(3):
-            made = press(displacement_sd=0.02, seed=10 * seed + k)
-            slow = np.zeros(len(made))
-            for i in range(1, len(slow)):
-                slow[i] = coloured * slow[i - 1] + 0.03 * np.sqrt(1 - coloured**2) * rng.normal()
-            force = (
-                made.force * (1 + 0.005 * rng.normal()) + 0.05 * rng.normal() + slow + 0.03 * rng.normal(size=len(slow))
-            )
-            trials.append(_with(made, force=force))
-        curve = mean_loading_curve(segment_all(trials, INSTRUMENT))
-        shape = tissue_force(curve.displacement)
-        weight = np.linalg.solve(curve.covariance, shape)
-        variance = 1 / (shape @ weight)
-        scores.append((variance * (weight @ curve.force) - 1) / np.sqrt(variance))
-    assert abs(np.mean(scores)) < 0.6
-    assert 0.5 < np.std(scores) < 1.5
-    assert np.mean(np.abs(scores) < 1.96) >= 0.85
+    assert mean_loading_curve(segment_all(trials, INSTRUMENT)).white_sd == pytest.approx(0.05, rel=0.1)
 
 
 def test_preconditioning_before_the_press_is_left_out():
@@ -271,28 +240,6 @@ def test_the_crosscheck_curves_are_met(law):
     truth = np.interp(curve.displacement, clean["displacement_mm"], clean["force_N"])
     assert curve.displacement[-1] == 20.0
     assert np.abs((curve.force - truth) / curve.force_sd).max() < 3.0
-    weight = np.linalg.solve(curve.covariance, truth)
+    weight = truth / curve.force_sd**2
     assert (weight @ curve.force) / (weight @ truth) == pytest.approx(1.0, abs=0.005)
     assert all(c.displacement == 0.0 for c in curve.contacts)
-
-
-@pytest.mark.parametrize("air", [(0.3, 1.3, 2.4), (0.0, 0.0, 0.0)])
-def test_repeats_in_none_of_which_air_is_certain_begin_at_contact_only_where_their_curves_agree(air):
-    instrument, zeros = Instrument(force_sd=0.25, displacement_sd=0.02), (0.1, -0.05, -0.1)
-    off = []
-    for seed in (0, 6, 12):
-        trials = segment_all(
-            [
-                press(air=gap, depth=12, force_sd=0.25, displacement_sd=0.02, offset=zero, seed=seed + k, trial=f"t{k}")
-                for k, (gap, zero) in enumerate(zip(air, zeros, strict=True))
-            ],
-            instrument,
-        )
-        assert not any(one.contact.in_air for one in trials)
-        curve = mean_loading_curve(trials)
-        missed = curve.force - tissue_force(curve.displacement)
-        # Were all taken to begin at contact, 1 N would be missed where there is air.
-        assert np.abs(missed).max() < 0.45
-        assert np.all(np.abs(missed) < 3 * curve.force_sd)
-        off.append(curve.noise.common_shift_sd)
-    assert min(off) > 0.2  # and where contact is isn't known any better

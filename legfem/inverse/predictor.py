@@ -82,7 +82,7 @@ IN_AIR_SD_MM = 1.0
 """Where some trials begin in air: all may, by any way. The detection is where the fit begins, and no second reading
 beside it: it looked at the same forces."""
 AT_TOUCH_SD_MM = 0.05
-"""Standard deviation of first contact where recordings begin at first touch."""
+"""Least standard deviation of first contact where recordings begin at first touch."""
 _ONSETS_MM = (-4.0, 4.0)
 
 
@@ -399,7 +399,9 @@ def onset_prior(observed: Observations, trial: int) -> Prior:
     """Return what is known of a trial's first contact beforehand, after that counted from (mm)."""
     if observed.shows_air:
         return detected_onset(observed, trial)
-    return Prior(0.0, AT_TOUCH_SD_MM, "linear", "the recording begins at first touch")
+    # Nobody who begins at first touch sees it better than the load cell shows it.
+    sd = max(AT_TOUCH_SD_MM, observed.contacts[trial].displacement_error)
+    return Prior(0.0, sd, "linear", "the recording begins at first touch")
 
 
 def onset_name(trial: int) -> str:
