@@ -87,7 +87,8 @@ def test_what_is_wrong_alike_is_not_widened(tmp_path):
     leg, table = sited_leg(tmp_path, (1.0, 1.0, 1.2)), correction_known_to(0.3)
     (found,) = joint(leg, corrections=[table] * 3)
     assert found.agreement.birge_ratio > 2
-    assert found.estimates[C10].standard_error < 1.5 * 0.3 * 1e-3 * (1 + 1 / 6)
+    # The correction may be off by 0.3 all the way, and lean by as much.
+    assert found.estimates[C10].standard_error < 1.5 * np.hypot(0.3, 0.3) * 1e-3 * (1 + 1 / 6)
 
 
 def correction_known_to(sd):

@@ -34,6 +34,7 @@ from legfem.report.estimates import QUESTION, high_or_low
 from legfem.report.kinds.leg import leg_page
 from legfem.report.pressed_section import DrawnSection, Film, pressed_section
 from legfem.report.render import rendered
+from legfem.report.words import number
 
 MOST_BYTES = 700_000
 DEPTH = 4.0
@@ -71,7 +72,7 @@ def test_the_page_of_an_identification_says_verdict_warnings_and_provenance(subj
     page = read(html)
     assert len(html.encode()) < MOST_BYTES
     c10 = both[1].estimates["deep.C10"].shown
-    assert f"Muscle stiffness C10 = {c10.value:.2f}" in page.words
+    assert f"Muscle stiffness C10 = {number(c10.value, c10.standard_error)}" in page.words
     assert page.words.index("1 warning") < page.words.index("Recordings and model")
     assert "The fascia's Poisson's ratio is -0.14" in page.words
     assert "Simulated data" in page.words or "simulated data" in page.words

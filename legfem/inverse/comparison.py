@@ -366,8 +366,8 @@ class JointComparison(Comparison):
         return total_of(self.covariances_at(values))
 
     def covariances_at(self, values: Values) -> Covariances:
-        """Covariances (n, n) by source at the model's values, about the measured readings."""
-        return self._covariances(values, self.measured)
+        """Covariances (n, n) by source at the model's values, about predicted readings where there are some."""
+        return self._covariances(values, self.measured if self.near is None else self.near[1])
 
     @cached_property
     def _own_errors(self) -> dict[ErrorSource, FloatArray]:

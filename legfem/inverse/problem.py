@@ -12,6 +12,7 @@ from types import MappingProxyType
 from typing import Any, Protocol
 
 import numpy as np
+from scipy.linalg import block_diag, solve_triangular
 
 from legfem.common.units import FloatArray, readable_unit
 from legfem.inverse import catalogue
@@ -299,11 +300,10 @@ def prior_document(parameter: Parameter) -> dict[str, Any]:
 
 @dataclass(frozen=True, eq=False)
 class SingleTests:
-    r"""What each test of a joint fit says by itself, and whether the tests agree.
+    """What each test of a joint fit says by itself, and whether the tests agree.
 
-    With the joint optimum :math:`\theta`, the residual :math:`r_k` of a test and its gain :math:`G_k`, a test by itself
-    asks to first order for :math:`\theta - G_k r_k`. The errors of these are known together, with what the tests share
-    (the correction's error and the priors), so that their differences are weighed by what differs.
+    The errors of all are known together, with what the tests share (the correction's error and the priors), so that
+    their differences are weighed by what differs.
 
     Parameters
     ----------
@@ -325,42 +325,35 @@ class SingleTests:
     def _comparison(self) -> JointComparison:
         return self.found.search.misfit
 
-    @cached_property
-    def _alone(self) -> list[Linearised]:
-        """Every test's differences and the priors about the joint optimum."""
-        linear, joint = self.found.linear, self._comparison
-        return [
-            Linearised(linear.law, joint.alone(number), linear.prediction.part(span), linear.point)
-            for number, span in enumerate(joint.spans)
-        ]
-
-    @cached_property
-    def _gains(self) -> list[FloatArray]:
-        """How each test's parameters follow readings and priors; (p, n + k) each."""
-        n = len(self._comparison)
-        gains: list[FloatArray] = []
-        for one, span in zip(self._alone, self._comparison.spans, strict=True):
-            own = one.gain
-            gain = np.zeros((len(own), n + len(one.law.priors)))
-            gain[:, span], gain[:, n:] = np.split(own, [len(one.misfit)], axis=1)
-            gains.append(gain)
-        return gains
-
     @property
     def agreement(self) -> Goodness:
-        """Whether the tests ask for the same parameters, to first order."""
+        """Whether the tests ask for the same parameters, to first order.
+
+        That is by how much less is missed, in the readings' errors, where each test has parameters of its own.
+        """
         if len(self._comparison.tests) < 2:
             return EXACT
-        asked = [-np.linalg.pinv(one.jacobian) @ one.residual for one in self._alone]
-        p = len(asked[0])
-        differences = np.kron(np.diff(np.eye(len(asked)), axis=0), np.eye(p))
-        gain = differences @ np.vstack(self._gains)
-        spread = gain @ self._errors @ gain.T
+        linear, spans = self.found.linear, self._comparison.spans
+        joint = linear.prediction.jacobian(linear.law.names)
         # Stiffnesses differ in size by orders.
-        sd = np.sqrt(np.diag(spread))
-        values = differences @ np.concatenate(asked) / sd
-        statistic = float(values @ np.linalg.pinv(spread / np.outer(sd, sd), rcond=1e-9) @ values)
-        return Goodness.of(statistic, len(values))
+        joint = joint / np.linalg.norm(joint, axis=0)
+        apart = block_diag(*(joint[span] for span in spans))
+        lower = np.linalg.cholesky(self.covariance)
+        left = solve_triangular(lower, linear.prediction.values - self._comparison.measured, lower=True)
+        missed = []
+        for by in (joint, apart):
+            step, _, rank, _ = np.linalg.lstsq(solve_triangular(lower, by, lower=True), left)
+            missed.append((float(np.sum((left - solve_triangular(lower, by @ step, lower=True)) ** 2)), int(rank)))
+        (together, fewer), (each, more) = missed
+        return Goodness.of(together - each, more - fewer)
+
+    def _gain(self, number: int, alone: JointComparison) -> FloatArray:
+        """How a test's parameters follow readings and priors, (p, n + k)."""
+        linear, n, span = self.found.linear, len(self._comparison), self._comparison.spans[number]
+        own = Linearised(linear.law, alone, linear.prediction.part(span), linear.point).gain
+        gain = np.zeros((len(own), n + len(linear.law.priors)))
+        gain[:, span], gain[:, n:] = np.split(own, [span.stop - span.start], axis=1)
+        return gain
 
     def goodness(self) -> list[Goodness]:
         """How far each test is from all together, where these miss least in their errors."""
@@ -379,8 +372,9 @@ class SingleTests:
         emulated, domain = self.found.search.emulated(), Domain(law.parameters)
         joint_gain = linear.gain
         found = []
-        for number, (span, gain) in enumerate(zip(joint.spans, self._gains, strict=True)):
+        for number, span in enumerate(joint.spans):
             alone = joint.alone(number)
+            gain = self._gain(number, alone)
 
             def residual(genes: FloatArray, alone: JointComparison = alone, span: slice = span) -> FloatArray:
                 points = domain.values(genes)
