@@ -11,12 +11,16 @@ from making_diagnosis import INSTRUMENT, ClosedForm, mechanisms_in, noisy, obser
 
 from legfem.common.progress import Silent
 from legfem.data import Recording
+from legfem.inverse.accuracy import Accuracy
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, LawName
+from legfem.inverse.diagnose import DiagnosisInput, diagnose
+from legfem.inverse.mechanism import testable
 from legfem.inverse.notice import FitNotice, Notice
 from legfem.inverse.observations import Observations
 from legfem.inverse.verdict import Diagnosis
-from legfem.legs.diagnosis import diagnose_body, shown_mechanisms
-from legfem.legs.nuisances import Accuracy
+from legfem.legs.diagnosis import WITHOUT_ENDS
+from legfem.legs.nuisances import ShapeAccuracy
+from legfem.mechanisms import mechanisms
 
 BASE = {DEEP_C10: 0.001, DEEP_C20: 0.0006}
 UNANSWERED = (
@@ -110,8 +114,10 @@ def diagnosed_of(
     library
         Of its responses.
     """
-    able, _ = shown_mechanisms(observed, None)
+    able, _ = testable(mechanisms(), observed, WITHOUT_ENDS)
     left = [m.name for m in able if (m.name in UNANSWERED if asked is None else m.name not in asked)]
     missing = dict.fromkeys(left, "simulations did not reach the end of the protocol")
     library = replace(library or ClosedForm(), missing=missing)
-    return diagnose_body(observed, INSTRUMENT, law, library, None, Silent(), accuracy)  # type: ignore[arg-type]
+    known = accuracy or ShapeAccuracy()
+    given = DiagnosisInput(observed, INSTRUMENT, law, library, mechanisms(), known, ruled_out=WITHOUT_ENDS)  # type: ignore[arg-type]
+    return diagnose(given, None, Silent())

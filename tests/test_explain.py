@@ -10,6 +10,7 @@ from making_diagnosis import GRID, SOUGHT, TRUTH, fat, noisy, one_at_each_rate, 
 from scipy.stats import norm
 
 from legfem.inverse import explain as explain_module
+from legfem.inverse.accuracy import MATERIAL_LOG_SD
 from legfem.inverse.averaging import averaged_interval
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.errors import error_model
@@ -20,7 +21,8 @@ from legfem.inverse.laplace import contact_posterior, gain_of_widths
 from legfem.inverse.library import NuisanceChanges
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
 from legfem.inverse.map_fit import fit
-from legfem.legs.nuisances import MATERIAL_LOG_SD, Accuracy, nuisance_effects
+from legfem.inverse.nuisances import nuisance_effects
+from legfem.legs.nuisances import ShapeAccuracy
 from legfem.mechanisms import mechanism_named
 
 
@@ -259,7 +261,7 @@ def test_fat_is_named_only_beyond_what_is_known_of_it(factor, named):
     mechanism = mechanism_named("superficial-stiffness")
     force = predictor({**TRUTH, "superficial-stiffness.factor": factor}, [mechanism])
     known = NuisanceChanges(GRID, {}, {"superficial.C10": fat(GRID)})
-    effects = [(one.name, one.effect) for one in nuisance_effects(known, observed, force, Accuracy())]
+    effects = [(one.name, one.effect) for one in nuisance_effects(known, observed, force, ShapeAccuracy())]
     seen = noisy(observed.with_force(force), force, 3)
     errors = error_model(seen, problem.errors.noise, force, effects)
     problem = LinearisedProblem(replace(predictor, observed=seen), errors)

@@ -23,6 +23,7 @@ from scipy.stats import norm
 from legfem.common.progress import Silent
 from legfem.inverse.averaging import _beside_unseen, unseen_of
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
+from legfem.inverse.diagnose import DiagnosisInput, diagnose
 from legfem.inverse.evidence import Evidence, possible_discrepancies
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.fibre_correction import read_fibres
@@ -30,12 +31,13 @@ from legfem.inverse.hidden import profile_of
 from legfem.inverse.laplace import laplace_posterior
 from legfem.inverse.map_fit import fit
 from legfem.inverse.measured_strength import MeasuredStrength
-from legfem.inverse.mechanism import Occurrence, Unseen
+from legfem.inverse.mechanism import Occurrence, Unseen, testable
 from legfem.inverse.parameter import Prior
 from legfem.inverse.posterior import Mixture
 from legfem.inverse.verdict import TRUSTED, shift_of
-from legfem.legs.diagnosis import diagnose_body, shown_mechanisms
-from legfem.mechanisms import OCCURRENCES, mechanism_named
+from legfem.legs.diagnosis import WITHOUT_ENDS
+from legfem.legs.nuisances import ShapeAccuracy
+from legfem.mechanisms import OCCURRENCES, mechanism_named, mechanisms
 from legfem.mechanisms.time_dependence import carried
 from legfem.report.diagnosis_headline import headline
 from legfem.report.diagnosis_sentences import hidden_sentence
@@ -74,9 +76,24 @@ def lump(factor, possible=OCCURRENCES, truth=Hiding):
     values = {DEEP_C10: 0.001, DEEP_C20: 0.0006, "uneven-muscle.factor": factor}
     observed = noisy(observed, predictor(values, [mechanism]), 1)
     asked = ("uneven-muscle", "force-drift", "support-compliance", "superficial-stiffness")
-    able, _ = shown_mechanisms(observed, None)
+    able, _ = testable(mechanisms(), observed, WITHOUT_ENDS)
     library = Hiding(missing={m.name: "not asked" for m in able if m.name not in asked})
-    return diagnose_body(observed, INSTRUMENT, "reduced-polynomial", library, None, Silent(), possible=possible)
+    return told(observed, library, possible)
+
+
+def told(observed, library, possible):
+    """Return the diagnosis by a library, of a leg as it is usually known."""
+    given = DiagnosisInput(
+        observed,
+        INSTRUMENT,
+        "reduced-polynomial",
+        library,
+        mechanisms(),
+        ShapeAccuracy(),
+        ruled_out=WITHOUT_ENDS,
+        possible=possible or {},
+    )
+    return diagnose(given, None, Silent())
 
 
 def relaxing(possible=OCCURRENCES):
@@ -88,11 +105,11 @@ def relaxing(possible=OCCURRENCES):
     force = predictor({DEEP_C10: 0.001, DEEP_C20: 0.0006})
     behind = relaxed(observed.protocols[0], observed.time, 400.0)
     force *= 1.0 + 0.12 * behind / np.maximum(observed.displacement, 1e-9)
-    able, _ = shown_mechanisms(observed, None)
+    able, _ = testable(mechanisms(), observed, WITHOUT_ENDS)
     asked = ("force-drift", "preconditioning")
     library = ClosedForm(missing={m.name: "not asked" for m in able if m.name not in asked})
     observed = noisy(observed, force, 1)
-    return diagnose_body(observed, INSTRUMENT, "reduced-polynomial", library, None, Silent(), possible=possible)
+    return told(observed, library, possible)
 
 
 def drifting(measured=()):

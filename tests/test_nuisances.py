@@ -11,12 +11,14 @@ from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray
 from legfem.geometry.section import BONES
+from legfem.inverse.accuracy import GEOMETRY_DOF, MATERIAL_LOG_SD, Cause
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.correction import read_correction
 from legfem.inverse.explain import explain
 from legfem.inverse.library import NuisanceChanges
 from legfem.inverse.library_build import smoothed
-from legfem.inverse.linearised import Cause, variance_degrees
+from legfem.inverse.linearised import variance_degrees
+from legfem.inverse.nuisances import nuisance_effects
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.diagnosis import accuracy_of
 from legfem.legs.loading import load_subject
@@ -26,12 +28,9 @@ from legfem.legs.nuisances import (
     CONTOUR_SD_MM,
     DIRECTION_SD_DEG,
     DRAWN,
-    GEOMETRY_DOF,
-    MATERIAL_LOG_SD,
     OUTLINES,
-    Accuracy,
+    ShapeAccuracy,
     displaced_geometries,
-    nuisance_effects,
 )
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import LegAccuracy
@@ -55,7 +54,7 @@ def blank():
 
 def test_an_effect_is_the_force_times_its_relative_change_by_one_standard_deviation(blank):
     observed, force, nuisances = blank
-    effects = effects_of(nuisances, observed, force, Accuracy())
+    effects = effects_of(nuisances, observed, force, ShapeAccuracy())
     expected = MATERIAL_LOG_SD["superficial.C10"] * fat(observed.displacement) * force
     deep = observed.displacement > GRID[0]
     np.testing.assert_allclose(effects["stiffness of the fat"][deep], expected[deep], rtol=1e-3)
@@ -65,16 +64,16 @@ def test_an_effect_is_the_force_times_its_relative_change_by_one_standard_deviat
 
 def test_effects_of_geometry_follow_what_is_stated_of_the_leg(blank):
     observed, force, nuisances = blank
-    usual = effects_of(nuisances, observed, force, Accuracy())
-    worse = effects_of(nuisances, observed, force, Accuracy(2 * CONTOUR_SD_MM, 3 * AIM_SD_MM))
+    usual = effects_of(nuisances, observed, force, ShapeAccuracy())
+    worse = effects_of(nuisances, observed, force, ShapeAccuracy(contour_sd=2 * CONTOUR_SD_MM, aim_sd=3 * AIM_SD_MM))
     assert list(usual) == list(worse)
     for name, effect in usual.items():
         outline = "outline" in name or name.startswith(BONES)
         factor = 2 if outline else 3 if name == "aim" else 1
         np.testing.assert_allclose(worse[name], factor * effect)
-    exact = effects_of(nuisances, observed, force, Accuracy(0.0, 0.0, 0.0))
+    exact = effects_of(nuisances, observed, force, ShapeAccuracy(contour_sd=0.0, aim_sd=0.0, direction_sd=0.0))
     assert list(exact) == ["stiffness of the fat"]
-    assert not effects_of(nuisances, observed, force, Accuracy(0.0, 0.0, 0.0, assumed_sd=0.0))
+    assert not effects_of(nuisances, observed, force, ShapeAccuracy(0.0, contour_sd=0.0, aim_sd=0.0, direction_sd=0.0))
 
 
 def test_a_drawn_leg_is_known_unless_its_folder_says_otherwise():
@@ -82,13 +81,13 @@ def test_a_drawn_leg_is_known_unless_its_folder_says_otherwise():
     assert drawn.origin == "reconstructed"
     assert accuracy_of(drawn) == DRAWN
     stated = replace(drawn, accuracy=LegAccuracy(contour_sd=1.0, assumed_sd=0.1))
-    assert accuracy_of(stated) == Accuracy(1.0, AIM_SD_MM, DIRECTION_SD_DEG, 0.1)
-    assert accuracy_of(replace(drawn, origin="measured")) == Accuracy()
+    assert accuracy_of(stated) == ShapeAccuracy(0.1, contour_sd=1.0, aim_sd=AIM_SD_MM, direction_sd=DIRECTION_SD_DEG)
+    assert accuracy_of(replace(drawn, origin="measured")) == ShapeAccuracy()
 
 
 def test_modes_of_an_outline_have_its_error_s_covariance_along_the_arc(blank):
     observed, force, nuisances = blank
-    effects = effects_of(nuisances, observed, force, Accuracy())
+    effects = effects_of(nuisances, observed, force, ShapeAccuracy())
     for part in OUTLINES:
         modes = np.array([e for name, e in effects.items() if name.startswith(f"outline of the {part}")])
         hats = [g for g in displaced_geometries() if g.name.startswith(f"outline of the {part}")]
@@ -106,8 +105,8 @@ def test_modes_of_an_outline_have_its_error_s_covariance_along_the_arc(blank):
 def test_errors_of_the_correction_count_where_it_is_applied(blank):
     observed, force, nuisances = blank
     correction = read_correction(REFERENCE)
-    without = effects_of(nuisances, observed, force, Accuracy())
-    effects = effects_of(nuisances, observed, force, Accuracy(), correction, (1.0, 0.8))
+    without = effects_of(nuisances, observed, force, ShapeAccuracy())
+    effects = effects_of(nuisances, observed, force, ShapeAccuracy(), correction, (1.0, 0.8))
     added = {name.removeprefix("3D correction: ") for name in effects.keys() - without.keys()}
     assert added == set(correction.errors)
     deep = np.argmax(observed.displacement)

@@ -10,9 +10,9 @@ from making_diagnosis import TRUTH, one_at_each_rate, problem_of, ramps
 from scipy.optimize import least_squares
 
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
+from legfem.inverse.diagnose import ordinary_explanation
 from legfem.inverse.explain import explain
 from legfem.inverse.map_fit import fit, ordinary_fit
-from legfem.inverse.verdict import ordinary_explanation
 
 
 def with_unknown_outlines(problem):

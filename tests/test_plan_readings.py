@@ -10,11 +10,11 @@ from making import write_subject
 from making_diagnosed import diagnosed
 from scipy.stats import norm
 
+from legfem.inverse.accuracy import Accuracy
 from legfem.inverse.mechanism import prior_of
 from legfem.inverse.plan import DISTINGUISHED, Candidate, DesignValue, DirectReadings, evaluate_readings
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.loading import load_subject
-from legfem.legs.nuisances import Accuracy
 from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_sentences import next_experiments
 from legfem.report.plan import plan_lines

@@ -11,9 +11,10 @@ from making_diagnosis import NOISE
 
 from legfem.inverse import plan as reckoning
 from legfem.inverse.explanation import Explanation
+from legfem.inverse.nuisances import nuisance_effects
 from legfem.inverse.plan import Candidate, Design, evaluate_design
 from legfem.inverse.verdict import Diagnosis
-from legfem.legs.nuisances import Accuracy, nuisance_effects
+from legfem.legs.nuisances import ShapeAccuracy
 from legfem.solve.protocol import Protocol
 
 TWINS = ("fascia-stiffness", "prestress", "force-drift")
@@ -35,7 +36,7 @@ def chance(found: Diagnosis, others: list[Candidate], noise=NOISE, repeats: int 
     predictor = found.weighted_base.problem.predictor
 
     def nuisances(design, blank, force):
-        return nuisance_effects(predictor.responses.nuisances, blank, force, Accuracy())
+        return nuisance_effects(predictor.responses.nuisances, blank, force, ShapeAccuracy())
 
     worth = evaluate_design(Design("again", (RAMP,) * repeats), others, predictor, nuisances, noise, 0.01)
     assert worth is not None and worth.chance == pytest.approx(min(worth.chances.values()), abs=1)

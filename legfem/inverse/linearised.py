@@ -1,6 +1,5 @@
 """Observations with their errors and a tabulated model, and a model fitted to them with its derivatives there."""
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from legfem.common.units import FloatArray
+from legfem.inverse.accuracy import Cause
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.errors import ErrorModel, error_model
 from legfem.inverse.evidence import Linearisation
@@ -19,17 +19,6 @@ from legfem.inverse.mechanism import Mechanism, Occurrence, Unseen, prior_of
 from legfem.inverse.parameter import Parameter
 from legfem.inverse.predictor import Predictor
 from legfem.inverse.trial_noise import Noise
-
-
-@dataclass(frozen=True)
-class Cause:
-    """Where the standard deviation of a nuisance parameter comes from, and its degrees of freedom.
-
-    Effects of one cause are off by one factor together.
-    """
-
-    name: str
-    degrees_of_freedom: float = math.inf
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,13 +25,14 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from legfem.common.units import FloatArray
+from legfem.inverse.accuracy import Accuracy
 from legfem.inverse.channel_readings import PlannedChannel
 from legfem.inverse.errors import error_model
 from legfem.inverse.evidence import discrepancy_scales, possible_discrepancies
 from legfem.inverse.explanation import INEXACT
 from legfem.inverse.form import INEXACT_SHARE
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, NuisanceEffect
-from legfem.inverse.measured_strength import AssumedAccuracy, measured_strength
+from legfem.inverse.measured_strength import measured_strength
 from legfem.inverse.mechanism import Mechanism, null_of, prior_of
 from legfem.inverse.observations import Observations, blank_observations
 from legfem.inverse.predictor import Predictor, onset_name, values_of
@@ -348,7 +349,7 @@ _WORTH = 0.1
 
 
 def evaluate_readings(
-    mechanisms: Sequence[Mechanism], candidates: Sequence[Candidate], accuracy: AssumedAccuracy
+    mechanisms: Sequence[Mechanism], candidates: Sequence[Candidate], accuracy: Accuracy
 ) -> list[DesignValue]:
     """Return what it is worth to measure effects by themselves: each, and the best two if better.
 
@@ -369,9 +370,7 @@ def evaluate_readings(
     return [*single, most] if most is not None and most.chance > best + _WORTH else single
 
 
-def _worth(
-    mechanisms: tuple[Mechanism, ...], candidates: Sequence[Candidate], accuracy: AssumedAccuracy
-) -> DesignValue:
+def _worth(mechanisms: tuple[Mechanism, ...], candidates: Sequence[Candidate], accuracy: Accuracy) -> DesignValue:
     errors = np.diag([_error(m, accuracy) ** 2 for m in mechanisms])
     means, spreads = zip(*(_strengths(c, mechanisms) for c in candidates), strict=True)
     chances = {
@@ -381,7 +380,7 @@ def _worth(
     return design_value(DirectReadings(mechanisms), chances, candidates)
 
 
-def _error(mechanism: Mechanism, accuracy: AssumedAccuracy) -> float:
+def _error(mechanism: Mechanism, accuracy: Accuracy) -> float:
     """Return a reading's standard deviation, over that of what is known beforehand."""
     assert mechanism.measured_sd is not None
     null = null_of(mechanism.parameters[0])

@@ -1,35 +1,27 @@
-"""From recordings to a verdict: noise, fit of the base model, location of its misfit, explanations, limits."""
+"""What is found in recordings: the verdict, explanations, limits of what may hide, and where the base model errs."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property, partial
-from typing import Literal, Protocol
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from legfem.common.progress import Progress
 from legfem.common.units import mpa_to_kpa
-from legfem.data import Instrument
 from legfem.inverse.averaging import as_seen, robust_interval
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
-from legfem.inverse.errors import ErrorModel, error_model
+from legfem.inverse.errors import ErrorModel
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.evidence import possible_discrepancies
-from legfem.inverse.explain import explain
 from legfem.inverse.explanation import Explained, Explanation, unknown_course
 from legfem.inverse.hidden import HiddenEnd, Limit, profile_of
-from legfem.inverse.least_squares import sandwich
-from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, Nuisances, variance_degrees
-from legfem.inverse.location import MisfitAssessment, runs, score_tests
-from legfem.inverse.map_fit import base_about_solution, equally_weighted, fit, ordinary_fit, refitted_about_solutions
-from legfem.inverse.measured_strength import MeasuredStrength
-from legfem.inverse.mechanism import Mechanism, Occurrence, Unseen
+from legfem.inverse.linearised import LinearisedFit
+from legfem.inverse.location import MisfitAssessment, runs
 from legfem.inverse.observations import Observations
-from legfem.inverse.predictive import HeldOut, Misfit, held_out, misfit_of
-from legfem.inverse.predictor import LawName, Predictor, Responses, onset_name
-from legfem.inverse.setting_aside import SetAside, touched_part
-from legfem.inverse.trial_noise import estimate_noise
+from legfem.inverse.predictive import HeldOut, Misfit
+from legfem.inverse.predictor import LawName, onset_name
+from legfem.inverse.setting_aside import SetAside
 
 
 def limits_of(explained: Explained) -> tuple[Limit, ...]:
@@ -191,211 +183,6 @@ def _fitted_names(model: Explanation) -> tuple[str, ...]:
     """Return the names of the stiffness and of the mechanisms' parameters."""
     own = tuple(f"{m.name}.{p.name}" for m in model.fit.mechanisms for p in m.parameters)
     return (*model.fit.stiffness, *own)
-
-
-class FullSolutions(Responses, Protocol):
-    """Responses that are solved when asked for."""
-
-    @property
-    def solutions(self) -> int:
-        """How many were solved so far."""
-        ...
-
-
-def diagnose(
-    predictor: Predictor,
-    instrument: Instrument,
-    mechanisms: Sequence[Mechanism],
-    nuisances: Nuisances,
-    solved: FullSolutions | None,
-    progress: Progress,
-    measured: Sequence[MeasuredStrength] = (),
-    untested: Mapping[str, str] | None = None,
-    seed: int = 0,
-    possible: Mapping[str, Occurrence] | None = None,
-    unseen: tuple[Unseen, ...] = (),
-) -> Diagnosis:
-    """Diagnose recordings: noise, base fit, location, explanations, verdict.
-
-    Parameters
-    ----------
-    predictor
-        The base model, with the recordings.
-    instrument
-        Stated errors.
-    mechanisms
-        Those that the recordings can show and the predictor's responses know.
-    nuisances
-        Effects of what isn't known exactly.
-    solved
-        Full solutions, to confirm what is reported; emulated ones stand without it.
-    progress
-        Receives the steps.
-    measured
-        Strengths of mechanisms by other means.
-    untested
-        Why other mechanisms aren't among those, by name.
-    seed
-        Of the draws that windows are judged by.
-    possible
-        Which strengths mechanisms may have, and how common the great ones are; within their bounds without it.
-    unseen
-        See `LinearisedProblem.unseen`.
-    """
-    observed = predictor.observed
-    progress.stage("fitting the base model")
-    made = solved.solutions if solved is not None else 0
-    problem, ordinary = _fitted(predictor, instrument, nuisances)
-    problem, ordinary, error = base_about_solution(problem, ordinary, solved)
-    problem = replace(
-        problem,
-        measured=tuple(measured),
-        possible=dict(possible or {}),
-        unseen=unseen,
-        nuisances=nuisances if observed.channels else None,
-    )
-    base = fit(problem, (), ordinary.values)
-    progress.stage(f"weighing {len(mechanisms)} mechanisms")
-    confirm = None if solved is None else partial(refitted_about_solutions, solved)
-    explained = explain(problem, base, mechanisms, confirm, ordinary.values)
-    aside = _to_set_aside(problem, explained)
-    if aside is not None:
-        progress.stage(f"without {aside.described}")
-        rest = problem.setting_aside(aside.readings)
-        plain = ordinary_fit(rest, [base.values])
-        alone = fit(rest, (), plain.values)
-        again = explain(rest, alone, mechanisms, confirm, plain.values)
-        if _leaves_something(again):
-            aside = None
-        else:
-            problem, ordinary, base, explained = rest, plain, alone, again
-    limits: tuple[Limit, ...] = ()
-    if _verdict(explained)[0] == "consistent":
-        progress.stage("what could hide")
-        limits = limits_of(explained)
-    progress.stage("where the base model is wrong")
-    assessment = score_tests(problem, base, mechanisms, seed)
-    verdict, models = _verdict(explained)
-    plainly = ordinary_explanation(problem, ordinary, explained.base)
-    shown = explained.base if verdict == "consistent" else plainly
-    return Diagnosis(
-        verdict,
-        predictor.law,
-        observed,
-        explained,
-        plainly,
-        models,
-        assessment,
-        held_out(shown.problem, shown.fit, problem.errors),
-        tuple(held_out(m.problem, m.fit) for m in models),
-        dict(untested or {}),
-        limits,
-        _located(explained, shown.fit, models, assessment, problem.errors),
-        predictor.ends is not None,
-        (solved.solutions if solved is not None else 0) - made,
-        error,
-        misfit_of(problem, ordinary),
-        aside,
-    )
-
-
-def _leaves_something(explained: Explained) -> bool:
-    """Return whether the recordings ask for something unknown, by itself or beside what is named first."""
-    verdict, models = _verdict(explained)
-    return verdict == "unexplained" or (bool(models) and models[0].in_part)
-
-
-def _to_set_aside(problem: LinearisedProblem, explained: Explained) -> SetAside | None:
-    """Return a part of a trial that may be what asks for something unknown; a whole trial where nothing is named."""
-    if not _leaves_something(explained):
-        return None
-    found = touched_part(problem.predictor.observed, problem.errors)
-    return None if found is None or (found.whole and _verdict(explained)[1]) else found
-
-
-def starts(law: LawName, middle: float) -> list[dict[str, float]]:
-    """Return where searches for the base parameters begin, about a C10 in the middle (MPa)."""
-    if law == "neo-hookean":
-        return [{DEEP_C10: factor * middle, DEEP_C20: 0.0} for factor in (0.6, 1.5)]
-    factors = ((0.6, 1.0), (1.0, 0.3), (1.4, 0.1))
-    return [{DEEP_C10: factor * middle, DEEP_C20: share * middle} for factor, share in factors]
-
-
-def _fitted(
-    predictor: Predictor, instrument: Instrument, nuisances: Nuisances
-) -> tuple[LinearisedProblem, LinearisedFit]:
-    """Fit the base model by ordinary least squares, and find errors that are shares of its force.
-
-    The noise is estimated anew once the trials' first contacts are fitted.
-    """
-    observed, slowest = predictor.observed, predictor.observed.slowest
-    noise = estimate_noise(observed, instrument, slowest)
-    middle = float(np.sqrt(np.prod(predictor.parameters[0].bounds)))
-    problem = LinearisedProblem(predictor, error_model(observed, noise, observed.values))
-    found = ordinary_fit(problem, starts(predictor.law, middle))
-    noise = estimate_noise(observed, instrument, slowest, found.residual[: len(observed.force)])
-    return problem.with_nuisances(noise, found, nuisances(found)), found
-
-
-def _verdict(explained: Explained) -> tuple[Verdict, tuple[Explanation, ...]]:
-    if explained.adequacy >= ADEQUATE:
-        return "consistent", ()
-    listed = explained.listed()
-    if listed[0].unnamed:
-        return "unexplained", ()
-    models = tuple(e for e in listed if e.names)[:SHOWN_MOST]
-    return ("named" if len(listed) == 1 else "ambiguous"), models
-
-
-def _located(
-    explained: Explained,
-    base: LinearisedFit,
-    models: tuple[Explanation, ...],
-    assessment: MisfitAssessment,
-    errors: ErrorModel,
-) -> NDArray[np.bool_]:
-    """Return where the base model errs by more than a trial's noise.
-
-    Where a model suits, it tells what the base model misses without the noise; else the windows do.
-    """
-    located = np.zeros(len(base.residual), dtype=bool)
-    forces = slice(len(explained.base.problem.predictor.observed.force))
-    observed = explained.base.problem.predictor.observed
-    elsewhere = observed.channels and not any(window.channel == "force" for window in assessment.windows)
-    if explained.adequacy >= ADEQUATE or elsewhere:
-        return located[forces]
-    if models:
-        return np.asarray(np.abs(models[0].fit.prediction - base.prediction) > errors.trial_sd)[forces]
-    for window in assessment.windows:
-        located[list(window.stations)] = True
-    return located[forces]
-
-
-def ordinary_explanation(problem: LinearisedProblem, fitted: LinearisedFit, base: Explanation) -> Explanation:
-    """Return an ordinary fit as an explanation that is shown, with its intervals.
-
-    Parameters
-    ----------
-    problem
-        The observations with their errors.
-    fitted
-        By equal weights.
-    base
-        The base model by its errors.
-    """
-    same = equally_weighted(problem, fitted.residual)
-    weighed = fitted.sensitivities / np.diag(same.errors.dense)[:, None]
-    own = np.eye(len(fitted.free))
-    spread = np.linalg.inv(fitted.sensitivities.T @ weighed + own)
-    estimator = spread @ weighed.T
-    covariance = sandwich(estimator, problem.errors.covariance) + spread @ spread
-    return replace(
-        base,
-        problem=same,
-        fit=fitted,
-        posterior=replace(base.posterior, mean=fitted.prior_z, covariance=covariance),
-        degrees=variance_degrees(covariance, estimator, problem.errors, problem.causes),
-    )
 
 
 _LEAST_OF_NOISE = 1.0

@@ -2,80 +2,36 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from legfem.common.errors import Doubt, InputError
 from legfem.common.progress import Progress
 from legfem.common.wording import Argument
-from legfem.data import Instrument
-from legfem.inverse.averaging import unseen_of
-from legfem.inverse.catalogue import DEEP_C10, deep_stiffness
+from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.correction import TabulatedCorrection
+from legfem.inverse.diagnose import DiagnosisInput, diagnose
 from legfem.inverse.diagnosed_fit import solution_notices
 from legfem.inverse.elastography import disagreement, elastography_priors
 from legfem.inverse.library import Library
 from legfem.inverse.library_build import build_library
 from legfem.inverse.library_tasks import STIFFENING
-from legfem.inverse.linearised import LinearisedFit, NuisanceEffect
-from legfem.inverse.measured_strength import MeasuredStrength, measured_strength
-from legfem.inverse.mechanism import Occurrence, null_of, prior_of, testable
+from legfem.inverse.measured_strength import check_measured
+from legfem.inverse.mechanism import testable
 from legfem.inverse.notice import FitNotice, Notice, doubted
 from legfem.inverse.observations import Observations, observe
-from legfem.inverse.predictor import LawName, Predictor, values_of
 from legfem.inverse.responses import SolvedResponses
-from legfem.inverse.verdict import Diagnosis, diagnose
+from legfem.inverse.verdict import Diagnosis
 from legfem.legs.correction_of_leg import choose_correction, why_without_fibres
 from legfem.legs.finite_element_models import solved_responses
 from legfem.legs.notices import LegNotice
-from legfem.legs.nuisances import Accuracy, accuracy_of_shape, nuisance_effects
+from legfem.legs.nuisances import ShapeAccuracy, accuracy_of_shape
 from legfem.legs.plausibility import doubts_about, doubts_about_stiffness
 from legfem.legs.schema import SUBJECTS
-from legfem.legs.subject import MeasuredEffect, Subject
+from legfem.legs.subject import Subject
 from legfem.mechanisms import OCCURRENCES, Mechanism, mechanisms
 from legfem.mechanisms.muscle import MuscleFibres
 from legfem.mechanisms.rig import EndEffects
-
-
-def measured_strengths(accuracy: Accuracy, able: Sequence[Mechanism]) -> tuple[MeasuredStrength, ...]:
-    """Return the readings of those mechanisms that are weighed; of others they tell nothing."""
-    weighed = {m.name: m for m in able}
-    pairs = [(weighed[one.effect], one) for one in accuracy.effects if one.effect in weighed]
-    return tuple(measured_strength(mechanism, one.value, _sd_of(mechanism, one), accuracy) for mechanism, one in pairs)
-
-
-def check_measured(toml: Path, effects: Sequence[MeasuredEffect]) -> None:
-    """Check that strengths are of effects that legfem knows, and possible.
-
-    Raises
-    ------
-    InputError
-        If one isn't.
-    """
-    every = {m.name: m for m in mechanisms()}
-    for number, one in enumerate(effects):
-        field = f"measured.{number}"
-        if one.effect not in every:
-            raise InputError(
-                toml,
-                f"{field}.effect",
-                f"{one.effect!r} is not an effect that legfem knows",
-                f"give one of {', '.join(every)}",
-            )
-        first = every[one.effect].parameters[0]
-        low, high = first.bounds
-        if not low <= one.value <= high:
-            raise InputError(
-                toml,
-                f"{field}.value",
-                f"{one.value:g} is impossible ({first.unit})",
-                f"give {first.statement}: {low:g} to {high:g}, {null_of(first):g} without the effect",
-            )
-
-
-def _sd_of(mechanism: Mechanism, one: MeasuredEffect) -> float:
-    return one.sd / one.value if prior_of(mechanism.parameters[0]).scale == "log" else one.sd
 
 
 @dataclass(eq=False)
@@ -121,7 +77,7 @@ class Diagnoser:
         fine, coarse = self._legs.setdefault(leg, (fine, coarse))
         keys = f"{leg}{bool(observed.channels)}" + "".join(sorted(stations.key for stations in observed.protocols))
         if keys not in self._libraries:
-            able, _ = shown_mechanisms(observed, self.correction)
+            able, _ = testable(with_correction(mechanisms(), self.correction), observed, WITHOUT_ENDS)
             self._libraries[keys] = build_library(
                 fine, coarse, observed, able, self.jobs, progress, STIFFENING[subject.tissues["deep"].law]
             )
@@ -129,100 +85,24 @@ class Diagnoser:
 
     def diagnose(self, subject: Subject, progress: Progress, seed: int = 0) -> Diagnosis:
         """Diagnose a subject's recordings."""
-        observed, accuracy = self.observations(subject), accuracy_of(subject)
+        observed = self.observations(subject)
         library, solved = self.library(subject, observed, progress)
-        observed = observed.with_channels(library.beside.names)
-        law, ends = subject.tissues["deep"].law, choose_correction("auto", subject)
-        return diagnose_body(
-            observed,
+        return diagnose(self.given(subject, observed, library), solved, progress, seed)
+
+    def given(self, subject: Subject, observed: Observations, library: Library) -> DiagnosisInput:
+        """Return what a subject's diagnosis is given, with its recordings at their stations."""
+        ends = choose_correction("auto", subject)
+        return DiagnosisInput(
+            observed.with_channels(library.beside.names),
             subject.instrument,
-            law,
+            subject.tissues["deep"].law,
             library,
-            solved,
-            progress,
-            accuracy,
-            ends,
-            seed,
-            ruled_out_of(subject, ends),
             with_correction(mechanisms(), self.correction),
+            accuracy_of(subject),
+            ends,
+            ruled_out_of(subject, ends),
             OCCURRENCES,
         )
-
-
-def diagnose_body(
-    observed: Observations,
-    instrument: Instrument,
-    law: LawName,
-    library: Library,
-    solved: SolvedResponses | None,
-    progress: Progress,
-    accuracy: Accuracy | None = None,
-    ends: TabulatedCorrection | None = None,
-    seed: int = 0,
-    ruled_out: Mapping[str, str] | None = None,
-    every: Sequence[Mechanism] | None = None,
-    possible: Mapping[str, Occurrence] | None = None,
-) -> Diagnosis:
-    """Diagnose recordings of a leg, or of another body whose responses are tabulated.
-
-    Parameters
-    ----------
-    observed
-        The recordings at their stations.
-    instrument
-        Stated errors.
-    law
-        Of the deep tissue in the base model.
-    library
-        Of the body's responses.
-    solved
-        Full solutions, to confirm what is reported; emulated ones stand without it.
-    progress
-        Receives the steps.
-    accuracy
-        How well the body is known.
-    ends
-        The correction for the cylinder's ends, where the recordings have them.
-    seed
-        Of the draws that windows are judged by.
-    ruled_out
-        See `legfem.legs.diagnosis.shown_mechanisms`.
-    every
-        Mechanisms that the body may have; all that legfem knows without it.
-    possible
-        Which strengths they may have; within their bounds without it.
-    """
-    accuracy = accuracy or Accuracy()
-    excluded = WITHOUT_ENDS if ruled_out is None else ruled_out
-    able, untested = shown_mechanisms(observed, None, excluded, every)
-    able = [m for m in able if m.name not in library.missing]
-    possible = possible or {}
-    there = [m for m in (mechanisms() if every is None else every) if m.name not in excluded]
-    return diagnose(
-        Predictor(observed, library, law, ends, accuracy.measured.get(DEEP_C10)),
-        instrument,
-        able,
-        partial(_nuisances_beside, library, observed, accuracy, ends),
-        solved,
-        progress,
-        measured_strengths(accuracy, able),
-        {**untested, **library.missing},
-        seed,
-        possible,
-        unseen_of(there, observed, possible),
-    )
-
-
-def _nuisances_beside(
-    library: Library,
-    observed: Observations,
-    accuracy: Accuracy,
-    ends: TabulatedCorrection | None,
-    fitted: LinearisedFit,
-) -> list[NuisanceEffect]:
-    """Return what isn't known exactly does beside a fit's mechanisms."""
-    changes = library.nuisances_beside([(m, values_of(fitted.values, m)) for m in fitted.mechanisms])
-    return nuisance_effects(changes, observed, fitted.prediction, accuracy, ends, deep_stiffness(fitted.values))
 
 
 def ruled_out_of(subject: Subject, ends: TabulatedCorrection | None) -> dict[str, str]:
@@ -241,7 +121,7 @@ def ruled_out_of(subject: Subject, ends: TabulatedCorrection | None) -> dict[str
     return found
 
 
-def accuracy_of(subject: Subject) -> Accuracy:
+def accuracy_of(subject: Subject) -> ShapeAccuracy:
     """Return how well a subject's leg is known; what shear waves measured of it counts as in an identification.
 
     Raises
@@ -249,7 +129,7 @@ def accuracy_of(subject: Subject) -> Accuracy:
     InputError
         If an effect was measured that legfem doesn't know, or that is impossible.
     """
-    check_measured(subject.directory / "subject.toml", subject.measured)
+    check_measured(subject.directory / "subject.toml", subject.measured, mechanisms())
     known = accuracy_of_shape(subject)
     measured = elastography_priors(subject.elastography)
     if (prior := subject.stiffness_prior) is not None:
@@ -265,30 +145,6 @@ WITHOUT_ENDS: Mapping[str, str] = {
     MuscleFibres.name: "the base model has no ends of the cylinder, at which fibres would bend"
 }
 """What can't be left out of a base model without the cylinder's ends, and why."""
-
-
-def shown_mechanisms(
-    observed: Observations,
-    correction: TabulatedCorrection | None,
-    ruled_out: Mapping[str, str] | None = None,
-    every: Sequence[Mechanism] | None = None,
-) -> tuple[list[Mechanism], dict[str, str]]:
-    """Return the mechanisms that recordings can show, and why the others can't be.
-
-    Parameters
-    ----------
-    observed
-        The recordings.
-    correction
-        For the cylinder's ends.
-    ruled_out
-        Mechanisms by name that can't be what was left out, and why; those of a base model without
-        the cylinder's ends by default.
-    every
-        Mechanisms that the body may have; all that legfem knows without it.
-    """
-    known = with_correction(mechanisms() if every is None else every, correction)
-    return testable(known, observed, WITHOUT_ENDS if ruled_out is None else ruled_out)
 
 
 def with_correction(every: Sequence[Mechanism], correction: TabulatedCorrection | None) -> list[Mechanism]:

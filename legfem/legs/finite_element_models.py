@@ -16,10 +16,11 @@ from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, fibres
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings, Tissues
 from legfem.geometry.indenter import Indenter, Site
 from legfem.geometry.motion import without_layer
+from legfem.inverse.accuracy import MATERIAL_LOG_SD
 from legfem.inverse.body_models import Displaced, Stopped
 from legfem.inverse.observations import Observations
 from legfem.inverse.responses import SolvedResponses
-from legfem.legs.nuisances import MATERIAL_LOG_SD, displaced_geometries
+from legfem.legs.nuisances import displaced_geometries
 from legfem.legs.placement import SpatialLeg
 from legfem.legs.subject import Subject, TissueParameters
 from legfem.mechanics.materials import Hyperelastic, NeoHookean, ReducedPolynomial

@@ -15,12 +15,13 @@ from legfem.data.plausibility import refuse_copies
 from legfem.data.recording import HEADER
 from legfem.geometry.indenter import Indenter, Site
 from legfem.geometry.section import LegSection, first_crossing
+from legfem.inverse.accuracy import MeasuredEffect
 from legfem.inverse.elastography import ShearModulus, fibre_ratio
 from legfem.legs.placement import placed
 from legfem.legs.plausibility import doubts_about
 from legfem.legs.plausible_recordings import check_channels
 from legfem.legs.schema import SUBJECTS, SubjectFile, TissueEntry, site_names, subject_entry
-from legfem.legs.subject import TYPICAL_ACCURACY, LegAccuracy, MeasuredEffect, SitedLeg, Subject, TissueParameters
+from legfem.legs.subject import TYPICAL_ACCURACY, LegAccuracy, SitedLeg, Subject, TissueParameters
 
 
 def load_sites(directory: Path) -> SitedLeg | None:

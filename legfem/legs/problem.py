@@ -15,6 +15,7 @@ from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.common.wording import Argument, Remedy
 from legfem.data import LoadingCurve
+from legfem.inverse.accuracy import GEOMETRY_DOF, MATERIAL_DOF, MATERIAL_LOG_SD
 from legfem.inverse.catalogue import DEEP_D2, IdentifiedLaw, LawName, Values, deep_stiffness
 from legfem.inverse.comparison import Covariances, ErrorSource, JointComparison, Test, Weighting, total_of
 from legfem.inverse.correction import TabulatedCorrection
@@ -34,7 +35,6 @@ from legfem.inverse.trial_noise import estimate_noise
 from legfem.legs.details import AppliedCorrection, LegDetails, SpatialSites
 from legfem.legs.forward import PlaneStrainForward, laws_of
 from legfem.legs.notices import notices_about
-from legfem.legs.nuisances import GEOMETRY_DOF, MATERIAL_DOF, MATERIAL_LOG_SD
 from legfem.legs.site import MeasuredSite, beyond_of, measured_curve, site_test
 from legfem.legs.subject import SitedLeg, Subject
 from legfem.legs.unknowns import Geometry, SectionGeometry, unknowns_at

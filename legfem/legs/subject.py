@@ -11,6 +11,7 @@ from legfem.data import Instrument, Recording, Segmentation, segment_all
 from legfem.data.recording import Origin
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import LegSection
+from legfem.inverse.accuracy import MeasuredEffect
 from legfem.inverse.elastography import FibreRatio, ShearModulus
 from legfem.inverse.parameter import Prior
 
@@ -57,18 +58,6 @@ calves, sizes measured to 5 mm and 0.8 mm (fourteen drawn calves); 0 to 7 % on o
 (BodyParts3D)."""
 TYPICAL_ACCURACY = LegAccuracy(contour_sd=3.0, aim_sd=4.0, direction_sd=6.0)
 """Of a typical calf, where a diagnosis weighs what isn't known of a leg."""
-
-
-@dataclass(frozen=True)
-class MeasuredEffect:
-    """How strong an effect is that a model may leave out, by other means than the indenter."""
-
-    effect: str
-    """Name of a mechanism."""
-    value: float
-    """In the unit of the mechanism's strength."""
-    sd: float
-    source: str
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,25 +7,19 @@ import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.geometry.section import layer_thicknesses
+from legfem.inverse.accuracy import GEOMETRY_DOF, MATERIAL_DOF, MATERIAL_LOG_SD, Cause, word_of
 from legfem.inverse.catalogue import IdentifiedLaw, Values
 from legfem.inverse.library import NuisanceChanges
 from legfem.inverse.library_build import geometric_changes
 from legfem.inverse.library_tasks import STIFFENING, rounded
-from legfem.inverse.linearised import Cause, NuisanceEffect
+from legfem.inverse.linearised import NuisanceEffect
 from legfem.inverse.mechanism import Stiffness
+from legfem.inverse.nuisances import nuisance_effects
 from legfem.inverse.readings import GAIN, OFFSET, ZERO
 from legfem.inverse.settings import SearchRequest
 from legfem.inverse.station_test import StationTest, Unknown
 from legfem.legs.finite_element_models import solved_responses
-from legfem.legs.nuisances import (
-    GEOMETRY_DOF,
-    MATERIAL_DOF,
-    MATERIAL_LOG_SD,
-    Accuracy,
-    accuracy_of_shape,
-    nuisance_effects,
-    word_of,
-)
+from legfem.legs.nuisances import ShapeAccuracy, accuracy_of_shape
 from legfem.legs.subject import TYPICAL_FORCE_SD, SitedLeg, Subject
 from legfem.solve.path import ForceCurve
 
@@ -121,7 +115,7 @@ def unknowns_at(
 
 
 def _of_shape(
-    test: StationTest, subject: Subject, predicted: FloatArray, accuracy: Accuracy
+    test: StationTest, subject: Subject, predicted: FloatArray, accuracy: ShapeAccuracy
 ) -> Iterator[NuisanceEffect]:
     """Yield what outlines do of which no displaced geometry is solved.
 

@@ -9,6 +9,7 @@ import numpy as np
 from legfem.common.documents import json_types, versions_of
 from legfem.common.units import mpa_to_kpa
 from legfem.data.recording import Origin
+from legfem.inverse.accuracy import MeasuredEffect
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, key_of
 from legfem.inverse.diagnosed_fit import base_fit, best_fit
 from legfem.inverse.document import estimate_document, fitted_document
@@ -20,7 +21,7 @@ from legfem.inverse.location import runs
 from legfem.inverse.predictive import HeldOut, checks_by_phase
 from legfem.inverse.verdict import Diagnosis, explained_share, residual_intervals
 from legfem.legs.diagnosis import notices_of
-from legfem.legs.subject import MeasuredEffect, Subject
+from legfem.legs.subject import Subject
 from legfem.report.diagnosis_sentences import next_experiments
 from legfem.report.further_channels import channel_misfits, channel_sentences
 

@@ -3,13 +3,14 @@
 from legfem.common.units import mpa_to_kpa, percent
 from legfem.data.recording import Origin
 from legfem.geometry.section import girth
+from legfem.inverse.accuracy import MeasuredEffect
 from legfem.inverse.averaging import sensitivities
 from legfem.inverse.catalogue import DEEP_C10, symbol_of
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.mechanism import null_of
 from legfem.inverse.predictive import HeldOut, checks_by_phase
 from legfem.inverse.verdict import Diagnosis, explained_share
-from legfem.legs.subject import MeasuredEffect, Subject
+from legfem.legs.subject import Subject
 from legfem.mechanisms import mechanism_named
 from legfem.report import diagnosis_curves
 from legfem.report.diagnosis_document import Recorded

@@ -12,16 +12,17 @@ from legfem.common.progress import Progress
 from legfem.common.wording import Argument
 from legfem.data import Instrument
 from legfem.data.recording import Origin
+from legfem.inverse.accuracy import Accuracy
 from legfem.inverse.catalogue import DEEP_C10, RATIO
+from legfem.inverse.diagnose import DiagnosisInput, diagnose
 from legfem.inverse.library_build import build_library
 from legfem.inverse.library_tasks import STIFFENING, middle_of
+from legfem.inverse.mechanism import testable
 from legfem.inverse.notice import FitNotice, Notice, doubted
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.responses import PLAIN, SolvedResponses
 from legfem.inverse.verdict import Diagnosis
 from legfem.jobs.store import code_fingerprint
-from legfem.legs.diagnosis import diagnose_body, shown_mechanisms
-from legfem.legs.nuisances import Accuracy
 from legfem.specimens.agreement import TestsAgreement, agreement_of_tests
 from legfem.specimens.artefacts import SizeDependence, size_dependence
 from legfem.specimens.details import SpecimenNotice
@@ -186,25 +187,15 @@ def _diagnosed(
     last = max(float(s.protocol.time[-1]) for s in observed.protocols)
     scale = Scale(observed.depth, float(observed.force.max()), last, middle, asked.bulk_ratio)
     every, unable = mechanisms_of(sizes, scale, used[0].recording.timed)
-    able, _ = shown_mechanisms(observed, None, every=every)
+    able, _ = testable(every, observed, {})
     library = build_library(solved, solved, observed, able, jobs, progress, stiffening, middle, _STIFFENINGS, False)
     library = replace(library, missing={**unable, **library.missing}, reach=_REACH)
     observed, stiff = observed.with_channels(library.beside.names), stiffness_doubts(folder, middle)
     doubts = (*folder.doubts, *(one for one in stiff if one.field not in folder.confirmed))
     observed = replace(observed, notices=(*doubted(doubts), *observed.notices))
     accuracy = Accuracy() if folder.origin == "measured" else _DRAWN
-    diagnosis = diagnose_body(
-        observed,
-        _instrument(folder, used),
-        folder.base_law,
-        library,
-        solved,
-        progress,
-        accuracy,
-        seed=seed,
-        every=every,
-    )
-    return diagnosis, tuple(left)
+    given = DiagnosisInput(observed, _instrument(folder, used), folder.base_law, library, every, accuracy)
+    return diagnose(given, solved, progress, seed), tuple(left)
 
 
 def _observed(folder: SpecimenFolder, used: Sequence[SpecimenRecording]) -> Observations:

@@ -10,9 +10,9 @@ import numpy as np
 
 from legfem.channels.kinds import CHANNELS
 from legfem.common.units import FloatArray
+from legfem.inverse.accuracy import SIZE
 from legfem.inverse.body_models import Displaced, Stopped
 from legfem.inverse.responses import PLAIN
-from legfem.legs.nuisances import SIZE
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.terms import Fibres
 from legfem.mechanisms import Solution, TissueMechanism, mechanisms

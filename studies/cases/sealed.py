@@ -13,17 +13,17 @@ from legfem.common.units import mpa_to_kpa
 from legfem.data import Recording
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.correction import TabulatedCorrection
+from legfem.inverse.diagnose import diagnose
 from legfem.inverse.library import Library
 from legfem.inverse.library_build import build_library
 from legfem.inverse.library_tasks import STIFFENING, middle_of
-from legfem.inverse.mechanism import Mechanism, TissueMechanism
+from legfem.inverse.mechanism import Mechanism, TissueMechanism, testable
 from legfem.inverse.responses import SolvedResponses
 from legfem.inverse.verdict import Diagnosis
-from legfem.legs.correction_of_leg import choose_correction
-from legfem.legs.diagnosis import Diagnoser, accuracy_of, diagnose_body, ruled_out_of, shown_mechanisms, with_correction
+from legfem.legs.diagnosis import WITHOUT_ENDS, Diagnoser, with_correction
 from legfem.legs.finite_element_models import solved_responses
 from legfem.legs.subject import Subject
-from legfem.mechanisms import OCCURRENCES, mechanisms
+from legfem.mechanisms import mechanisms
 from legfem.report.diagnosis_headline import headline
 from studies.cases.instruments import recorded
 from studies.cases.sealed_case import DEPTH_MM, SealedCase, sealed_leg
@@ -221,7 +221,7 @@ class Lab:
             return None
         diagnoser, law = Diagnoser(self.folder, self.correction), subject.tissues["deep"].law
         observed = diagnoser.observations(subject)
-        able, _ = shown_mechanisms(observed, self.correction)
+        able, _ = testable(with_correction(mechanisms(), self.correction), observed, WITHOUT_ENDS)
         keys = [stations.key for stations in observed.protocols] if any(_follows_path(one) for one in able) else []
         key = repr((case.leg, sorted(keys)))
         if key not in self._libraries:
@@ -236,22 +236,9 @@ class Lab:
 
     def diagnose(self, subject: Subject, library: Library, solved: SolvedResponses | None) -> Diagnosis:
         """Diagnose recordings by a library, and by full solutions where there are any."""
-        observed = Diagnoser(self.folder, self.correction).observations(subject).with_channels(library.beside.names)
-        ends = choose_correction("auto", subject)
-        return diagnose_body(
-            observed,
-            INSTRUMENT,
-            subject.tissues["deep"].law,
-            library,
-            solved,
-            Silent(),
-            accuracy_of(subject),
-            ends,
-            0,
-            ruled_out_of(subject, ends),
-            with_correction(mechanisms(), self.correction),
-            OCCURRENCES,
-        )
+        diagnoser = Diagnoser(self.folder, self.correction)
+        given = diagnoser.given(subject, diagnoser.observations(subject), library)
+        return diagnose(replace(given, instrument=INSTRUMENT), solved, Silent())
 
     def said(self, case: SealedCase, subset: str) -> Said | None:
         """Return what a diagnosis of some of a recording's channels says; None where a solution stopped."""

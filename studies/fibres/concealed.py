@@ -19,11 +19,13 @@ from legfem.data import segment_all
 from legfem.experiments.leg_3d import IdealisedLegIndentation
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.correction import read_correction
+from legfem.inverse.diagnose import DiagnosisInput, diagnose
 from legfem.inverse.observations import observe
 from legfem.inverse.verdict import Diagnosis
 from legfem.jobs.store import Store
 from legfem.legs.correction_of_leg import REFERENCE
-from legfem.legs.diagnosis import diagnose_body, with_correction
+from legfem.legs.diagnosis import WITHOUT_ENDS, with_correction
+from legfem.legs.nuisances import ShapeAccuracy
 from legfem.mechanisms import OCCURRENCES
 from legfem.mechanisms.muscle import MuscleFibres
 from legfem.mechanisms.rig import EndEffects
@@ -100,17 +102,20 @@ def diagnosed(given: Concealed, number: int, folder: Path, jobs: int, progress: 
     tables = plane_library(solved, observed, correction, jobs, Silent())
     with_ends = {EndEffects.name: "the base model has the cylinder's ends"}
     return {
-        ends: diagnose_body(
-            observed,
-            INSTRUMENT,
-            "neo-hookean",
-            tables,
+        ends: diagnose(
+            DiagnosisInput(
+                observed,
+                INSTRUMENT,
+                "neo-hookean",
+                tables,
+                with_correction(MECHANISMS, correction),
+                ShapeAccuracy(),
+                correction if ends else None,
+                with_ends if ends else WITHOUT_ENDS,
+                OCCURRENCES,
+            ),
             solved,
             Silent(),
-            ends=correction if ends else None,
-            ruled_out=with_ends if ends else None,
-            every=with_correction(MECHANISMS, correction),
-            possible=OCCURRENCES,
         )
         for ends in (True, False)
     }

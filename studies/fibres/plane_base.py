@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING, ClassVar
 
 from legfem.common.progress import Progress
 from legfem.experiments.leg_3d import IdealisedLegIndentation
+from legfem.inverse.accuracy import MATERIAL_LOG_SD
 from legfem.inverse.body_models import Displaced, Stopped
 from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.library import Library
 from legfem.inverse.library_build import build_library
-from legfem.inverse.mechanism import Solution
+from legfem.inverse.mechanism import Solution, testable
 from legfem.inverse.observations import Observations
 from legfem.inverse.responses import SolvedResponses
 from legfem.jobs.store import code_fingerprint
-from legfem.legs.diagnosis import shown_mechanisms
-from legfem.legs.nuisances import MATERIAL_LOG_SD
+from legfem.legs.diagnosis import WITHOUT_ENDS, with_correction
 from legfem.mechanisms import Mechanism, TissueMechanism
 from legfem.mechanisms.muscle import Compressibility, StrainStiffening
 from legfem.solve.protocol import Protocol
@@ -128,7 +128,7 @@ def offered(observed: Observations, correction: TabulatedCorrection) -> tuple[li
 
     A neo-Hookean base model's strain stiffening is its C20, which the elastic table has.
     """
-    able, _ = shown_mechanisms(observed, correction, every=MECHANISMS)
+    able, _ = testable(with_correction(MECHANISMS, correction), observed, WITHOUT_ENDS)
     missing = {m.name: NOT_OFFERED[m.name] for m in able if m.name in NOT_OFFERED}
     tabulated = [m for m in able if isinstance(m, Compressibility)]
     unknown = [

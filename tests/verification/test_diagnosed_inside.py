@@ -22,21 +22,24 @@ from legfem.data.recording import RecordedChannel
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.geometry.indenter import Site
 from legfem.geometry.section import across
+from legfem.inverse.diagnose import DiagnosisInput, diagnose
 from legfem.inverse.errors import IMAGE_LEFT
 from legfem.inverse.library import Library
 from legfem.inverse.library_build import build_library
-from legfem.inverse.mechanism import prior_of
+from legfem.inverse.library_tasks import STIFFENING
+from legfem.inverse.mechanism import prior_of, testable
+from legfem.inverse.nuisances import nuisance_effects
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.plan import Design, evaluate_design, prior_candidates
 from legfem.inverse.responses import SolvedResponses
 from legfem.inverse.verdict import Diagnosis
-from legfem.legs.diagnosis import STIFFENING, diagnose_body, shown_mechanisms
+from legfem.legs.diagnosis import WITHOUT_ENDS
 from legfem.legs.finite_element_models import LegVariants, tissues_of
 from legfem.legs.loading import load_subject
-from legfem.legs.nuisances import Accuracy, nuisance_effects
+from legfem.legs.nuisances import ShapeAccuracy
 from legfem.legs.plan import with_channels
 from legfem.legs.schema import SUBJECTS
-from legfem.mechanisms import TissueMechanism, mechanism_named
+from legfem.mechanisms import TissueMechanism, mechanism_named, mechanisms
 from legfem.solve.protocol import Protocol
 from studies.making.plane_leg import OtherCase, OtherCode
 from studies.making.recording import flicker
@@ -128,13 +131,15 @@ def library_of(observed: Observations) -> Library:
     solved = SolvedResponses(variants, DEPTH + 1.0, None, {})
     asked = [one for one in map(mechanism_named, ASKED) if isinstance(one, TissueMechanism)]
     library = build_library(solved, solved, observed, asked, 1, Silent(), STIFFENING[LAW], pairs=False)
-    able, _ = shown_mechanisms(observed, None)
+    able, _ = testable(mechanisms(), observed, WITHOUT_ENDS)
     others = [one.name for one in able if isinstance(one, TissueMechanism) and one not in asked]
     return replace(library, missing={**library.missing, **dict.fromkeys(others, "isn't tabulated")})
 
 
 def diagnosed(observed: Observations, library: Library) -> Diagnosis:
-    return diagnose_body(observed, INSTRUMENT, LAW, library, None, Silent(), Accuracy())
+    known = ShapeAccuracy()
+    given = DiagnosisInput(observed, INSTRUMENT, LAW, library, mechanisms(), known, ruled_out=WITHOUT_ENDS)
+    return diagnose(given, None, Silent())
 
 
 SHIFT_MM, TURN_DEG = np.array([1.5, -1.0]), 2.0
@@ -248,7 +253,7 @@ def test_a_plan_s_chance_of_images_is_how_often_they_show_the_effect():
             test,
             candidates,
             base.problem.predictor,
-            lambda _, blank, readings: nuisance_effects(changes, blank, readings, Accuracy()),
+            lambda _, blank, readings: nuisance_effects(changes, blank, readings, ShapeAccuracy()),
             alone.errors.noise,
             0.01,
         )

@@ -11,12 +11,12 @@ from making import SHARED
 
 from legfem.common.progress import Silent
 from legfem.common.units import mpa_to_kpa
+from legfem.inverse.accuracy import MeasuredEffect
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.diagnosis import Diagnoser
 from legfem.legs.loading import load_subject
-from legfem.legs.subject import MeasuredEffect
 
 FOREIGN = SHARED / "foreign"
 pytestmark = [

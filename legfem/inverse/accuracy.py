@@ -1,0 +1,106 @@
+"""How well the numbers are known that a base model assumes of a body, and what was measured of it by other means."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from legfem.inverse.parameter import Prior
+
+MATERIAL_LOG_SD: Mapping[str, float] = {
+    "superficial.C10": 0.2,
+    "fascia.C10": 0.25,
+    "deep.D1": 0.25,
+    "superficial.D1": 0.25,
+}
+"""Of the logarithms of what is assumed: a factor of 1.5 to 1.65 at two standard deviations. What is
+further off is called a mechanism."""
+MATERIAL_DOF = 8.0
+"""Degrees of freedom of how far what is assumed of tissues is off: known to 25 % (JCGM 100:2008, G.4.2)."""
+GEOMETRY_DOF = 3.0
+"""Degrees of freedom of the accuracy of a shape and a placement, stated or usual: known to some
+40 %, as inter-observer distances of 0.3 to 0.8 mm are (JCGM 100:2008, G.4.2)."""
+SIZE = "size."
+"""What full names of sizes begin with."""
+SIZE_LOG_SD = 0.01
+"""Of the logarithm of a body's or an indenter's size, by calipers on what gives way."""
+_A_SIZE = "stated size: "
+_WORDS = {
+    "superficial.C10": "stiffness of the fat",
+    "fascia.C10": "stiffness of the fascia",
+    "deep.D1": "compressibility of the deep tissue",
+    "superficial.D1": "compressibility of the fat",
+}
+
+
+def word_of(name: str) -> str:
+    """Return what an assumed number is called."""
+    size = name.removeprefix(SIZE)
+    return _WORDS[name] if size == name else f"{_A_SIZE}{size.replace('_', ' ')}"
+
+
+@dataclass(frozen=True)
+class MeasuredEffect:
+    """How strong an effect is that a model may leave out, by other means than the indenter."""
+
+    effect: str
+    """Name of a mechanism."""
+    value: float
+    """In the unit of the mechanism's strength."""
+    sd: float
+    source: str
+
+
+@dataclass(frozen=True)
+class Cause:
+    """Where the standard deviation of a nuisance parameter comes from, and its degrees of freedom.
+
+    Effects of one cause are off by one factor together.
+    """
+
+    name: str
+    degrees_of_freedom: float = math.inf
+
+
+@dataclass(frozen=True)
+class ShapeError:
+    """A way in which a body's shape or placement may be other than stated."""
+
+    name: str
+    weights: Mapping[str, float]
+    """One standard deviation of it, as a sum of displaced geometries (`BodyModels.displaced`) by name."""
+    cause: Cause
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """How well a body is known.
+
+    Parameters
+    ----------
+    assumed_sd
+        Relative, of stiffnesses and compressibility that are assumed; the usual of each without it.
+    size_sd
+        Relative, of sizes.
+    measured
+        Stiffnesses (MPa) by other means, by full name: ``deep.C10``, ``superficial.C10``.
+    effects
+        How strong effects are that the model may leave out, by other means.
+    """
+
+    assumed_sd: float | None = None
+    size_sd: float = SIZE_LOG_SD
+    measured: Mapping[str, Prior] = field(default_factory=dict)
+    effects: tuple[MeasuredEffect, ...] = ()
+
+    @property
+    def shape_errors(self) -> tuple[ShapeError, ...]:
+        """How the shape may be off: not at all, where sizes say all of it."""
+        return ()
+
+    def log_sd(self, material: str) -> float:
+        """Return the standard deviation of an assumed number's logarithm."""
+        if material.startswith(SIZE):
+            return self.size_sd
+        if (known := self.measured.get(material)) is not None:
+            return known.sd if known.scale == "log" else known.sd / known.centre
+        return MATERIAL_LOG_SD[material] if self.assumed_sd is None else self.assumed_sd

@@ -1,0 +1,258 @@
+"""From recordings to a verdict: noise, fit of the base model, location of its misfit, explanations, limits."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legfem.common.progress import Progress
+from legfem.data import Instrument
+from legfem.inverse.accuracy import Accuracy
+from legfem.inverse.averaging import unseen_of
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, deep_stiffness
+from legfem.inverse.correction import TabulatedCorrection
+from legfem.inverse.errors import ErrorModel, error_model
+from legfem.inverse.explain import explain
+from legfem.inverse.explanation import Explained, Explanation
+from legfem.inverse.hidden import Limit
+from legfem.inverse.least_squares import sandwich
+from legfem.inverse.library import Library
+from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, NuisanceEffect, variance_degrees
+from legfem.inverse.location import MisfitAssessment, score_tests
+from legfem.inverse.map_fit import base_about_solution, equally_weighted, fit, ordinary_fit, refitted_about_solutions
+from legfem.inverse.measured_strength import measured_strengths
+from legfem.inverse.mechanism import Mechanism, Occurrence, testable
+from legfem.inverse.nuisances import nuisance_effects
+from legfem.inverse.observations import Observations
+from legfem.inverse.predictive import held_out, misfit_of
+from legfem.inverse.predictor import LawName, Predictor, Responses, values_of
+from legfem.inverse.setting_aside import SetAside, touched_part
+from legfem.inverse.trial_noise import estimate_noise
+from legfem.inverse.verdict import ADEQUATE, SHOWN_MOST, Diagnosis, Verdict, limits_of
+
+
+class FullSolutions(Responses, Protocol):
+    """Responses that are solved when asked for."""
+
+    @property
+    def solutions(self) -> int:
+        """How many were solved so far."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class DiagnosisInput:
+    """What a diagnosis is given: recordings of a body whose responses are tabulated, and what is known of it.
+
+    Parameters
+    ----------
+    observed
+        The recordings at their stations.
+    instrument
+        Stated errors.
+    law
+        Of the deep tissue in the base model.
+    library
+        Of the body's responses.
+    mechanisms
+        That the body may have.
+    accuracy
+        How well the body is known.
+    ends
+        The correction for the cylinder's ends, where the recordings have them.
+    ruled_out
+        Mechanisms by name that can't be what was left out of the base model, and why.
+    possible
+        Which strengths mechanisms may have, and how common the great ones are; within their bounds without it.
+    """
+
+    observed: Observations
+    instrument: Instrument
+    law: LawName
+    library: Library
+    mechanisms: Sequence[Mechanism]
+    accuracy: Accuracy = field(default_factory=Accuracy)
+    ends: TabulatedCorrection | None = None
+    ruled_out: Mapping[str, str] = field(default_factory=dict)
+    possible: Mapping[str, Occurrence] = field(default_factory=dict)
+
+    def nuisances(self, fitted: LinearisedFit) -> list[NuisanceEffect]:
+        """Return what isn't known exactly does beside a fit's mechanisms."""
+        changes = self.library.nuisances_beside([(m, values_of(fitted.values, m)) for m in fitted.mechanisms])
+        stiffness = deep_stiffness(fitted.values)
+        return nuisance_effects(changes, self.observed, fitted.prediction, self.accuracy, self.ends, stiffness)
+
+
+def diagnose(given: DiagnosisInput, solved: FullSolutions | None, progress: Progress, seed: int = 0) -> Diagnosis:
+    """Diagnose recordings: noise, base fit, location, explanations, verdict.
+
+    Parameters
+    ----------
+    given
+        The recordings, the body's responses and what is known of it.
+    solved
+        Full solutions, to confirm what is reported; emulated ones stand without it.
+    progress
+        Receives the steps.
+    seed
+        Of the draws that windows are judged by.
+    """
+    observed, library, accuracy = given.observed, given.library, given.accuracy
+    able, untested = testable(given.mechanisms, observed, given.ruled_out)
+    able = [m for m in able if m.name not in library.missing]
+    there = [m for m in given.mechanisms if m.name not in given.ruled_out]
+    predictor = Predictor(observed, library, given.law, given.ends, accuracy.measured.get(DEEP_C10))
+    progress.stage("fitting the base model")
+    made = solved.solutions if solved is not None else 0
+    problem, ordinary = _fitted(given, predictor)
+    problem, ordinary, error = base_about_solution(problem, ordinary, solved)
+    problem = replace(
+        problem,
+        measured=measured_strengths(accuracy, able),
+        possible=given.possible,
+        unseen=unseen_of(there, observed, given.possible),
+        nuisances=given.nuisances if observed.channels else None,
+    )
+    base = fit(problem, (), ordinary.values)
+    progress.stage(f"weighing {len(able)} mechanisms")
+    confirm = None if solved is None else partial(refitted_about_solutions, solved)
+    explained = explain(problem, base, able, confirm, ordinary.values)
+    aside = _to_set_aside(problem, explained)
+    if aside is not None:
+        progress.stage(f"without {aside.described}")
+        rest = problem.setting_aside(aside.readings)
+        plain = ordinary_fit(rest, [base.values])
+        alone = fit(rest, (), plain.values)
+        again = explain(rest, alone, able, confirm, plain.values)
+        if _leaves_something(again):
+            aside = None
+        else:
+            problem, ordinary, base, explained = rest, plain, alone, again
+    limits: tuple[Limit, ...] = ()
+    if _verdict(explained)[0] == "consistent":
+        progress.stage("what could hide")
+        limits = limits_of(explained)
+    progress.stage("where the base model is wrong")
+    assessment = score_tests(problem, base, able, seed)
+    verdict, models = _verdict(explained)
+    plainly = ordinary_explanation(problem, ordinary, explained.base)
+    shown = explained.base if verdict == "consistent" else plainly
+    return Diagnosis(
+        verdict,
+        given.law,
+        observed,
+        explained,
+        plainly,
+        models,
+        assessment,
+        held_out(shown.problem, shown.fit, problem.errors),
+        tuple(held_out(m.problem, m.fit) for m in models),
+        {**untested, **library.missing},
+        limits,
+        _located(explained, shown.fit, models, assessment, problem.errors),
+        given.ends is not None,
+        (solved.solutions if solved is not None else 0) - made,
+        error,
+        misfit_of(problem, ordinary),
+        aside,
+    )
+
+
+def _leaves_something(explained: Explained) -> bool:
+    """Return whether the recordings ask for something unknown, by itself or beside what is named first."""
+    verdict, models = _verdict(explained)
+    return verdict == "unexplained" or (bool(models) and models[0].in_part)
+
+
+def _to_set_aside(problem: LinearisedProblem, explained: Explained) -> SetAside | None:
+    """Return a part of a trial that may be what asks for something unknown; a whole trial where nothing is named."""
+    if not _leaves_something(explained):
+        return None
+    found = touched_part(problem.predictor.observed, problem.errors)
+    return None if found is None or (found.whole and _verdict(explained)[1]) else found
+
+
+def starts(law: LawName, middle: float) -> list[dict[str, float]]:
+    """Return where searches for the base parameters begin, about a C10 in the middle (MPa)."""
+    if law == "neo-hookean":
+        return [{DEEP_C10: factor * middle, DEEP_C20: 0.0} for factor in (0.6, 1.5)]
+    factors = ((0.6, 1.0), (1.0, 0.3), (1.4, 0.1))
+    return [{DEEP_C10: factor * middle, DEEP_C20: share * middle} for factor, share in factors]
+
+
+def _fitted(given: DiagnosisInput, predictor: Predictor) -> tuple[LinearisedProblem, LinearisedFit]:
+    """Fit the base model by ordinary least squares, and find errors that are shares of its force.
+
+    The noise is estimated anew once the trials' first contacts are fitted.
+    """
+    observed, slowest = predictor.observed, predictor.observed.slowest
+    noise = estimate_noise(observed, given.instrument, slowest)
+    middle = float(np.sqrt(np.prod(predictor.parameters[0].bounds)))
+    problem = LinearisedProblem(predictor, error_model(observed, noise, observed.values))
+    found = ordinary_fit(problem, starts(predictor.law, middle))
+    noise = estimate_noise(observed, given.instrument, slowest, found.residual[: len(observed.force)])
+    return problem.with_nuisances(noise, found, given.nuisances(found)), found
+
+
+def _verdict(explained: Explained) -> tuple[Verdict, tuple[Explanation, ...]]:
+    if explained.adequacy >= ADEQUATE:
+        return "consistent", ()
+    listed = explained.listed()
+    if listed[0].unnamed:
+        return "unexplained", ()
+    models = tuple(e for e in listed if e.names)[:SHOWN_MOST]
+    return ("named" if len(listed) == 1 else "ambiguous"), models
+
+
+def _located(
+    explained: Explained,
+    base: LinearisedFit,
+    models: tuple[Explanation, ...],
+    assessment: MisfitAssessment,
+    errors: ErrorModel,
+) -> NDArray[np.bool_]:
+    """Return where the base model errs by more than a trial's noise.
+
+    Where a model suits, it tells what the base model misses without the noise; else the windows do.
+    """
+    located = np.zeros(len(base.residual), dtype=bool)
+    forces = slice(len(explained.base.problem.predictor.observed.force))
+    observed = explained.base.problem.predictor.observed
+    elsewhere = observed.channels and not any(window.channel == "force" for window in assessment.windows)
+    if explained.adequacy >= ADEQUATE or elsewhere:
+        return located[forces]
+    if models:
+        return np.asarray(np.abs(models[0].fit.prediction - base.prediction) > errors.trial_sd)[forces]
+    for window in assessment.windows:
+        located[list(window.stations)] = True
+    return located[forces]
+
+
+def ordinary_explanation(problem: LinearisedProblem, fitted: LinearisedFit, base: Explanation) -> Explanation:
+    """Return an ordinary fit as an explanation that is shown, with its intervals.
+
+    Parameters
+    ----------
+    problem
+        The observations with their errors.
+    fitted
+        By equal weights.
+    base
+        The base model by its errors.
+    """
+    same = equally_weighted(problem, fitted.residual)
+    weighed = fitted.sensitivities / np.diag(same.errors.dense)[:, None]
+    own = np.eye(len(fitted.free))
+    spread = np.linalg.inv(fitted.sensitivities.T @ weighed + own)
+    estimator = spread @ weighed.T
+    covariance = sandwich(estimator, problem.errors.covariance) + spread @ spread
+    return replace(
+        base,
+        problem=same,
+        fit=fitted,
+        posterior=replace(base.posterior, mean=fitted.prior_z, covariance=covariance),
+        degrees=variance_degrees(covariance, estimator, problem.errors, problem.causes),
+    )
