@@ -14,7 +14,7 @@ from legfem.data import Recording
 from legfem.inverse.accuracy import Accuracy
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, LawName
 from legfem.inverse.diagnose import DiagnosisInput, diagnose
-from legfem.inverse.mechanism import testable
+from legfem.inverse.mechanism import shown_mechanisms
 from legfem.inverse.notice import FitNotice, Notice
 from legfem.inverse.observations import Observations
 from legfem.inverse.verdict import Diagnosis
@@ -114,7 +114,7 @@ def diagnosed_of(
     library
         Of its responses.
     """
-    able, _ = testable(mechanisms(), observed, WITHOUT_ENDS)
+    able, _ = shown_mechanisms(mechanisms(), observed, WITHOUT_ENDS)
     left = [m.name for m in able if (m.name in UNANSWERED if asked is None else m.name not in asked)]
     missing = dict.fromkeys(left, "simulations did not reach the end of the protocol")
     library = replace(library or ClosedForm(), missing=missing)

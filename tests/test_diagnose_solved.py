@@ -17,7 +17,7 @@ from legfem.inverse.elastography import FibreRatio
 from legfem.inverse.emulator import GridSpline
 from legfem.inverse.library_build import build_library
 from legfem.inverse.library_tasks import rounded
-from legfem.inverse.mechanism import null_of, testable
+from legfem.inverse.mechanism import null_of, shown_mechanisms
 from legfem.inverse.observations import observe
 from legfem.inverse.predictor import Predictor
 from legfem.inverse.responses import PLAIN, NotKeptError, SolvedResponses
@@ -74,7 +74,9 @@ def test_ends_are_looked_for_where_there_may_be_some(observed):
         (fibrous, correction, set()),
         (longer, correction, set()),
     ):
-        able, unable = testable(with_correction(mechanisms(), correction), observed, ruled_out_of(subject, ends))
+        able, unable = shown_mechanisms(
+            with_correction(mechanisms(), correction), observed, ruled_out_of(subject, ends)
+        )
         assert {m.name for m in able} & both == looked_for
         assert set(unable) & both == both - looked_for
 
@@ -151,7 +153,7 @@ def test_slip_is_that_of_a_contact_as_stiff_as_the_tapes(variants, tmp_path):
 def test_the_library_stands_in_for_solutions(variants, observed, tmp_path):
     correction = read_correction(REFERENCE)
     solved = responses_in(tmp_path, variants)
-    able, unable = testable(with_correction(mechanisms(), correction), observed, WITHOUT_ENDS)
+    able, unable = shown_mechanisms(with_correction(mechanisms(), correction), observed, WITHOUT_ENDS)
     assert "preconditioning" in unable
     quick = [m for m in able if m.name not in ("contact-slip", "poroelastic-drainage")]
     library = build_library(solved, solved, observed, quick, 1, Silent(), 0.8, rounded(SOFT[0]))

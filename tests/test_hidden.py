@@ -31,7 +31,7 @@ from legfem.inverse.hidden import profile_of
 from legfem.inverse.laplace import laplace_posterior
 from legfem.inverse.map_fit import fit
 from legfem.inverse.measured_strength import MeasuredStrength
-from legfem.inverse.mechanism import Occurrence, Unseen, testable
+from legfem.inverse.mechanism import Occurrence, Unseen, shown_mechanisms
 from legfem.inverse.parameter import Prior
 from legfem.inverse.posterior import Mixture
 from legfem.inverse.verdict import TRUSTED, shift_of
@@ -76,7 +76,7 @@ def lump(factor, possible=OCCURRENCES, truth=Hiding):
     values = {DEEP_C10: 0.001, DEEP_C20: 0.0006, "uneven-muscle.factor": factor}
     observed = noisy(observed, predictor(values, [mechanism]), 1)
     asked = ("uneven-muscle", "force-drift", "support-compliance", "superficial-stiffness")
-    able, _ = testable(mechanisms(), observed, WITHOUT_ENDS)
+    able, _ = shown_mechanisms(mechanisms(), observed, WITHOUT_ENDS)
     library = Hiding(missing={m.name: "not asked" for m in able if m.name not in asked})
     return told(observed, library, possible)
 
@@ -105,7 +105,7 @@ def relaxing(possible=OCCURRENCES):
     force = predictor({DEEP_C10: 0.001, DEEP_C20: 0.0006})
     behind = relaxed(observed.protocols[0], observed.time, 400.0)
     force *= 1.0 + 0.12 * behind / np.maximum(observed.displacement, 1e-9)
-    able, _ = testable(mechanisms(), observed, WITHOUT_ENDS)
+    able, _ = shown_mechanisms(mechanisms(), observed, WITHOUT_ENDS)
     asked = ("force-drift", "preconditioning")
     library = ClosedForm(missing={m.name: "not asked" for m in able if m.name not in asked})
     observed = noisy(observed, force, 1)

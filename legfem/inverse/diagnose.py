@@ -24,7 +24,7 @@ from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, Nuisance
 from legfem.inverse.location import MisfitAssessment, score_tests
 from legfem.inverse.map_fit import base_about_solution, equally_weighted, fit, ordinary_fit, refitted_about_solutions
 from legfem.inverse.measured_strength import measured_strengths
-from legfem.inverse.mechanism import Mechanism, Occurrence, testable
+from legfem.inverse.mechanism import Mechanism, Occurrence, shown_mechanisms
 from legfem.inverse.nuisances import nuisance_effects
 from legfem.inverse.observations import Observations
 from legfem.inverse.predictive import held_out, misfit_of
@@ -101,7 +101,7 @@ def diagnose(given: DiagnosisInput, solved: FullSolutions | None, progress: Prog
         Of the draws that windows are judged by.
     """
     observed, library, accuracy = given.observed, given.library, given.accuracy
-    able, untested = testable(given.mechanisms, observed, given.ruled_out)
+    able, untested = shown_mechanisms(given.mechanisms, observed, given.ruled_out)
     able = [m for m in able if m.name not in library.missing]
     there = [m for m in given.mechanisms if m.name not in given.ruled_out]
     predictor = Predictor(observed, library, given.law, given.ends, accuracy.measured.get(DEEP_C10))

@@ -226,7 +226,7 @@ class Unseen:
     """On the deep stiffness, equally probable."""
 
 
-def testable(
+def shown_mechanisms(
     mechanisms: Sequence[Mechanism], observed: Observations, ruled_out: Mapping[str, str]
 ) -> tuple[list[Mechanism], dict[str, str]]:
     """Return the mechanisms that recordings can show, and by name why they can't show the others.

@@ -17,7 +17,7 @@ from legfem.inverse.library import Library
 from legfem.inverse.library_build import build_library
 from legfem.inverse.library_tasks import STIFFENING
 from legfem.inverse.measured_strength import check_measured
-from legfem.inverse.mechanism import testable
+from legfem.inverse.mechanism import shown_mechanisms
 from legfem.inverse.notice import FitNotice, Notice, doubted
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.responses import SolvedResponses
@@ -77,7 +77,7 @@ class Diagnoser:
         fine, coarse = self._legs.setdefault(leg, (fine, coarse))
         keys = f"{leg}{bool(observed.channels)}" + "".join(sorted(stations.key for stations in observed.protocols))
         if keys not in self._libraries:
-            able, _ = testable(with_correction(mechanisms(), self.correction), observed, WITHOUT_ENDS)
+            able, _ = shown_mechanisms(with_correction(mechanisms(), self.correction), observed, WITHOUT_ENDS)
             self._libraries[keys] = build_library(
                 fine, coarse, observed, able, self.jobs, progress, STIFFENING[subject.tissues["deep"].law]
             )

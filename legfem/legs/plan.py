@@ -17,7 +17,7 @@ from legfem.inverse.library import Library
 from legfem.inverse.library_build import build_library
 from legfem.inverse.library_tasks import STIFFENING, rounded
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, NuisanceEffect
-from legfem.inverse.mechanism import prior_of, testable
+from legfem.inverse.mechanism import prior_of, shown_mechanisms
 from legfem.inverse.nuisances import nuisance_effects
 from legfem.inverse.observations import Observations, blank_observations
 from legfem.inverse.plan import (
@@ -124,7 +124,7 @@ def plan_before(subject: Subject, diagnoser: Diagnoser, expected: Expected, prog
     tests = designs(expected.depth, expected.rate, expected.depth, site)
     ends = choose_correction("auto", subject)
     every = blank_observations(list(dict.fromkeys(p for t in tests for p in t.protocols)))
-    able, _ = testable(with_correction(mechanisms(), diagnoser.correction), every, ruled_out_of(subject, ends))
+    able, _ = shown_mechanisms(with_correction(mechanisms(), diagnoser.correction), every, ruled_out_of(subject, ends))
     library = _library(diagnoser, subject, tests, able, rounded(expected.c10), progress)
     able = [m for m in able if m.name not in library.missing]
     law = subject.tissues["deep"].law

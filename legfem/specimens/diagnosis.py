@@ -17,7 +17,7 @@ from legfem.inverse.catalogue import DEEP_C10, RATIO
 from legfem.inverse.diagnose import DiagnosisInput, diagnose
 from legfem.inverse.library_build import build_library
 from legfem.inverse.library_tasks import STIFFENING, middle_of
-from legfem.inverse.mechanism import testable
+from legfem.inverse.mechanism import shown_mechanisms
 from legfem.inverse.notice import FitNotice, Notice, doubted
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.responses import PLAIN, SolvedResponses
@@ -187,7 +187,7 @@ def _diagnosed(
     last = max(float(s.protocol.time[-1]) for s in observed.protocols)
     scale = Scale(observed.depth, float(observed.force.max()), last, middle, asked.bulk_ratio)
     every, unable = mechanisms_of(sizes, scale, used[0].recording.timed)
-    able, _ = testable(every, observed, {})
+    able, _ = shown_mechanisms(every, observed, {})
     library = build_library(solved, solved, observed, able, jobs, progress, stiffening, middle, _STIFFENINGS, False)
     library = replace(library, missing={**unable, **library.missing}, reach=_REACH)
     observed, stiff = observed.with_channels(library.beside.names), stiffness_doubts(folder, middle)

@@ -17,7 +17,7 @@ from legfem.inverse.diagnose import diagnose
 from legfem.inverse.library import Library
 from legfem.inverse.library_build import build_library
 from legfem.inverse.library_tasks import STIFFENING, middle_of
-from legfem.inverse.mechanism import Mechanism, TissueMechanism, testable
+from legfem.inverse.mechanism import Mechanism, TissueMechanism, shown_mechanisms
 from legfem.inverse.responses import SolvedResponses
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.diagnosis import WITHOUT_ENDS, Diagnoser, with_correction
@@ -221,7 +221,7 @@ class Lab:
             return None
         diagnoser, law = Diagnoser(self.folder, self.correction), subject.tissues["deep"].law
         observed = diagnoser.observations(subject)
-        able, _ = testable(with_correction(mechanisms(), self.correction), observed, WITHOUT_ENDS)
+        able, _ = shown_mechanisms(with_correction(mechanisms(), self.correction), observed, WITHOUT_ENDS)
         keys = [stations.key for stations in observed.protocols] if any(_follows_path(one) for one in able) else []
         key = repr((case.leg, sorted(keys)))
         if key not in self._libraries:

@@ -15,7 +15,7 @@ from legfem.inverse.body_models import Displaced, Stopped
 from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.library import Library
 from legfem.inverse.library_build import build_library
-from legfem.inverse.mechanism import Solution, testable
+from legfem.inverse.mechanism import Solution, shown_mechanisms
 from legfem.inverse.observations import Observations
 from legfem.inverse.responses import SolvedResponses
 from legfem.jobs.store import code_fingerprint
@@ -128,7 +128,7 @@ def offered(observed: Observations, correction: TabulatedCorrection) -> tuple[li
 
     A neo-Hookean base model's strain stiffening is its C20, which the elastic table has.
     """
-    able, _ = testable(with_correction(MECHANISMS, correction), observed, WITHOUT_ENDS)
+    able, _ = shown_mechanisms(with_correction(MECHANISMS, correction), observed, WITHOUT_ENDS)
     missing = {m.name: NOT_OFFERED[m.name] for m in able if m.name in NOT_OFFERED}
     tabulated = [m for m in able if isinstance(m, Compressibility)]
     unknown = [

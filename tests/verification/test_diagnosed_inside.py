@@ -27,7 +27,7 @@ from legfem.inverse.errors import IMAGE_LEFT
 from legfem.inverse.library import Library
 from legfem.inverse.library_build import build_library
 from legfem.inverse.library_tasks import STIFFENING
-from legfem.inverse.mechanism import prior_of, testable
+from legfem.inverse.mechanism import prior_of, shown_mechanisms
 from legfem.inverse.nuisances import nuisance_effects
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.plan import Design, evaluate_design, prior_candidates
@@ -131,7 +131,7 @@ def library_of(observed: Observations) -> Library:
     solved = SolvedResponses(variants, DEPTH + 1.0, None, {})
     asked = [one for one in map(mechanism_named, ASKED) if isinstance(one, TissueMechanism)]
     library = build_library(solved, solved, observed, asked, 1, Silent(), STIFFENING[LAW], pairs=False)
-    able, _ = testable(mechanisms(), observed, WITHOUT_ENDS)
+    able, _ = shown_mechanisms(mechanisms(), observed, WITHOUT_ENDS)
     others = [one.name for one in able if isinstance(one, TissueMechanism) and one not in asked]
     return replace(library, missing={**library.missing, **dict.fromkeys(others, "isn't tabulated")})
 
