@@ -76,7 +76,8 @@ def run(
     weighting: Annotated[
         Literal["paper", "covariance"] | None,
         _option(
-            "Plain sum of squares (Eq. 12; the default), or weighted with the covariance (the default with a prior)."
+            "covariance (the default): loading, hold and unloading of every trial, weighted by their errors; "
+            "paper: the plain sum of squares over the loading (Eq. 12)."
         ),
     ] = None,
     c10_bounds: Annotated[
