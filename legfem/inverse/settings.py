@@ -170,10 +170,10 @@ class IdentificationSettings:
 
     Parameters
     ----------
-    weighting : {"paper", "covariance"}, optional
-        What is minimised: the plain sum of squares (Eq. 12), or the sum weighted with the inverse
-        covariance of the measured curve, against which alone a prior can be weighed. Without it
-        the latter where there is a prior, else the former.
+    weighting : {"covariance", "paper", "equal"}, optional
+        What is minimised: the sum weighted with the inverse covariance of all readings, which it is
+        without it, the plain sum of squares over the loading (Eq. 12), or one in which readings of
+        a channel weigh equally. A prior can't be weighed against the plain sum.
     seed : int
         Of the search.
     emulator : bool
