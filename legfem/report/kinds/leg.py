@@ -205,7 +205,9 @@ def _headline(chosen: LegFit) -> web.Headline:
         )
     else:
         sentence = f"{_stiffness(chosen)}. The {law} law describes {where}."
-        wrong = "None in the loading part of the recordings, which is all that was checked."
+        wrong = "None in the recordings, of which all phases were checked."
+        if chosen.weighting == "paper":
+            wrong = "None in the loading part of the recordings, which is all that was checked."
         if _suspect(chosen).indenter.lies_along:
             wrong += f" {BEYOND_A_FIT}"
     c10 = _c10_value(chosen)
