@@ -30,10 +30,9 @@ a wrong model's best fit may lie far from all data (Peelle's puzzle)."""
 ErrorSource = Literal[
     "recordings", "differences", "model", "misfit", "sizes", "ends", "fibres", "shape", "assumed", "channels", "priors"
 ]
-"""Readings of the force; what intervals are wider by since few repeats tell poorly how much they differ; a factor by
-which recordings or specimens differ; the model's numerical error; what the law misses; sizes of specimens; the
-correction for the cylinder's ends; muscle fibres' part in it; outlines, aim and direction;
-what was assumed of other tissues; instruments of what else was recorded; what was known beforehand."""
+"""Readings of the force; a factor by which recordings or specimens differ; the model's numerical error; what the law
+misses; sizes of specimens; the correction for the cylinder's ends; muscle fibres' part in it; outlines, aim and
+direction; what was assumed of other tissues; instruments of what else was recorded; what was known beforehand."""
 Covariances = Mapping[ErrorSource, FloatArray]
 """Covariances of the readings (n, n), in their units squared, by source; they add up."""
 
@@ -405,10 +404,15 @@ class JointComparison(Comparison):
         return values if self.weighting == "paper" else super().weighted(values)
 
     @cached_property
-    def _lower(self) -> FloatArray:
+    def weighing_covariance(self) -> FloatArray:
+        """Covariance (n, n) by whose inverse readings are weighed where that isn't the paper's plain sum."""
         if self.weighting != "equal":
-            return super()._lower
-        return np.linalg.cholesky(block_diag(*(test.equal_covariance for test in self.tests)))
+            return self.covariance
+        return np.asarray(block_diag(*(test.equal_covariance for test in self.tests)))
+
+    @cached_property
+    def _lower(self) -> FloatArray:
+        return np.linalg.cholesky(self.weighing_covariance)
 
     def alone(self, number: int) -> "JointComparison":
         """One of the tests by itself, with the same weights."""

@@ -78,12 +78,8 @@ def nuisance_effects(
             moved = np.array(list(error.weights.values())) @ np.array([effect(name) for name in error.weights])
             found.append(NuisanceEffect(error.name, moved, error.cause))
     if ends is not None:
-        factor_now = ends.factor(d, *(np.asarray(v) for v in stiffness))
-        for mode_name, mode in ends.errors.items():
-            relative = np.interp(d, ends.displacement, mode) / factor_now
-            relative = np.concatenate(
-                [relative, *(one.weights @ (one.follows_force * relative) for one in observed.channels)]
-            )
+        for mode_name, mode in ends.relative_errors(d, *stiffness).items():
+            relative = np.concatenate([mode, *(one.weights @ (one.follows_force * mode) for one in observed.channels)])
             name = f"3D correction: {mode_name}"
             found.append(NuisanceEffect(name, prediction * relative, Cause(name)))
     return found

@@ -342,8 +342,9 @@ class SingleTests:
         left = solve_triangular(lower, linear.prediction.values - self._comparison.measured, lower=True)
         missed = []
         for by in (joint, apart):
-            step, _, rank, _ = np.linalg.lstsq(solve_triangular(lower, by, lower=True), left)
-            missed.append((float(np.sum((left - solve_triangular(lower, by @ step, lower=True)) ** 2)), int(rank)))
+            whitened = solve_triangular(lower, by, lower=True)
+            step, _, rank, _ = np.linalg.lstsq(whitened, left)
+            missed.append((float(np.sum((left - whitened @ step) ** 2)), int(rank)))
         (together, fewer), (each, more) = missed
         return Goodness.of(together - each, more - fewer)
 

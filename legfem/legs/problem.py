@@ -7,7 +7,6 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import block_diag
 from scipy.special import stdtrit
 from scipy.stats import chi2
 
@@ -255,11 +254,7 @@ class LegProblem:
 def _contacts(comparison: JointComparison, near: Trial) -> list[FloatArray]:
     """Return where a solve has the first contacts of every test's trials, mm."""
     assert near.prediction is not None
-    if comparison.weighting == "equal":
-        covariance = np.asarray(block_diag(*(test.equal_covariance for test in comparison.tests)))
-    else:
-        covariance = comparison.covariance
-    left = np.linalg.solve(covariance, near.prediction.values - comparison.measured)
+    left = np.linalg.solve(comparison.weighing_covariance, near.prediction.values - comparison.measured)
     pairs = zip(comparison.tests, comparison.spans, strict=True)
     return [test.contacts_of(left[span]) for test, span in pairs if isinstance(test, StationTest)]
 
