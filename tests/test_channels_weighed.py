@@ -279,7 +279,7 @@ def test_a_clean_leg_is_consistent_in_every_channel() -> None:
     assert found.verdict == "consistent" and not found.assessment.windows
     low, high = found.intervals[DEEP_C10]
     assert low < BASE[DEEP_C10] < high
-    assert found.base.fit.sd(DEEP_C10) < alone.base.fit.sd(DEEP_C10)
+    assert found.base_model.fit.sd(DEEP_C10) < alone.base_model.fit.sd(DEEP_C10)
 
 
 def test_the_page_says_which_channel_departs_and_where() -> None:

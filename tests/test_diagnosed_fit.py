@@ -23,14 +23,14 @@ def consistent():
 def test_the_base_model_is_a_fit_of_the_same_numbers(consistent):
     base = base_fit(consistent, SUBJECT, "leg", 3)
     assert base.subject is SUBJECT and base.law == consistent.law and base.log.seed == 3
-    assert base.estimates[DEEP_C10].value == consistent.base.value(DEEP_C10)
-    assert base.estimates[DEEP_C10].ci95 == consistent.base.interval(DEEP_C10)
-    assert base.values == consistent.base.fit.values
+    assert base.estimates[DEEP_C10].value == consistent.base_model.value(DEEP_C10)
+    assert base.estimates[DEEP_C10].ci95 == consistent.base_model.interval(DEEP_C10)
+    assert base.values == consistent.base_model.fit.values
     assert [one.name for one in base.tests] == list(consistent.observed.trials)
     measured = np.concatenate([one.force.channel.values for one in base.tests])
     np.testing.assert_array_equal(measured, consistent.observed.force)
     left = np.concatenate([one.force.residual for one in base.tests])
-    np.testing.assert_allclose(left, -consistent.base.fit.residual)
+    np.testing.assert_allclose(left, -consistent.base_model.fit.residual)
     assert base.cost.value == pytest.approx(left @ left)
     assert np.diag(base.correlations) == pytest.approx(1.0)
 

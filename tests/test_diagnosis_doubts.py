@@ -30,7 +30,7 @@ def usual():
 def test_a_stiffness_that_few_people_have_is_doubted_with_the_unit_that_explains_it(usual, subject):
     assert not doubts_of(usual, subject)
 
-    base = usual.base
+    base = usual.base_model
     k, mean = base.fit.free.index(DEEP_C10), base.posterior.mean.copy()
     mean[k] = base.fit.parameters[k].prior.departure(9.0)
     stiff = replace(base, posterior=replace(base.posterior, mean=mean), probability=1.0)

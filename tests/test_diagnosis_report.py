@@ -80,7 +80,7 @@ def test_page_states_verdict_origin_and_open_questions(found, subject, verdict):
 def test_page_of_a_name_gives_its_size_its_evidence_and_the_stiffness_before_and_after(found, subject):
     named = found["named"]
     text = flat(text_of(named, subject))
-    model, base = named.models[0], named.base
+    model, base = named.models[0], named.base_model
     alone = named.weighted_base
     factor = "fascia-stiffness.factor"
     low, high = model.interval(factor)
@@ -119,7 +119,7 @@ def test_unexplained_page_warns_of_the_stiffness(found, subject):
     told = [line for line in stiffness if "(95 %" in line]
     assert len(told) == 3 and all("DO NOT RELY ON IT" in flat(line) for line in told)
     assert page.index("NO. Report no number.") < page.index("DO NOT RELY")
-    (searched,) = (p.bounds for p in found["unexplained"].base.fit.parameters if p.name == DEEP_C10)
+    (searched,) = (p.bounds for p in found["unexplained"].base_model.fit.parameters if p.name == DEEP_C10)
     assert found["unexplained"].intervals[DEEP_C10] == searched, "it may be off by any amount"
 
 

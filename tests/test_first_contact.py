@@ -23,8 +23,8 @@ def of(recordings, asked=SOUGHT) -> Diagnosis:
 def found_air(found: Diagnosis, trial: int) -> tuple[float, float, float]:
     """Return where a trial was touched, and its 95 % interval; mm."""
     at = found.observed.contacts[trial].displacement
-    low, high = found.base.interval(onset_name(trial))
-    return at + found.base.value(onset_name(trial)), at + low, at + high
+    low, high = found.base_model.interval(onset_name(trial))
+    return at + found.base_model.value(onset_name(trial)), at + low, at + high
 
 
 def test_first_contact_is_fitted_and_so_is_the_stiffness():
@@ -38,7 +38,7 @@ def test_first_contact_is_fitted_and_so_is_the_stiffness():
             near.append(abs(value - air))
         low, high = found.intervals[DEEP_C10]
         stiffness.append(low <= TRUTH[DEEP_C10] <= high)
-        assert found.base.value(DEEP_C10) == pytest.approx(TRUTH[DEEP_C10], rel=0.03)
+        assert found.base_model.value(DEEP_C10) == pytest.approx(TRUTH[DEEP_C10], rel=0.03)
         assert len(found.observed.protocols) == 1, "trials with other air are repeats"
     assert np.mean(inside) > 0.85
     assert np.mean(stiffness) > 0.7

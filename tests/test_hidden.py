@@ -170,7 +170,7 @@ def test_a_lump_that_a_refit_hides_leaves_its_limit_open_and_the_answer_is_not_y
     limit = next(one for one in found.limits if one.name == "uneven-muscle")
     assert limit.open_low and limit.open_high and limit.high == pytest.approx(10.0)
     # The base model takes the lump for a muscle that is stiffer by 0.3 ln 10.
-    assert found.base.value(DEEP_C10) == pytest.approx(1e-3 * (1 + 0.3 * np.log(10.0)), rel=0.03)
+    assert found.base_model.value(DEEP_C10) == pytest.approx(1e-3 * (1 + 0.3 * np.log(10.0)), rel=0.03)
     assert limit.stiffness[DEEP_C10][0] == pytest.approx(1e-3, rel=0.03)
     assert found.limits[0] is limit and shift_of(limit, found.weighted_base.fit) > TRUSTED
     answer = headline(found, ())
@@ -188,7 +188,7 @@ def test_a_lump_that_a_refit_hides_leaves_its_limit_open_and_the_answer_is_not_y
 
 def test_the_interval_holds_what_a_lump_hides_for_great_strengths_are_common():
     usual, found = lump(4.0, possible={}), lump(4.0)
-    assert found.base.value(DEEP_C10) > 1.3e-3
+    assert found.base_model.value(DEEP_C10) > 1.3e-3
     assert found.intervals[DEEP_C10][0] < 1e-3 < usual.intervals[DEEP_C10][0]
 
 

@@ -106,7 +106,7 @@ def test_air_too_little_to_be_seen_gets_no_name_and_widens_the_interval():
     assert low <= TRUTH[DEEP_C10] <= high
     for k, air in enumerate((0.03, 0.0, 0.02)):
         at = found.observed.contacts[k].displacement
-        ends = [at + end for end in found.base.interval(onset_name(k))]
+        ends = [at + end for end in found.base_model.interval(onset_name(k))]
         assert ends[0] <= air <= ends[1]
 
 

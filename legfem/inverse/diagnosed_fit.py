@@ -46,7 +46,7 @@ def base_fit(found: Diagnosis, subject: Identity, kind: str, seed: int) -> Fit[N
     seed
         Of the diagnosis' draws.
     """
-    return _fit_of(found, found.base, subject, kind, seed, False)
+    return _fit_of(found, found.base_model, subject, kind, seed, False)
 
 
 def best_fit(found: Diagnosis, subject: Identity, kind: str, seed: int) -> Fit[None]:
@@ -176,7 +176,7 @@ def _trial_fits(model: Explanation, by_itself: Sequence[Mapping[str, OwnEstimate
 
 def solution_notices(found: Diagnosis) -> Iterator[Notice]:
     """Yield which parameters stand at the ends of what was searched, and whether no solution confirmed the forces."""
-    for model in (found.base, *found.models):
+    for model in (found.base_model, *found.models):
         for name in model.fit.at_bound:
             shown = model.shown(name)
             value = (shown.value, (shown.ci95[1] - shown.ci95[0]) / 4)

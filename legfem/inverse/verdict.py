@@ -85,7 +85,7 @@ class Diagnosis:
     """A part of a trial that something unknown touched: all else is said of the rest."""
 
     @property
-    def base(self) -> Explanation:
+    def base_model(self) -> Explanation:
         """The base model: by its errors, or as near to the data as it gets if it is wrong."""
         return self.explained.base if self.verdict == "consistent" else self.ordinary_base
 
@@ -103,7 +103,7 @@ class Diagnosis:
     def best(self) -> Explanation:
         """What the parameters are given with: the first that is named, else the base model."""
         named = [model for model in self.models if model.names]
-        return named[0] if named else self.base
+        return named[0] if named else self.base_model
 
     def first_contact(self, trial: int) -> tuple[float, tuple[float, float]]:
         """Return where a trial was touched, and its 95 % interval; mm of its recording."""
@@ -118,7 +118,7 @@ class Diagnosis:
         Of unexplained recordings all that was searched: what they give may be off by any amount.
         """
         if self.withheld:
-            fitted = self.base.fit
+            fitted = self.base_model.fit
             return {p.name: p.bounds for p in fitted.parameters if p.name in fitted.stiffness}
         return self._averaged
 
@@ -141,7 +141,7 @@ class Diagnosis:
         ends = robust_interval(as_seen(self.explained), DEEP_C10)
         if self.verdict != "unexplained" or self.misfit.size >= SMALL or ends is None:
             return self.verdict == "unexplained"
-        value, (low, high) = self.base.value(DEEP_C10), ends
+        value, (low, high) = self.base_model.value(DEEP_C10), ends
         return not (low < value < high and self.misfit.moves < min(value - low, high - value) / value)
 
     @cached_property
@@ -162,13 +162,18 @@ class Diagnosis:
             Whether the stiffness has its interval over all explanations, in place of this one's.
         """
         ends = self.intervals if over_all else {}
-        fits = not self.withheld if over_all else self.verdict == "consistent" or model is not self.base
+        fits = not self.withheld if over_all else self.verdict == "consistent" or model is not self.base_model
         return {name: model.estimate(name, ends.get(name), fits) for name in _fitted_names(model)}
 
     @property
     def estimates(self) -> dict[str, Estimate]:
         """What was fitted in the best model: the stiffness with its interval over all explanations."""
         return self.estimates_of(self.best, True)
+
+    @property
+    def base_estimates(self) -> dict[str, Estimate]:
+        """What was fitted in the base model."""
+        return self.estimates_of(self.base_model, False)
 
     @property
     def hidden(self) -> tuple[tuple[Limit, HiddenEnd], ...]:

@@ -83,7 +83,7 @@ def plan_after(found: Diagnosis, subject: Subject, diagnoser: Diagnoser, progres
     tests = _beside(tests, found.observed.channels)
     asked = list(dict.fromkeys(m for model in models for m in model.fit.mechanisms))
     wider = _library(diagnoser, subject, tests, asked, library.middle, progress)
-    plain = replace(found.base.problem.predictor, responses=wider, offset=0.0)
+    plain = replace(found.base_model.problem.predictor, responses=wider, offset=0.0)
     candidates = [_candidate(model) for model in models]
     found_by_tests = _reckoned(
         tests, candidates, plain, wider, subject, found.errors.noise, found.best.posterior.gain_sd

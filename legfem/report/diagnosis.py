@@ -252,11 +252,11 @@ def _hidden(found: Diagnosis) -> list[web.Block]:
 
 
 def _looks(found: Diagnosis) -> str:
-    stiffness = " and ".join(map(symbol_of, found.base.fit.stiffness))
+    stiffness = " and ".join(map(symbol_of, found.base_model.fit.stiffness))
     ends = ", the cylinder's ends included" if found.with_ends else ""
     looks = (
         f"The base model ({LAW_NAMES[found.law]} deep tissue{ends}, nothing added) fits with "
-        f"R² = {r_squared_of(found.base.fit, found):.4f}. Probabilities weigh all explanations "
+        f"R² = {r_squared_of(found.base_model.fit, found):.4f}. Probabilities weigh all explanations "
         "against each other: nothing, one mechanism, two mechanisms, or something unknown. Before the test, "
         "“nothing is missing” and “one mechanism is missing” are taken to be equally probable, “two are missing” half "
         "as probable. “Nothing detectable” is nothing at all, or an effect that is too small for these recordings to "
@@ -333,7 +333,7 @@ def _alike(found: Diagnosis) -> list[str]:
             f"{'; '.join(names)}: together they have 90 % of the probability, and none of them "
             "alone has. These recordings cannot determine which of them it is."
         )
-    both = " and ".join(map(symbol_of, found.base.fit.stiffness))
+    both = " and ".join(map(symbol_of, found.base_model.fit.stiffness))
     lines.append(
         "A constant factor on the force (the load cell's gain, the cylinder's length) looks like "
         f"a change of {both}. It was not tested, and would change the stiffness without any sign of it."

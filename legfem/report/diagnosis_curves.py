@@ -116,7 +116,7 @@ def _signs(found: Diagnosis) -> NDArray[np.int_]:
     """Return where the base model is wrong (n,): 1 where it is too soft, -1 where too stiff."""
     signs = np.zeros(len(found.located), dtype=int)
     if found.models:
-        missed = (found.models[0].fit.prediction - found.base.fit.prediction)[found.observed.data.spans[0]]
+        missed = (found.models[0].fit.prediction - found.base_model.fit.prediction)[found.observed.data.spans[0]]
         signs[found.located] = np.where(missed > 0, 1, -1)[found.located]
         return signs
     signs[found.located] = 1
@@ -126,7 +126,7 @@ def _signs(found: Diagnosis) -> NDArray[np.int_]:
 
 
 def _place(found: Diagnosis, protocol: int, segment: int, stations: NDArray[np.int_], trials: tuple[int, ...]) -> Place:
-    observed, base = found.observed, found.base
+    observed, base = found.observed, found.base_model
     starts = [int(np.flatnonzero(observed.trial == k)[0]) for k in trials]
     where = np.concatenate([start + stations for start in starts])
     windows = found.assessment.windows
@@ -183,7 +183,7 @@ def _lines_of(found: Diagnosis, number: int) -> tuple[list[Line], list[str]]:
     def rows(values: FloatArray) -> FloatArray:
         return np.array([observed.forces_of(k, values) for k in trials])
 
-    recorded, base = rows(observed.force), -rows(found.base.fit.residual)
+    recorded, base = rows(observed.force), -rows(found.base_model.fit.residual)
     lines = [
         Line("recorded" + (", mean" if len(trials) > 1 else ""), recorded.mean(axis=0), None, DATA_COLOUR, points=True)
     ]
@@ -192,7 +192,7 @@ def _lines_of(found: Diagnosis, number: int) -> tuple[list[Line], list[str]]:
             Line(observed.trials[k], force, missed, FAINT, "dotted", faint=True, tabled=False)
             for k, force, missed in zip(trials, recorded, base, strict=True)
         ]
-    prediction = rows(found.base.fit.prediction).mean(axis=0)
+    prediction = rows(found.base_model.fit.prediction).mean(axis=0)
     lines.append(Line(BASE_NAME, prediction, base.mean(axis=0), BASE_COLOUR, "dashed"))
     left = [f"{BASE_NAME} {_rms(base):.2g} N"]
     for shown in shown_models(found)[:1]:

@@ -69,7 +69,7 @@ def measured_of(subject: Recorded) -> tuple[MeasuredEffect, ...]:
 
 def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> dict[str, Any]:
     """Return the diagnosis as JSON types; what isn't finite is null."""
-    posterior, (identity, kind) = found.base.posterior, _identity_of(subject)
+    posterior, (identity, kind) = found.base_model.posterior, _identity_of(subject)
     base, best = base_fit(found, identity, kind, seed), best_fit(found, identity, kind, seed)
     return json_types(
         {
@@ -210,7 +210,7 @@ def r_squared_of(fitted: LinearisedFit, found: Diagnosis) -> float:
 
 def mismatches(found: Diagnosis) -> list[dict[str, Any]]:
     """Return the intervals in which the base model errs by more than a trial's noise."""
-    observed, base = found.observed, found.base.fit
+    observed, base = found.observed, found.base_model.fit
     result = []
     for k, trial in enumerate(observed.trials):
         for segment in np.unique(observed.segment[observed.trial == k]):
@@ -279,7 +279,7 @@ def diagnosed_parameters(found: Mapping[str, Estimate]) -> dict[str, Any]:
 
 def parameter_rows(found: Diagnosis) -> Iterator[dict[str, Any]]:
     """Yield a row a parameter of the base model and of the repaired one."""
-    for when, model in (("before repair", found.estimates_of(found.base, False)), ("after repair", found.estimates)):
+    for when, model in (("before repair", found.base_estimates), ("after repair", found.estimates)):
         for name, one in diagnosed_parameters(model).items():
             low, high = one["ci95"]
             numbers = {key: one[key] for key in ("value", "unit", "identifiability")}

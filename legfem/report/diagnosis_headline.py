@@ -84,7 +84,7 @@ def _answer(found: Diagnosis) -> tuple[web.Tone, str]:
 def _write_down(found: Diagnosis) -> str:
     if found.withheld:
         return "Report no number."
-    if DEEP_C10 not in found.base.fit.free:
+    if DEEP_C10 not in found.base_model.fit.free:
         return "C10 was given, not found."
     (low, high), best = _within(found), _best(found)
     if not _causes_differ(found) and not determined(best, DEEP_C10):
@@ -189,9 +189,9 @@ _NINETEEN_OF_20 = (
 def _stiffness(found: Diagnosis) -> str:
     if found.withheld:
         return f"{_C10}, cannot be determined from this test: the value that it gives may be wrong by any amount."
-    if DEEP_C10 not in found.base.fit.free:
+    if DEEP_C10 not in found.base_model.fit.free:
         return "C10 was given, not found."
-    before = _value(found, found.base)
+    before = _value(found, found.base_model)
     if found.verdict == "unexplained":
         return f"{_C10}, is {before} kPa; the misfit changes it by {share(found.misfit.moves)} at most."
     if found.verdict == "consistent" and _wide(found):
@@ -203,7 +203,7 @@ def _stiffness(found: Diagnosis) -> str:
         return f"{_C10}, is {before} kPa; no correction is needed."
     after = [_value(found, model) for model in found.models]
     if found.verdict == "named" or _alike(found):
-        change = relative_change(found.base.value(DEEP_C10), found.models[0].value(DEEP_C10)).lstrip("+")
+        change = relative_change(found.base_model.value(DEEP_C10), found.models[0].value(DEEP_C10)).lstrip("+")
         way = "lower" if change.startswith("-") else "higher"
         causes = "" if found.verdict == "named" else ", whichever cause it is"
         return (
@@ -218,7 +218,7 @@ def _stiffness(found: Diagnosis) -> str:
 
 
 def _at_its_rate(found: Diagnosis) -> str:
-    if found.withheld or DEEP_C10 not in found.base.fit.free or not one_rate(found):
+    if found.withheld or DEEP_C10 not in found.base_model.fit.free or not one_rate(found):
         return ""
     allowed = ", which the range allows for" if any(one.name in found.untested for one in _unseen(found)) else ""
     return f" It is the stiffness at the rate of this test: tissue that is held relaxes, and is then softer{allowed}."
@@ -237,7 +237,7 @@ _C10 = "C10, the stiffness of the tissue"
 
 def _high_or_low(found: Diagnosis, tissue: str) -> list[tuple[str, str]]:
     """Return how the number to write down compares with others', where there is one."""
-    if found.withheld or DEEP_C10 not in found.base.fit.free:
+    if found.withheld or DEEP_C10 not in found.base_model.fit.free:
         return []
     if _causes_differ(found):
         return high_or_low(tissue, *(float(end) for end in _within(found)))
@@ -247,7 +247,7 @@ def _high_or_low(found: Diagnosis, tissue: str) -> list[tuple[str, str]]:
 
 def _alike(found: Diagnosis) -> bool:
     """Return whether C10 is the same for all causes, as far as it is known."""
-    return DEEP_C10 in found.base.fit.free and len({_value(found, m) for m in found.models}) == 1
+    return DEEP_C10 in found.base_model.fit.free and len({_value(found, m) for m in found.models}) == 1
 
 
 def _causes_differ(found: Diagnosis) -> bool:
@@ -256,7 +256,7 @@ def _causes_differ(found: Diagnosis) -> bool:
 
 
 def _best(found: Diagnosis) -> Explanation:
-    return found.models[0] if found.models else found.base
+    return found.models[0] if found.models else found.base_model
 
 
 def _value(found: Diagnosis, model: Explanation) -> str:
@@ -265,7 +265,7 @@ def _value(found: Diagnosis, model: Explanation) -> str:
 
 def _standard_error(found: Diagnosis) -> float:
     """Return the widest of the explanations' standard errors of C10, by which its digits are chosen."""
-    ends = [one.shown(DEEP_C10).ci95 for one in (found.base, *found.models)]
+    ends = [one.shown(DEEP_C10).ci95 for one in (found.base_model, *found.models)]
     return max(high - low for low, high in ends) / 4
 
 

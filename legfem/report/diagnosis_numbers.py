@@ -28,15 +28,15 @@ def known_of(found: Diagnosis, subject: Recorded) -> list[Known]:
     data: Provenance = subject.origin
     rows = []
     wrong = _WRONG if found.withheld else ""
-    for name in found.base.fit.stiffness:
-        shown = [(found.base, diagnosis_curves.BASE_NAME)]
+    for name in found.base_model.fit.stiffness:
+        shown = [(found.base_model, diagnosis_curves.BASE_NAME)]
         shown += [(s.model, f"with {s.name}" if s.suits else s.name) for s in diagnosis_curves.shown_models(found)]
         for model, which in shown:
-            change = diagnosis_curves.relative_change(found.base.value(name), model.value(name))
+            change = diagnosis_curves.relative_change(found.base_model.value(name), model.value(name))
             shown_c10 = model.shown(name)
             error = (shown_c10.ci95[1] - shown_c10.ci95[0]) / 4
-            moduli = moduli_text(shown_c10.value, error) if model is found.base and name == DEEP_C10 else ""
-            remark = [wrong, flag(model, name, 0.0), moduli if model is found.base else change]
+            moduli = moduli_text(shown_c10.value, error) if model is found.base_model and name == DEEP_C10 else ""
+            remark = [wrong, flag(model, name, 0.0), moduli if model is found.base_model else change]
             rows.append(
                 Known(
                     f"{symbol_of(name)}, {which}",
@@ -155,7 +155,7 @@ def occurrence_cells(found: Diagnosis) -> Cells:
     possible = found.weighted_base.problem.possible
     mechanisms = {m.name: m for e in found.explained.every for m in e.fit.mechanisms}
     rows = []
-    for one in sensitivities(found.explained, DEEP_C10) if DEEP_C10 in found.base.fit.free else ():
+    for one in sensitivities(found.explained, DEEP_C10) if DEEP_C10 in found.base_model.fit.free else ():
         mechanism, own = mechanisms[one.mechanism], possible.get(one.mechanism)
         low, high = mechanism.parameters[0].bounds if own is None else (own.low, own.high)
         first = mechanism.parameters[0]

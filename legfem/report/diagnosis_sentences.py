@@ -38,14 +38,14 @@ def verdict_sentence(found: Diagnosis) -> str:
         return (
             f"{_contradiction(found)} {whole}: {statements(first)} (probability "
             f"{percent(first.probability)}).{_in_part(found, first)} "
-            f"{stiffness_sentence(found.base, first)} {air(found)}"
+            f"{stiffness_sentence(found.base_model, first)} {air(found)}"
         ).strip()
     candidates = "; or ".join(
         f"({k}) {statements(model)}, {percent(model.probability)}" for k, model in enumerate(found.models, 1)
     )
     return (
         f"{_contradiction(found)} {kin_sentence(found.models)}It leaves out one of these, and the recordings do not "
-        f"show which: {candidates}. {stiffness_range(found.base, found.models)} {air(found)}"
+        f"show which: {candidates}. {stiffness_range(found.base_model, found.models)} {air(found)}"
     ).strip()
 
 

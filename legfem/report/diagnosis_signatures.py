@@ -41,7 +41,7 @@ def _signatures(found: Diagnosis, number: int, names: list[str]) -> Curves:
         said += f", {probability(score.p_value)}" if score else ""
         said += "" if share is None else f", matches {100 * share:.0f} % of the misfit"
         lines.append(Line(f"{plain(name)} ({said})", -mean(scaled), None, colour, dash))
-    hides = " and ".join(map(symbol_of, found.base.fit.stiffness))
+    hides = " and ".join(map(symbol_of, found.base_model.fit.stiffness))
     return Curves(
         f"signature{number}",
         f"Does the difference look like what a mechanism would leave; {stations.label}: base model less recorded, on "

@@ -161,7 +161,7 @@ def _pressed(found: Diagnosis, subject: Subject) -> PressedSection | None:
         steps=StepSettings.regular(first=0.5, largest=2.0),
     )
     experiment = plane_strain_test(subject, settings)
-    base = found.base
+    base = found.base_model
     values = {name: base.value(name) for name in base.fit.stiffness}
     depth = float(found.observed.displacement.max())
     shot = filmed(experiment, values, depth)

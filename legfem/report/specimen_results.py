@@ -107,7 +107,7 @@ def _row(one: DiagnosedSpecimen) -> dict[str, Any]:
         "verdict": found.verdict,
         "explanations": [{"mechanisms": list(model.names), "probability": model.probability} for model in found.models],
         "laws": diagnosis_document.summary_of_law(found),
-        "parameters_of_base_model": diagnosis_document.diagnosed_parameters(found.estimates_of(found.base, False)),
+        "parameters_of_base_model": diagnosis_document.diagnosed_parameters(found.base_estimates),
         "recordings_not_used": [asdict(each) for each in one.left_out],
     }
 
@@ -146,4 +146,4 @@ def _cells(name: str, found: Diagnosis, contradicted: bool) -> list[str]:
     verdict = "consistent by itself" if contradicted and found.verdict == "consistent" else found.verdict
     left_out = "; or ".join(model_name(model) for model in found.models) or "-"
     after = tables.estimate(found.best, DEEP_C10) if found.models else "-"
-    return [name, verdict, left_out, tables.estimate(found.base, DEEP_C10), after]
+    return [name, verdict, left_out, tables.estimate(found.base_model, DEEP_C10), after]

@@ -66,7 +66,7 @@ class DiagnosedSpecimen:
 def thickness_finding(found: Sequence[DiagnosedSpecimen]) -> SizeDependence | None:
     """Return how the specimens' own C10 goes with their thickness; None where it doesn't, or isn't known."""
     for test in dict.fromkeys(one.test for one in found):
-        known = [(one.id, one.diagnosis.base, one.extent) for one in found if one.diagnosis and one.test == test]
+        known = [(one.id, one.diagnosis.base_model, one.extent) for one in found if one.diagnosis and one.test == test]
         extent = {name: size for name, base, size in known if size is not None and DEEP_C10 in base.fit.free}
         seen = size_dependence({name: base.value(DEEP_C10) for name, base, _ in known if name in extent}, extent)
         if seen is not None:
@@ -80,7 +80,7 @@ def tests_finding(found: Sequence[DiagnosedSpecimen], after: bool = False) -> Te
     Specimens err by their intervals, or by as much as those of one test differ.
     """
     each = [
-        (one.test, one.diagnosis.estimates if after else one.diagnosis.estimates_of(one.diagnosis.base, False))
+        (one.test, one.diagnosis.estimates if after else one.diagnosis.base_estimates)
         for one in found
         if one.diagnosis is not None
     ]

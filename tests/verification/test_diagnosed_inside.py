@@ -203,7 +203,7 @@ def test_a_leg_without_an_effect_leaves_what_its_errors_make(library, stiff_fat)
         observed = observed_with(pressed_thrice(leg, rng), np.repeat(times, len(places)), moves.ravel(), course, places)
         one = diagnosed(observed, library)
         rows = observed.data.spans[1]
-        left, errors = one.base.fit.residual[rows], one.errors.covariance[rows, rows]
+        left, errors = one.base_model.fit.residual[rows], one.errors.covariance[rows, rows]
         found.append(float(left @ np.linalg.solve(errors, left)) / len(left))
         assert one.verdict == "consistent"
     print(found)
