@@ -6,6 +6,7 @@ the quadrature points. What it needs is this protocol and nothing else.
 
 import dataclasses
 import math
+from abc import abstractmethod
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import reduce
@@ -60,23 +61,39 @@ class Memoryless:
         return {}
 
 
-class RegionTerm:
-    """A term of one region, whose parameters are fields, named ``<region>.<effect>.<field>``."""
+class NumberedTerm:
+    """A term whose parameters are fields, named ``<name>.<field>``."""
+
+    numbers: ClassVar[tuple[str, ...]]
+    """Fields that are parameters."""
+
+    @property
+    @abstractmethod
+    def name(self) -> str:
+        """Prefix of its parameters' names."""
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Parameters by full name; units as in the term's list."""
+        return {f"{self.name}.{number}": getattr(self, number) for number in self.numbers}
+
+    def scalars(self, domain: "IntegrationDomain") -> list[Expr]:
+        """Return the parameters' symbols in a domain, in the order of their names."""
+        return [domain.symbols.scalar(name, value) for name, value in self.parameters.items()]
+
+
+@dataclass(frozen=True, eq=False)
+class RegionTerm(NumberedTerm):
+    """A term of one region, whose parameters are named ``<region>.<effect>.<field>``."""
 
     region: str
     effect: ClassVar[str]
-    numbers: ClassVar[tuple[str, ...]]
-    """Fields that are parameters."""
+    domain: ClassVar[Literal["body"]] = "body"
 
     @property
     def name(self) -> str:
         """Prefix of its parameters' names, for example ``deep.fibres``."""
         return f"{self.region}.{self.effect}"
-
-    @property
-    def parameters(self) -> dict[str, float]:
-        """Parameters by full name; units as in the term's own list."""
-        return {f"{self.name}.{number}": getattr(self, number) for number in self.numbers}
 
 
 @runtime_checkable

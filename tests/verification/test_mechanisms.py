@@ -115,7 +115,7 @@ def test_tangents_of_a_contour():
 def test_tension_resists_what_turns_its_line_and_works_along_it():
     """Its work is tension/2 |grad u t|^2 times the volume; across it there is none."""
     wide = np.array([[-1e3, -50], [1e3, -50], [1e3, 2e3], [-1e3, 2e3]])
-    terms = [Prestress(wide, 0.3, "deep")]
+    terms = [Prestress(wide, 0.3, region="deep")]
     plain, tense = (free_of_contact(SMALL, TISSUES, "displacement", mechanisms) for mechanisms in ([], terms))
     nodes, dofs = nodal(tense)
     for gradient, along in (([[0, 0], [2e-3, 0]], 2e-3), ([[0, 2e-3], [0, 0]], 0.0)):

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import ufl
 
@@ -10,7 +10,7 @@ from legfem.common.errors import check_positive
 from legfem.mechanics.contact import PressureLaw, TangentialLaw
 from legfem.mechanics.indenters import RigidIndenter
 from legfem.mechanics.kinematics import Expr
-from legfem.mechanics.model import Body, Memoryless, RegionTerm, Skin, named_parameters
+from legfem.mechanics.model import Body, Memoryless, NumberedTerm, RegionTerm, Skin, named_parameters
 
 
 @dataclass(frozen=True)
@@ -19,8 +19,8 @@ class NormalContact(Memoryless):
 
     indenter: RigidIndenter
     law: PressureLaw
-    name: str = "contact"
-    domain: Literal["skin"] = "skin"
+    name: ClassVar[str] = "contact"
+    domain: ClassVar[Literal["skin"]] = "skin"
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -57,8 +57,8 @@ class TangentialContact:
 
     normal: NormalContact
     law: TangentialLaw
-    name: str = "friction"
-    domain: Literal["skin"] = "skin"
+    name: ClassVar[str] = "friction"
+    domain: ClassVar[Literal["skin"]] = "skin"
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -71,7 +71,10 @@ class TangentialContact:
 
     def residual(self, skin: Skin, history: Mapping[str, Any]) -> Expr:
         """Return the work of the tangential traction."""
-        return ufl.dot(self._traction(skin, history), skin.variation) * skin.measure
+        law = skin.symbols.of(self.name, self.law)
+        _, slip, _ = self._slip(skin, history)
+        traction = law.traction(self._hold(skin) * slip, self.normal.pressure(skin))
+        return ufl.dot(traction, skin.variation) * skin.measure
 
     def updated(self, skin: Skin, history: Mapping[str, Any]) -> dict[str, Expr]:
         """Return the anchors, moved where the law let them slip, and the marks of contact."""
@@ -85,11 +88,6 @@ class TangentialContact:
         """Return the slip (mm) of touching points, zero elsewhere."""
         touching, slip, _ = self._slip(skin, history)
         return ufl.conditional(touching, 1.0, 0.0) * slip
-
-    def _traction(self, skin: Skin, history: Mapping[str, Any]) -> Expr:
-        law = skin.symbols.of(self.name, self.law)
-        _, slip, _ = self._slip(skin, history)
-        return law.traction(self._hold(skin) * slip, self.normal.pressure(skin))
 
     def _hold(self, skin: Skin) -> Expr:
         """Return the share of the slip that is held: 0 from the onset outwards, 1 without a gap."""
@@ -114,7 +112,7 @@ class TangentialContact:
 
 
 @dataclass(frozen=True)
-class SkinPressure(Memoryless):
+class SkinPressure(NumberedTerm, Memoryless):
     r"""The system's applied pressure :math:`p`, in full at 1 s and in proportion before.
 
     A follower load acts along the deformed normal on the deformed area,
@@ -131,24 +129,20 @@ class SkinPressure(Memoryless):
     """
 
     follower: float = 1.0
-    name: str = "skin_pressure"
-    domain: Literal["skin"] = "skin"
-
-    @property
-    def parameters(self) -> dict[str, float]:
-        """Whether it follows; the pressure itself is a field of the system."""
-        return {f"{self.name}.follower": self.follower}
+    name = "skin_pressure"
+    domain: ClassVar[Literal["skin"]] = "skin"
+    numbers = ("follower",)
 
     def residual(self, skin: Skin, history: Mapping[str, Any]) -> Expr:
         """Return the virtual work against the pressure."""
-        share = skin.symbols.scalar(f"{self.name}.follower", self.follower)
+        (share,) = self.scalars(skin)
         dead, live = (skin.area_vector(deformed) for deformed in (False, True))
         pushed = ufl.dot(dead + share * (live - dead), skin.variation)
         return skin.time * skin.applied_pressure * pushed * skin.measure
 
     def pressure(self, skin: Skin, growth: Expr) -> Expr:
         """Return the pressure per deformed area (MPa), by the growth of the area."""
-        share = skin.symbols.scalar(f"{self.name}.follower", self.follower)
+        (share,) = self.scalars(skin)
         return skin.time * skin.applied_pressure * (share + (1 - share) / growth)
 
 
@@ -183,12 +177,10 @@ class BoneSprings(RegionTerm, Memoryless):
         :math:`k_x, k_y` (N/mm).
     """
 
-    region: str
     area: float
     length: float
     x: float = HELD
     y: float = HELD
-    domain: Literal["body"] = "body"
     effect = "springs"
     numbers = ("x", "y")
 
@@ -200,8 +192,7 @@ class BoneSprings(RegionTerm, Memoryless):
         """Return the springs' virtual work, that of the rigid bone, and no pressure in it."""
         moved, varied = body.displacement, body.variation
         work = _RIGID * ufl.inner(ufl.grad(moved), ufl.grad(varied))
-        for axis, (name, value) in enumerate(self.parameters.items()):
-            stiffness = body.symbols.scalar(name, value)
+        for axis, stiffness in enumerate(self.scalars(body)):
             work += stiffness / (self.area * self.length) * moved[axis] * varied[axis]
         if self.region in body.pressures:
             pressure, by = body.pressures[self.region], body.pressure_variations[self.region]

@@ -1,8 +1,8 @@
 """Fascia and dermis as thin sheets, the tension of the fascia in the imaged state, and the face on which fat slides."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, Literal
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 import shapely
@@ -13,14 +13,14 @@ from dolfinx import mesh as dolfinx_mesh
 from legfem.common.errors import InputError, check_positive
 from legfem.common.units import FloatArray, frozen_array
 from legfem.mechanics.kinematics import Expr
-from legfem.mechanics.model import Body, Memoryless, RegionTerm, Skin
+from legfem.mechanics.model import Body, Memoryless, NumberedTerm, RegionTerm, Skin
 
 _ITERATIONS = 5
 """Steps of Newton's method for J, from 1: its error is below 3e-10 up to stretches of 0.7 and 1.3."""
 
 
 @dataclass(frozen=True)
-class Fascia(Memoryless):
+class Fascia(NumberedTerm, Memoryless):
     r"""A neo-Hookean membrane on the face between deep and superficial tissue.
 
     .. math:: \frac{k}{2} \left(J^{-2/3} \left(\operatorname{tr} C_s + J^2 / J_s^2\right) - 3
@@ -41,21 +41,13 @@ class Fascia(Memoryless):
 
     stiffness: float = 0.0
     compressibility: float = 0.0
-    domain: Literal["body"] = "body"
+    name = "fascia.membrane"
+    domain: ClassVar[Literal["body"]] = "body"
+    numbers = ("stiffness", "compressibility")
 
     def __post_init__(self) -> None:
         """Check the numbers."""
         check_positive(self, "stiffness", "compressibility", zero_allowed=True)
-
-    @property
-    def name(self) -> str:
-        """Prefix of its parameters' names."""
-        return "fascia.membrane"
-
-    @property
-    def parameters(self) -> dict[str, float]:
-        """The stiffness and the compressibility."""
-        return {f"{self.name}.stiffness": self.stiffness, f"{self.name}.compressibility": self.compressibility}
 
     def residual(self, body: Body, history: Mapping[str, Any]) -> Expr:
         """Return the variation of the membrane's energy."""
@@ -66,7 +58,7 @@ class Fascia(Memoryless):
                 "the mesh has no named face of the deep tissue",
                 "mesh the leg with legfem.meshing.solid_leg",
             )
-        k, c = (body.symbols.scalar(name, value) for name, value in self.parameters.items())
+        k, c = self.scalars(body)
         trace, area2 = face_strain(body)
         J = free_volume_ratio(trace, area2, c)
 
@@ -136,8 +128,7 @@ class Prestress(RegionTerm, Memoryless):
 
     contour: FloatArray
     tension: float = 0.0
-    region: str = "fascia"
-    domain: Literal["body"] = "body"
+    region: str = field(default="fascia", kw_only=True)
     effect = "prestress"
     numbers = ("tension",)
 
@@ -152,7 +143,7 @@ class Prestress(RegionTerm, Memoryless):
 
     def residual(self, body: Body, history: Mapping[str, Any]) -> Expr:
         """Return the variation of the tension's work of second order."""
-        tension = body.symbols.scalar(f"{self.name}.tension", self.tension)
+        (tension,) = self.scalars(body)
         tangent = tangent_field(self.contour, body.unknown.function_space.mesh)
         turn = ufl.dot(ufl.grad(body.displacement), tangent)
         varied = ufl.dot(ufl.grad(body.variation), tangent)
@@ -178,17 +169,17 @@ def tangent_field(contour: FloatArray, mesh: Any) -> Any:
     """
     if mesh.geometry.dim != 2:
         raise InputError("model", "fascia", "a contour's terms need a section", "leave them out in 3D")
-    field = fem.Function(fem.functionspace(mesh, ("DG", 0, (2,))))
+    tangents = fem.Function(fem.functionspace(mesh, ("DG", 0, (2,))))
     cells = mesh.topology.index_map(2)
     every = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
     middle = dolfinx_mesh.compute_midpoints(mesh, 2, every)[:, :2]
-    dofs = field.function_space.dofmap.list[:, 0]
-    field.x.array.reshape(-1, 2)[dofs] = contour_tangents(contour, middle)
-    return field
+    dofs = tangents.function_space.dofmap.list[:, 0]
+    tangents.x.array.reshape(-1, 2)[dofs] = contour_tangents(contour, middle)
+    return tangents
 
 
 @dataclass(frozen=True)
-class Dermis(Memoryless):
+class Dermis(NumberedTerm, Memoryless):
     r"""An incompressible neo-Hookean membrane on the skin, which both papers leave out.
 
     .. math:: W = \frac{k}{2} \left(\operatorname{tr} C_s + \frac{1}{\det C_s} - 3\right)
@@ -209,21 +200,17 @@ class Dermis(Memoryless):
     """
 
     stiffness: float = 0.0
-    name: str = "dermis"
-    domain: Literal["skin"] = "skin"
+    name = "dermis"
+    domain: ClassVar[Literal["skin"]] = "skin"
+    numbers = ("stiffness",)
 
     def __post_init__(self) -> None:
         """Check the stiffness."""
         check_positive(self, "stiffness", zero_allowed=True)
 
-    @property
-    def parameters(self) -> dict[str, float]:
-        """The stiffness (N/mm)."""
-        return {f"{self.name}.stiffness": self.stiffness}
-
     def energy_density(self, skin: Skin) -> Expr:
         """Return the energy a reference area (N/mm)."""
-        stiffness = skin.symbols.scalar(f"{self.name}.stiffness", self.stiffness)
+        (stiffness,) = self.scalars(skin)
         trace, determinant = skin.sheet_invariants
         return 0.5 * stiffness * (trace + 1 / determinant - 3)
 
@@ -238,7 +225,7 @@ CLOSED = 1.0
 
 
 @dataclass(frozen=True)
-class SlidingFace(Memoryless):
+class SlidingFace(NumberedTerm, Memoryless):
     r"""Two tissues slide along each other on a face, and can't part.
 
     .. math:: W = \frac{k_n}{2} g^2 + \frac{k_t}{2} |x_1 - x_2|^2
@@ -258,18 +245,14 @@ class SlidingFace(Memoryless):
 
     shear: float = 0.0
     normal: float = CLOSED
-    name: str = "sliding"
-    domain: Literal["face"] = "face"
+    name = "sliding"
+    domain: ClassVar[Literal["face"]] = "face"
+    numbers = ("shear", "normal")
 
     def __post_init__(self) -> None:
         """Check the numbers."""
         check_positive(self, "normal")
         check_positive(self, "shear", zero_allowed=True)
-
-    @property
-    def parameters(self) -> dict[str, float]:
-        """Both stiffnesses (MPa/mm)."""
-        return {f"{self.name}.shear": self.shear, f"{self.name}.normal": self.normal}
 
     def residual(self, domain: Any, history: Mapping[str, Any]) -> Any:
         """Return nothing: points far from each other meet, which a form can't say; see `legfem.fem.sliding`."""

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import ufl
@@ -48,11 +47,9 @@ class Fibres(EnergyTerm):
         Direction of the fibres; of unit length.
     """
 
-    region: str
     shear: float = 0.0
     extension: float = 0.0
     axis: tuple[float, float, float] = ALONG_THE_LEG
-    domain: Literal["body"] = "body"
     effect = "fibres"
     numbers = ("shear", "extension")
 
@@ -107,7 +104,7 @@ class Fibres(EnergyTerm):
 
     def energy_density(self, body: Body, F: Expr) -> Expr:
         """Return the added energy (MPa) at a deformation gradient."""
-        shear, extension = (body.symbols.scalar(name, value) for name, value in self.parameters.items())
+        shear, extension = self.scalars(body)
         along = F.T * F * ufl.as_vector(self.axis)
         I4 = ufl.dot(ufl.as_vector(self.axis), along)
         return shear / 2 * (ufl.dot(along, along) - I4**2) + extension / 8 * (I4 - 1) ** 2
@@ -138,11 +135,9 @@ class Contraction(EnergyTerm):
         :math:`r` (s), from the onset to the full contraction.
     """
 
-    region: str
     stiffness: float = 0.0
     onset: float = 0.0
     rise: float = 1.0
-    domain: Literal["body"] = "body"
     effect = "contraction"
     numbers = ("stiffness", "onset", "rise")
 
@@ -153,7 +148,7 @@ class Contraction(EnergyTerm):
 
     def energy_density(self, body: Body, F: Expr) -> Expr:
         """Return the added energy (MPa) at a deformation gradient."""
-        stiffness, onset, rise = (body.symbols.scalar(name, value) for name, value in self.parameters.items())
+        stiffness, onset, rise = self.scalars(body)
         x = ufl.max_value(0, ufl.min_value(1, (body.time - onset) / rise))
         return stiffness * x**2 * (3 - 2 * x) * (isochoric_first_invariant(F) - 3)
 
@@ -186,12 +181,10 @@ class StiffnessGradient(EnergyTerm):
         :math:`\ell` (mm).
     """
 
-    region: str
     law: Hyperelastic
     level: float
     gradient: float = 0.0
     length: float = 100.0
-    domain: Literal["body"] = "body"
     effect = "stiffness_gradient"
     numbers = ("gradient", "level", "length")
 
@@ -202,7 +195,7 @@ class StiffnessGradient(EnergyTerm):
     def energy_density(self, body: Body, F: Expr) -> Expr:
         """Return what is added to the energy (MPa) at a deformation gradient."""
         law = body.symbols.of(self.region, self.law)
-        gradient, level, length = (body.symbols.scalar(name, value) for name, value in self.parameters.items())
+        gradient, level, length = self.scalars(body)
         position = ufl.SpatialCoordinate(ufl.domain.extract_unique_domain(body.displacement))
         z = position[body.displacement.ufl_shape[0] - 1]
         return gradient * (z - level) / length * law.distortion_energy(F)
@@ -229,11 +222,9 @@ class UnevenStiffness(EnergyTerm):
         :math:`r_k` (mm).
     """
 
-    region: str
     law: Hyperelastic
     points: tuple[tuple[float, ...], ...]
     radii: tuple[float, ...]
-    domain: Literal["body"] = "body"
     effect = "uneven_stiffness"
 
     def __post_init__(self) -> None:
@@ -250,9 +241,8 @@ class UnevenStiffness(EnergyTerm):
         law = body.symbols.of(self.region, self.law)
         position = ufl.SpatialCoordinate(ufl.domain.extract_unique_domain(body.displacement))
         excess = 0.0
-        for point, radius, (name, value) in zip(self.points, self.radii, self.parameters.items(), strict=True):
-            away = position - ufl.as_vector(point)
-            excess = excess + body.symbols.scalar(name, value) * _near(away, radius)
+        for point, radius, strength in zip(self.points, self.radii, self.scalars(body), strict=True):
+            excess = excess + strength * _near(position - ufl.as_vector(point), radius)
         return excess * law.distortion_energy(F)
 
 
@@ -279,7 +269,6 @@ class StiffLump(EnergyTerm):
         Of the lump (mm); its radius is :math:`r_1`.
     """
 
-    region: str
     law: Hyperelastic
     origin: tuple[float, float]
     direction: tuple[float, float]
@@ -287,7 +276,6 @@ class StiffLump(EnergyTerm):
     depth: float = 0.0
     side: float = 0.0
     radius: float = 1.0
-    domain: Literal["body"] = "body"
     effect = "stiff_lump"
     numbers = ("excess", "depth", "side", "radius")
 
@@ -298,7 +286,7 @@ class StiffLump(EnergyTerm):
     def energy_density(self, body: Body, F: Expr) -> Expr:
         """Return what is added to the energy (MPa) at a deformation gradient."""
         law = body.symbols.of(self.region, self.law)
-        excess, depth, side, radius = (body.symbols.scalar(name, value) for name, value in self.parameters.items())
+        excess, depth, side, radius = self.scalars(body)
         position = ufl.SpatialCoordinate(ufl.domain.extract_unique_domain(body.displacement))
         x, y = self.direction
         away = position - ufl.as_vector(self.origin) - depth * ufl.as_vector((x, y)) - side * ufl.as_vector((-y, x))

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Literal
+from typing import Any
 
 import ufl
 
@@ -48,12 +48,10 @@ class Viscoelasticity(RegionTerm):
         Tells several branches of a region apart.
     """
 
-    region: str
     law: Hyperelastic
     ratio: float = 0.0
     relaxation_time: float = 10.0
     branch: str = ""
-    domain: Literal["body"] = "body"
     numbers = ("ratio", "relaxation_time")
 
     def __post_init__(self) -> None:
@@ -142,11 +140,9 @@ class Drainage(RegionTerm):
         :math:`s`, dimensionless, below 1.
     """
 
-    region: str
     law: Hyperelastic
     permeability: float = 0.0
     skeleton: float = 0.0
-    domain: Literal["body"] = "body"
     effect = "drainage"
     numbers = ("permeability", "skeleton")
 

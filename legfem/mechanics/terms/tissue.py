@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Literal
+from typing import Any
 
 import ufl
 
@@ -31,13 +31,41 @@ class EnergyTerm(RegionTerm, Memoryless, ABC):
         return nominal_stress(partial(self.energy_density, body), body.deformation_gradient)
 
 
+class PressureTerm(RegionTerm, Memoryless, ABC):
+    """A term that acts through a region's pressure alone, and so adds nothing to the stress."""
+
+    @abstractmethod
+    def work_density(self, body: Body, pressure: Expr) -> Expr:
+        """Return the pressure's work a reference volume (MPa)."""
+
+    def residual(self, body: Body, history: Mapping[str, Any]) -> Expr:
+        """Return the variation of the work.
+
+        Raises
+        ------
+        InputError
+            If the form has no pressure in the region.
+        """
+        if self.region not in body.pressures:
+            raise InputError(
+                "formulation",
+                self.name,
+                "acts through a pressure, and there is none",
+                'choose the formulation "continuous" or "mixed"',
+            )
+        work = self.work_density(body, body.pressures[self.region]) * body.regions[self.region]
+        return ufl.derivative(work, body.unknown, body.test)
+
+    def nominal_stress(self, body: Body) -> Expr:
+        """Return zero: the pressure's stress is the tissue's."""
+        return ufl.zero(3, 3)
+
+
 @dataclass(frozen=True)
 class Tissue(EnergyTerm):
     """A hyperelastic region of the body."""
 
-    region: str
     law: Hyperelastic
-    domain: Literal["body"] = "body"
 
     @property
     def name(self) -> str:
@@ -66,7 +94,7 @@ class Tissue(EnergyTerm):
 
 
 @dataclass(frozen=True)
-class VolumeLoss(RegionTerm, Memoryless):
+class VolumeLoss(PressureTerm):
     r"""A share of a region's volume leaves it, evenly: its pressure is zero at :math:`J = 1 - s`.
 
     .. math:: p (J - 1) - D_1 p^2 / 4 \to p (J - 1 + s) - D_1 p^2 / 4.
@@ -83,32 +111,18 @@ class VolumeLoss(RegionTerm, Memoryless):
         Share :math:`s` of the volume that is lost, dimensionless.
     """
 
-    region: str
     share: float = 0.0
-    domain: Literal["body"] = "body"
     effect = "volume_loss"
     numbers = ("share",)
 
-    def residual(self, body: Body, history: Mapping[str, Any]) -> Expr:
-        """Return the variation of the pressure's work on the volume that is lost."""
-        if self.region not in body.pressures:
-            raise InputError(
-                "formulation",
-                self.name,
-                "volume is lost against a pressure, and there is none",
-                'choose the formulation "continuous" or "mixed"',
-            )
-        share = body.symbols.scalar(f"{self.name}.share", self.share)
-        work = share * body.pressures[self.region] * body.regions[self.region]
-        return ufl.derivative(work, body.unknown, body.test)
-
-    def nominal_stress(self, body: Body) -> Expr:
-        """Return zero: what is lost acts through the pressure, which is the tissue's."""
-        return ufl.zero(3, 3)
+    def work_density(self, body: Body, pressure: Expr) -> Expr:
+        """Return the pressure's work on the volume that is lost, a reference volume (MPa)."""
+        (share,) = self.scalars(body)
+        return share * pressure
 
 
 @dataclass(frozen=True)
-class PressureStabilisation(RegionTerm, Memoryless):
+class PressureStabilisation(PressureTerm):
     r"""Polynomial pressure projection for linear displacements and pressures on simplices.
 
     Equal degrees fail the inf-sup condition. What of the pressure the constants :math:`\Pi p` of an
@@ -130,10 +144,8 @@ class PressureStabilisation(RegionTerm, Memoryless):
         Factor on it, 1 in the source.
     """
 
-    region: str
     law: Hyperelastic
     strength: float = 1.0
-    domain: Literal["body"] = "body"
     effect = "stabilisation"
     numbers = ("strength",)
 
@@ -141,21 +153,11 @@ class PressureStabilisation(RegionTerm, Memoryless):
         """Check the factor."""
         check_positive(self, "strength", zero_allowed=True)
 
-    def residual(self, body: Body, history: Mapping[str, Any]) -> Expr:
-        """Return the variation of the penalty."""
-        if self.region not in body.pressures:
-            raise InputError(
-                "formulation", self.name, "there is no pressure to stabilise", 'choose the formulation "continuous"'
-            )
+    def work_density(self, body: Body, pressure: Expr) -> Expr:
+        """Return the penalty a reference volume (MPa)."""
         law = body.symbols.of(self.region, self.law)
-        strength = body.symbols.scalar(f"{self.name}.strength", self.strength)
-        rest = _variance(body.pressures[self.region])
-        penalty = -strength / (4 * law.C10) * rest * body.regions[self.region]
-        return ufl.derivative(penalty, body.unknown, body.test)
-
-    def nominal_stress(self, body: Body) -> Expr:
-        """Return zero: only the pressures' equation is changed."""
-        return ufl.zero(3, 3)
+        (strength,) = self.scalars(body)
+        return -strength / (4 * law.C10) * _variance(pressure)
 
 
 def _variance(p: Expr) -> Expr:
