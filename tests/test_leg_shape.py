@@ -181,7 +181,7 @@ def test_parts_have_to_nest_and_be_of_a_leg():
     check_shape(cone(), "made", clearance=2.0)
     shape = cone()
     outside = {**shape.contours, "tibia": shape.contours["tibia"] + [-40, 0]}
-    with pytest.raises(InputError, match="tibia, level 0 mm: is not inside the hull"):
+    with pytest.raises(InputError, match="tibia, level 0 mm: crosses or touches the skin"):
         check_shape(LegShape(shape.levels, outside), "made")
     with pytest.raises(InputError, match=r"mm left to the skin where 8\.00 are needed"):
         check_shape(shape, "made", clearance=8.0)

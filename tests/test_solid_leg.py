@@ -125,7 +125,7 @@ def test_part_of_the_leg_may_be_meshed():
 def test_bad_shapes_and_settings_give_one_line():
     shape = calf()
     crossing = LegShape(shape.levels, {**shape.contours, "tibia": shape.contours["tibia"] + [0, -8]})
-    with pytest.raises(InputError, match="tibia, level 0 mm: is not inside the hull"):
+    with pytest.raises(InputError, match="tibia, level 0 mm: crosses or touches the hull"):
         mesh_solid_leg(crossing)
     with pytest.raises(InputError, match="not within the segment"):
         mesh_solid_leg(shape, SolidMeshSettings(z_range=(-5.0, 20.0)))
@@ -140,4 +140,4 @@ def test_two_ranks_have_the_same_mesh(tmp_path):
     assert two["cells"] == one.mesh.topology.index_map(3).size_global
     for name, tags in (("volumes", (SUPERFICIAL, DEEP)), ("areas", (SKIN, BONE, END))):
         assert two[name] == pytest.approx([measure(one, tag) for tag in tags], rel=1e-12)
-    assert "is not inside the skin" in str(two["error"])
+    assert "outside the skin" in str(two["error"])

@@ -25,23 +25,25 @@ TRIAL = "{trial}"
 """Stands for the trial's name in the name of a file."""
 SITE = "{site}"
 """Stands for the site's name in the name of a file."""
-
-
-_OF_IMAGES_AND_FILMS = {
-    "shift_mm": "shift",
-    "turn_deg": "turn",
-    "apart_mm": "apart",
-    "each_percent": "each",
-    "creep_percent": "creep",
-    "threshold_kPa": "threshold",
+_STATED = {
+    "gain_percent": ("gain", 100.0),
+    "lag_s": ("lag", 1.0),
+    "shift_mm": ("shift", 1.0),
+    "turn_deg": ("turn", 1.0),
+    "apart_mm": ("apart", 1.0),
+    "each_percent": ("each", 100.0),
+    "creep_percent": ("creep", 100.0),
+    "threshold_kPa": ("threshold", 1.0),
 }
-"""Keys that few channels have, and what of their accuracy each is."""
-
-
-_ERRORS = {"sd": "reading", "bias": "bias", "slow": "slow"}
-"""Keys of standard deviations in a channel's unit, and what of its accuracy each is."""
-_ERROR_WORDS = {"sd": "a reading", "bias": "a constant error", "slow": "an error that changes slowly within a trial"}
-"""What the key is the standard deviation of, in words."""
+"""What of a channel's accuracy a key states, and how many of its unit are one."""
+_OF_ANY = ("gain", "lag")
+"""What of these every channel may have; the others only those that usually have it."""
+_ERRORS = {
+    "sd": ("reading", "a reading"),
+    "bias": ("bias", "a constant error"),
+    "slow": ("slow", "an error that changes slowly within a trial"),
+}
+"""Keys of standard deviations in a channel's unit: what of its accuracy each is, and in words."""
 
 
 def _key(error: str, unit: str) -> str:
@@ -110,27 +112,19 @@ class RecordedChannelEntry(FileTable):
                 f"clocks that may be {self.lag_s:g} s apart do not say where the cylinder was",
                 "record both on one clock, or tap the cylinder and find that moment in both",
             )
-        for stated, of in _OF_IMAGES_AND_FILMS.items():
-            if getattr(self, stated) is not None and not getattr(usual, of):
-                raise InputError(source, f"{field}.{stated}", f"the channel has no such {of}", "leave it out")
-        given = {
-            **{of: self.error(name, kind.unit) for name, of in _ERRORS.items()},
-            "gain": None if self.gain_percent is None else self.gain_percent / 100,
-            "lag": self.lag_s,
-            "shift": self.shift_mm,
-            "turn": self.turn_deg,
-            "apart": self.apart_mm,
-            "each": None if self.each_percent is None else self.each_percent / 100,
-            "creep": None if self.creep_percent is None else self.creep_percent / 100,
-            "threshold": self.threshold_kPa,
-        }
+        given = {of: self.error(name, kind.unit) for name, (of, _) in _ERRORS.items()}
+        for key, (of, unit) in _STATED.items():
+            stated = getattr(self, key)
+            if stated is not None and of not in _OF_ANY and not getattr(usual, of):
+                raise InputError(source, f"{field}.{key}", f"the channel has no such {of}", "leave it out")
+            given[of] = None if stated is None else stated / unit
         return replace(usual, **{name: value for name, value in given.items() if value is not None})
 
 
 def _field(error: str, unit: str) -> Any:
     """Return the type and description of an error's key."""
     of = "without a unit" if unit == "-" else f"in {unit}"
-    said = f"Standard deviation of {_ERROR_WORDS[error]}, for a channel {of}."
+    said = f"Standard deviation of {_ERRORS[error][1]}, for a channel {of}."
     return ((Positive if error == "sd" else NotNegative) | None, Field(None, description=said))
 
 
@@ -203,7 +197,12 @@ def with_channels(
         if not recordings:
             continue
         if entry.file is None:
-            recordings = [_stated(one, key, accuracy) for one in recordings]
+            recordings = [
+                replace(
+                    one, channels=tuple(replace(c, accuracy=accuracy) if c.name == key else c for c in one.channels)
+                )
+                for one in recordings
+            ]
             if not any(channel.name == key for one in recordings for channel in one.channels):
                 raise InputError(
                     toml,
@@ -251,12 +250,6 @@ def frames_in(path: Path) -> list[FramesFile[Any]]:
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         header = tuple(name.strip() for name in file.readline(_LONGEST_HEADER).split(","))
     return [one for one in OF_FRAMES.values() if header == ("time_s", *one.columns)]
-
-
-def _stated(recording: Recording, name: str, accuracy: ChannelAccuracy) -> Recording:
-    """Return a recording whose channel of a name has a stated accuracy."""
-    stated = (replace(one, accuracy=accuracy) if one.name == name else one for one in recording.channels)
-    return replace(recording, channels=tuple(stated))
 
 
 def _of_frames(

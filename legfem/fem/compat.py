@@ -1,13 +1,8 @@
 """What differs between DOLFINx 0.9, 0.10 and 0.11, detected by feature."""
 
-from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from dolfinx import io as dolfinx_io
-from dolfinx import mesh as dolfinx_mesh
-from mpi4py import MPI
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
@@ -18,11 +13,6 @@ RESIDUAL_NOT_FINITE: int = (
     else _reasons.DIVERGED_FUNCTION_NANORINF
 )
 """SNES' reason for a residual that is not a number, or infinite."""
-
-
-def surface_mesh(mesh: Any, facets: NDArray[np.int32]) -> Any:
-    """Return the submesh of some facets (local indices)."""
-    return dolfinx_mesh.create_submesh(mesh, mesh.topology.dim - 1, facets)[0]
 
 
 def cell_nodes(mesh: Any) -> NDArray[np.int32]:
@@ -38,20 +28,6 @@ def collapse(subspace: Any) -> tuple[Any, NDArray[np.int32]]:
     return space, np.asarray(parent, dtype=np.int32).ravel()
 
 
-def interpolation_points(element: Any) -> NDArray[np.float64]:
-    """Return an element's interpolation points, a method once and now a property."""
-    points = element.interpolation_points
-    return points() if callable(points) else points
-
-
 def evaluate(expression: Any, mesh: Any, cells: NDArray[np.int32]) -> NDArray[np.float64]:
     """Return a `dolfinx.fem.Expression` at its points in some cells, flat by cell and point."""
     return np.asarray(expression.eval(mesh, cells)).reshape(-1)
-
-
-def vtx_writer(comm: MPI.Intracomm, path: Path, functions: Sequence[Any]) -> Any:
-    """Return an open VTX writer, or None where DOLFINx was built without ADIOS2."""
-    writer = getattr(dolfinx_io, "VTXWriter", None)
-    if writer is None:
-        return None
-    return writer(comm, path, list(functions), engine="BP4")

@@ -4,10 +4,8 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from dolfinx import fem
-from dolfinx.io import XDMFFile
+from dolfinx import fem, io
 
-from legfem.fem.compat import vtx_writer
 from legfem.fem.fields import LegFields
 
 
@@ -38,15 +36,13 @@ def write_fields(fields: LegFields, out: Path, displacement: float = 0.0) -> lis
     element = ("DG", fields.displacement.function_space.element.basix_element.degree)
     inside = [_interpolated(f, element) for f in (fields.displacement, *scalars, fields.region)]
     skin = [_interpolated(f, element) for f in (fields.skin_displacement, fields.skin_pressure)]
-    for path, functions in ((out / "fields.bp", inside), (out / "skin.bp", skin)):
-        writer = vtx_writer(mesh.comm, path, functions)
-        if writer is None:
-            continue
-        with writer:
-            writer.write(displacement)
-        written.append(path)
+    if hasattr(io, "VTXWriter"):  # built with ADIOS2
+        for path, functions in ((out / "fields.bp", inside), (out / "skin.bp", skin)):
+            with io.VTXWriter(mesh.comm, path, functions, engine="BP4") as writer:
+                writer.write(displacement)
+            written.append(path)
     path = out / "fields.xdmf"
-    with XDMFFile(mesh.comm, str(path), "w") as file:
+    with io.XDMFFile(mesh.comm, str(path), "w") as file:
         file.write_mesh(mesh)
         file.write_function(_interpolated(fields.displacement, ("Lagrange", 1)), displacement)
         for scalar in (*scalars, fields.region):

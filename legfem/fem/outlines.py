@@ -20,7 +20,7 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
-from legfem.fem.spaces import LegSpaces
+from legfem.fem.spaces import LegSpaces, cells_behind
 from legfem.geometry.section import across
 
 _EDGES = np.array([[1, 2, 3], [2, 0, 4], [0, 1, 5]])
@@ -137,16 +137,7 @@ def _roots(square: float, linear: float, constant: float) -> list[float]:
 
 def outline_of_facets(spaces: LegSpaces, tag: int) -> Outline:
     """Return the outline that a mesh's tagged facets make, such as its skin."""
-    topology = spaces.mesh.topology
-    topology.create_connectivity(1, 2)
-    topology.create_connectivity(2, 1)
-    behind, sides = topology.connectivity(1, 2), topology.connectivity(2, 1)
-    facets = spaces.facet_tags.find(tag)
-    cells = np.array([behind.links(facet)[0] for facet in facets], dtype=np.int32)
-    edges = np.array(
-        [np.flatnonzero(sides.links(cell) == facet)[0] for cell, facet in zip(cells, facets, strict=True)], dtype=int
-    )
-    return _gathered(spaces, cells, edges)
+    return _gathered(spaces, *cells_behind(spaces.mesh, spaces.facet_tags.find(tag)))
 
 
 def outline_between(spaces: LegSpaces, one: int, other: int) -> Outline:

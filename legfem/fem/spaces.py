@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.fem.compat import cell_nodes, collapse, surface_mesh
+from legfem.fem.compat import cell_nodes, collapse
 from legfem.geometry.leg_surface import TriangleSurface
 from legfem.mechanics.model import Formulation
 from legfem.meshing.grid import Support
@@ -127,7 +127,7 @@ def build_spaces(
         space = fem.functionspace(mesh, _element(formulation, mesh, degree, len(regions)))
         dofs = _shared_dofs(space, displacement, dimension)
 
-    skin = surface_mesh(mesh, np.sort(facet_tags.find(SKIN)))
+    skin = dolfinx_mesh.create_submesh(mesh, mesh.topology.dim - 1, np.sort(facet_tags.find(SKIN)))[0]
     skin_space = fem.functionspace(skin, ("Lagrange", degree, (dimension,)))
     if supports is None:
         supports = (Support(BONE, tuple(range(dimension))),)
@@ -165,13 +165,19 @@ def build_spaces(
 
 
 def _element(formulation: Formulation, mesh: Any, degree: int, regions: int) -> Any:
-    if formulation == "mixed":
-        return _mixed_element(mesh, degree)
-    cell, dimension = mesh.basix_cell(), mesh.geometry.dim
-    displacement = basix.ufl.element("Lagrange", cell, degree, shape=(dimension,))
-    pressure = basix.ufl.element("Lagrange", cell, max(degree - 1, 1))
-    fields = regions if formulation == "continuous" else 1
-    return basix.ufl.mixed_element([displacement, *[pressure] * fields])
+    cell, shape = mesh.basix_cell(), (mesh.geometry.dim,)
+    displacement = basix.ufl.element("Lagrange", cell, degree, shape=shape)
+    if formulation != "mixed":
+        pressure = basix.ufl.element("Lagrange", cell, max(degree - 1, 1))
+        return basix.ufl.mixed_element([displacement, *[pressure] * (regions if formulation == "continuous" else 1)])
+    if cell.name in ("quadrilateral", "hexahedron"):  # these need no bubble for linear pressures
+        linear = basix.ufl.element("DPC", cell, degree - 1, discontinuous=True)
+        return basix.ufl.mixed_element([displacement, linear])
+    enriched = basix.ufl.enriched_element(
+        [basix.ufl.element("Lagrange", cell, degree), basix.ufl.element("Bubble", cell, degree + 1)]
+    )
+    pressure = basix.ufl.element("Lagrange", cell, degree - 1, discontinuous=True)
+    return basix.ufl.mixed_element([basix.ufl.blocked_element(enriched, shape=shape), pressure])
 
 
 def _elsewhere(space: Any, cell_tags: Any, regions: Mapping[str, int]) -> list[NDArray[np.int32]]:
@@ -186,20 +192,6 @@ def _elsewhere(space: Any, cell_tags: Any, regions: Mapping[str, int]) -> list[N
         dofs = np.unique(space.sub(number).dofmap.list)
         unused.append(dofs[used.x.array[dofs] == 0].astype(np.int32))
     return unused
-
-
-def _mixed_element(mesh: Any, degree: int) -> Any:
-    cell, dimension = mesh.basix_cell(), mesh.geometry.dim
-    if cell.name in ("quadrilateral", "hexahedron"):  # these need no bubble for linear pressures
-        displacement = basix.ufl.element("Lagrange", cell, degree, shape=(dimension,))
-        linear = basix.ufl.element("DPC", cell, degree - 1, discontinuous=True)
-        return basix.ufl.mixed_element([displacement, linear])
-    enriched = basix.ufl.enriched_element(
-        [basix.ufl.element("Lagrange", cell, degree), basix.ufl.element("Bubble", cell, degree + 1)]
-    )
-    displacement = basix.ufl.blocked_element(enriched, shape=(dimension,))
-    pressure = basix.ufl.element("Lagrange", cell, degree - 1, discontinuous=True)
-    return basix.ufl.mixed_element([displacement, pressure])
 
 
 def _shared_dofs(mixed: Any, displacement: Any, dimension: int) -> NDArray[np.int32]:
@@ -230,11 +222,9 @@ def _outward(mesh: Any, facets: NDArray[np.int32], skin: Any) -> NDArray[np.floa
     if len(cells) == 0:
         return np.empty(0)
     surface = mesh.topology.dim - 1
-    mesh.topology.create_connectivity(surface, mesh.topology.dim)
-    behind = mesh.topology.connectivity(surface, mesh.topology.dim)
     middle = dolfinx_mesh.compute_midpoints(skin, skin.topology.dim, cells)
     _, facet = cKDTree(dolfinx_mesh.compute_midpoints(mesh, surface, facets)).query(middle)
-    inside = np.array([behind.links(f)[0] for f in facets], dtype=np.int32)[facet]
+    inside = cells_behind(mesh, facets)[0][facet]
     away = middle - dolfinx_mesh.compute_midpoints(mesh, mesh.topology.dim, inside)
     corner = skin.geometry.x[cell_nodes(skin)]
     along = corner[:, 1] - corner[:, 0]
@@ -243,6 +233,17 @@ def _outward(mesh: Any, facets: NDArray[np.int32], skin: Any) -> NDArray[np.floa
     else:
         normal = np.cross(along, corner[:, 2] - corner[:, 0])
     return np.sign(np.einsum("ij,ij->i", normal, away))
+
+
+def cells_behind(mesh: Any, facets: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int_]]:
+    """Return the first cell of every facet (n,) that it belongs to, and the facet's number in it."""
+    topology, dimension = mesh.topology, mesh.topology.dim
+    topology.create_connectivity(dimension - 1, dimension)
+    topology.create_connectivity(dimension, dimension - 1)
+    around, sides = topology.connectivity(dimension - 1, dimension), topology.connectivity(dimension, dimension - 1)
+    cells = around.array[around.offsets[facets]]
+    every = sides.array.reshape(sides.num_nodes, -1)
+    return cells, np.argmax(every[cells] == facets[:, None], axis=1)
 
 
 def _blocks(nodes: NDArray[Any], size: int) -> NDArray[np.int32]:
@@ -277,37 +278,13 @@ class BodySurface:
         return np.concatenate(self.comm.allgather(nodal[self.nodes]))
 
 
-def skin_surface(spaces: LegSpaces) -> BodySurface:
-    """Return the skin's surface, gathered from all ranks."""
-    return _of_facets(spaces, spaces.facet_tags.find(SKIN))
-
-
-def hull_surface(spaces: LegSpaces) -> BodySurface:
-    """Return the interface between deep and superficial tissue, gathered from all ranks."""
-    return _of_facets(spaces, spaces.facet_tags.find(HULL))
-
-
-def _of_facets(spaces: LegSpaces, facets: NDArray[np.int32]) -> BodySurface:
-    return _gathered(spaces, _facet_nodes(spaces, facets))
-
-
-def _facet_nodes(spaces: LegSpaces, facets: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return the corners of facets as nodes of the displacement space, (n, 3)."""
-    topology = spaces.mesh.topology
-    dimension = topology.dim
-    topology.create_connectivity(dimension - 1, dimension)
-    topology.create_connectivity(dimension, dimension - 1)
-    around = topology.connectivity(dimension - 1, dimension)
-    cells = around.array[around.offsets[facets]]
-    sides = topology.connectivity(dimension, dimension - 1).array.reshape(-1, dimension + 1)
-    opposite = np.argmax(sides[cells] == facets[:, None], axis=1)
+def surface_of(spaces: LegSpaces, part: Literal["skin", "hull"]) -> BodySurface:
+    """Return the surface of the skin, or that between deep and superficial tissue, gathered from all ranks."""
+    comm, dimension = spaces.mesh.comm, spaces.dimension
+    cells, opposite = cells_behind(spaces.mesh, spaces.facet_tags.find(SKIN if part == "skin" else HULL))
     corners = np.array([[k for k in range(dimension + 1) if k != i] for i in range(dimension + 1)])
-    nodes: Any = spaces.displacement_space.dofmap.list
-    return np.take_along_axis(nodes[cells], corners[opposite], axis=1)
-
-
-def _gathered(spaces: LegSpaces, triangles: NDArray[np.int32]) -> BodySurface:
-    comm = spaces.mesh.comm
+    dofs: Any = spaces.displacement_space.dofmap.list
+    triangles = np.take_along_axis(dofs[cells], corners[opposite], axis=1)
     nodes, local = np.unique(triangles, return_inverse=True)
     points = spaces.displacement_space.tabulate_dof_coordinates()[nodes]
     counts = comm.allgather(len(nodes))

@@ -8,6 +8,7 @@ absent where every part has one.
 import difflib
 import re
 from collections.abc import Mapping
+from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -185,20 +186,7 @@ def check_section(section: LegSection, source: str | Path) -> None:
                 f"give at least {MINIMAL_POINTS} around the part",
             )
     polygons = {part: section.polygon(part) for part in PARTS}
-    for part, polygon in polygons.items():
-        if not polygon.is_valid:
-            place = _PLACE.search(explain_validity(polygon))
-            near = f" near ({float(place[1]):.1f}, {float(place[2]):.1f}) mm" if place else ""
-            raise InputError(
-                source, part, f"the contour crosses itself{near}", "give its points in order around it, once"
-            )
-    check_girth(girth(section), source)
-    _check_inside(source, polygons, "fascia", "skin")
-    for bone in ("tibia", "fibula"):
-        _check_inside(source, polygons, bone, "skin")
-        _check_inside(source, polygons, bone, "fascia")
-    if polygons["tibia"].intersects(polygons["fibula"]):
-        raise InputError(source, "fibula", "crosses the tibia", "correct one of the contours")
+    check_nested(polygons, "fascia", source)
     _check_fascia(section, polygons, source)
 
 
@@ -250,15 +238,60 @@ def check_girth(around: float, source: str | Path) -> None:
     )
 
 
-def _check_inside(source: str | Path, polygons: dict[str, Polygon], inner: str, outer: str) -> None:
-    if polygons[outer].contains_properly(polygons[inner]):
-        return
-    if polygons[outer].exterior.intersects(polygons[inner].exterior):
-        at = polygons[outer].exterior.intersection(polygons[inner].exterior).representative_point()
-        problem = f"crosses or touches the {outer} near ({at.x:.1f}, {at.y:.1f})"
-    else:
-        problem = f"lies outside the {outer}"
-    raise InputError(source, inner, problem, f"bring the {inner} inside the {outer}")
+def check_nested(
+    parts: Mapping[str, Polygon],
+    hull: str,
+    source: str | Path,
+    where: str = "",
+    clearance: float = 0.0,
+    leg_sized: bool = True,
+) -> None:
+    """Check that a section's parts lie within each other.
+
+    Parameters
+    ----------
+    parts : mapping
+        Outlines (mm) of the skin, the hull and the bones.
+    hull : str
+        Name of the part between skin and bones.
+    source, where
+        What errors name as the file, and after the part.
+    clearance : float
+        Least distance that is wanted between the parts (mm).
+    leg_sized : bool
+        Whether the girth has to be a leg's.
+
+    Raises
+    ------
+    InputError
+        If an outline crosses itself, a part isn't inside the one around it with the clearance, or the girth is not a
+        leg's in mm.
+    """
+    for part, polygon in parts.items():
+        if not polygon.is_valid:
+            place = _PLACE.search(explain_validity(polygon))
+            near = f" near ({float(place[1]):.1f}, {float(place[2]):.1f}) mm" if place else ""
+            problem, remedy = f"the contour crosses itself{near}", "give its points in order around it, once"
+            raise InputError(source, f"{part}{where}", problem, remedy)
+    if leg_sized:
+        check_girth(float(parts["skin"].length), source)
+    bones = [part for part in parts if part not in ("skin", hull)]
+    for inner, outer in [(hull, "skin"), *((bone, outer) for bone in bones for outer in ("skin", hull))]:
+        inside, around = parts[inner], parts[outer].exterior
+        problem, remedy = "", f"bring the {inner} inside the {outer}"
+        if not parts[outer].contains_properly(inside):
+            problem = f"lies outside the {outer}"
+            if around.intersects(inside.exterior):
+                at = around.intersection(inside.exterior).representative_point()
+                problem = f"crosses or touches the {outer} near ({at.x:.1f}, {at.y:.1f})"
+        elif (gap := around.distance(inside.exterior)) < clearance:
+            problem = f"{gap:.2f} mm left to the {outer} where {clearance:.2f} are needed"
+            remedy = "correct the contours or ask for less room"
+        if problem:
+            raise InputError(source, f"{inner}{where}", problem, remedy)
+    for bone, other in combinations(reversed(bones), 2):
+        if parts[bone].distance(parts[other]) < max(clearance, 1e-9):
+            raise InputError(source, f"{bone}{where}", f"touches or crosses the {other}", "separate the two")
 
 
 def _check_fascia(section: LegSection, polygons: dict[str, Polygon], source: str | Path) -> None:

@@ -21,7 +21,7 @@ from shapely import Polygon
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, frozen_array
-from legfem.geometry.contours import check_girth, check_levels
+from legfem.geometry.contours import check_levels, check_nested
 from legfem.geometry.section import area_and_centroid, closed_lengths, each_at, smooth_closed_curve
 
 SKIN, HULL = "skin", "hull"
@@ -246,42 +246,9 @@ def check_shape(shape: LegShape, source: str | Path, clearance: float = 0.0, leg
     """
     if leg_sized:
         check_levels(shape.levels, source)
-    pairs = [(HULL, SKIN), *((bone, HULL) for bone in shape.bones)]
     for k, level in enumerate(shape.levels):
         here = {part: Polygon(xy[k]) for part, xy in shape.contours.items()}
-        where = f"level {level:g} mm"
-        for part, polygon in here.items():
-            if not polygon.is_valid:
-                raise InputError(
-                    source, f"{part}, {where}", "the contour crosses itself", "give its points in order, or smooth it"
-                )
-        if leg_sized:
-            check_girth(float(here[SKIN].length), source)
-        for inner, outer in pairs:
-            _check_room(source, here, inner, outer, where, clearance)
-        for i, bone in enumerate(shape.bones):
-            for other in shape.bones[:i]:
-                if here[bone].distance(here[other]) < max(clearance, 1e-9):
-                    raise InputError(source, f"{bone}, {where}", f"touches or crosses the {other}", "separate the two")
-
-
-def _check_room(
-    source: str | Path, here: Mapping[str, Polygon], inner: str, outer: str, where: str, clearance: float
-) -> None:
-    if not here[outer].contains_properly(here[inner]):
-        at = shapely.get_coordinates(here[inner].difference(here[outer]).representative_point())
-        near = f" near ({at[0, 0]:.1f}, {at[0, 1]:.1f})" if len(at) else ""
-        raise InputError(
-            source, f"{inner}, {where}", f"is not inside the {outer}{near}", f"bring the {inner} inside the {outer}"
-        )
-    gap = here[outer].exterior.distance(here[inner].exterior)
-    if gap < clearance:
-        raise InputError(
-            source,
-            f"{inner}, {where}",
-            f"{gap:.2f} mm left to the {outer} where {clearance:.2f} are needed",
-            "correct the contours or ask for less room",
-        )
+        check_nested(here, HULL, source, f", level {level:g} mm", clearance, leg_sized)
 
 
 def perimeter(shape: LegShape, part: str = SKIN) -> FloatArray:

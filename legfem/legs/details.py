@@ -14,7 +14,7 @@ from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.experiments.indenter_pose import IndenterInPose
 from legfem.experiments.leg_3d import LegIndentation3D
 from legfem.fem.fields import FieldReader
-from legfem.fem.spaces import BodySurface, hull_surface
+from legfem.fem.spaces import BodySurface, surface_of
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.leg_surface import TriangleSurface
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values, with_units
@@ -309,7 +309,7 @@ class LegCamera:
 
     @cached_property
     def _hull(self) -> BodySurface:
-        return hull_surface(self.experiment.system.spaces)
+        return surface_of(self.experiment.system.spaces, "hull")
 
     @cached_property
     def _to_hull(self) -> csr_matrix:

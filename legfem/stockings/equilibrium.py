@@ -26,7 +26,7 @@ from scipy.sparse import csr_matrix
 from legfem.common.units import FloatArray
 from legfem.experiments.compression import Compressed, CompressionSettings, LegCompression
 from legfem.experiments.experiment import Picklable, cached_in_process
-from legfem.fem.spaces import BodySurface, hull_surface, skin_surface
+from legfem.fem.spaces import BodySurface, surface_of
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.leg_surface import TriangleSurface, tube
 from legfem.geometry.motion import displaced
@@ -133,7 +133,7 @@ class LegModel3D(Picklable):
     @cached_in_process
     def _surfaces(self) -> dict[str, BodySurface]:
         spaces = self.compression.spaces
-        return {SKIN: skin_surface(spaces), HULL: hull_surface(spaces)}
+        return {SKIN: surface_of(spaces, "skin"), HULL: surface_of(spaces, "hull")}
 
     @cached_in_process
     def _from_mesh(self) -> dict[str, csr_matrix]:

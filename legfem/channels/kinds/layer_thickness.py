@@ -1,6 +1,7 @@
 """Thicknesses of the layers under the cylinder, along the line of travel, by ultrasound."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -25,30 +26,19 @@ if TYPE_CHECKING:
 
 _ULTRASOUND = ChannelAccuracy(reading=0.3, bias=0.3, gain=0.02, slow=0.1, lag=0.1)
 """Wall-to-wall distances in B-mode images: a pixel or two, the boundary's choice and the speed of sound."""
-_MODELS = frozenset({"2d", "specimen"})
 FAT = ChannelKind(
     "fat_thickness",
     "mm",
     "thickness of the fat under the cylinder, along the line of travel",
     _ULTRASOUND,
     0.002,
-    models=_MODELS,
+    models=frozenset({"2d", "specimen"}),
 )
-MUSCLE = ChannelKind(
-    "muscle_thickness",
-    "mm",
-    "thickness of the deep tissue, from fascia to bone along the line of travel",
-    _ULTRASOUND,
-    0.002,
-    models=_MODELS,
+MUSCLE = replace(
+    FAT, name="muscle_thickness", words="thickness of the deep tissue, from fascia to bone along the line of travel"
 )
-TISSUE = ChannelKind(
-    "tissue_thickness",
-    "mm",
-    "thickness of all soft tissue, from skin to bone along the line of travel",
-    _ULTRASOUND,
-    0.002,
-    models=_MODELS,
+TISSUE = replace(
+    FAT, name="tissue_thickness", words="thickness of all soft tissue, from skin to bone along the line of travel"
 )
 _BETWEEN = {FAT.name: ("skin", "fascia"), MUSCLE.name: ("deep", "bone"), TISSUE.name: ("skin", "bone")}
 """Outlines that a layer lies between."""
@@ -140,9 +130,12 @@ class LayerThicknesses(ChannelFile):
 
     def read(self, seen: "Seen") -> Channels:
         """Return the layers' thicknesses, of those whose outlines the line of travel meets."""
+        found: dict[str, tuple[float, FloatArray]] = {}
         if seen.model.specimen is not None:
-            return _along_axis(seen, between_of(seen.model.specimen.layers))
-        found = {}
+            for name, heights in between_of(seen.model.specimen.layers).items():
+                (low, low_rates), (high, high_rates) = (seen.move((0.0, height), 1) for height in heights)
+                found[name] = heights[1] - heights[0] + high - low, high_rates - low_rates
+            return found
         for name, between in _BETWEEN.items():
             above, below = (seen.line(outline).place() for outline in between)
             if above is not None and below is not None:
@@ -185,11 +178,3 @@ class LayerThicknesses(ChannelFile):
         )
         along = 0.5 * (skin + fascia) if kind == FAT else fascia + _IN_MUSCLE_MM
         return np.asarray(site.touch + along * site.direction)
-
-
-def _along_axis(seen: "Seen", between: Mapping[str, tuple[float, float]]) -> Channels:
-    found = {}
-    for name, heights in between.items():
-        (low, low_rates), (high, high_rates) = (seen.move((0.0, height), 1) for height in heights)
-        found[name] = heights[1] - heights[0] + high - low, high_rates - low_rates
-    return found

@@ -14,8 +14,8 @@ length w, so that a reading at :math:`X` is
 with the travel's direction :math:`e`. The image may lie beside where it is said to: `legfem.channels.laid`.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -57,63 +57,6 @@ def _in_tissue(points: FloatArray, site: Site, beyond: float) -> NDArray[np.bool
     return np.asarray(shapely.contains_xy(tissue, points[:, 0], points[:, 1]))
 
 
-def tissue_points(frames: Sequence[Frames], site: Site, beyond: float) -> list[NDArray[np.bool_]]:
-    """Return which rows of every trial's frames lie in tissue; their first two columns are x and y (mm).
-
-    Raises
-    ------
-    FramesError
-        If most don't.
-    """
-    inside = [_in_tissue(one.columns[:, :2], site, beyond) for one in frames]
-    kept, every = sum(int(one.sum()) for one in inside), sum(len(one.columns) for one in frames)
-    if 2 * kept < every:
-        raise FramesError(
-            "x_mm, y_mm",
-            f"{kept} of {every} points lie in soft tissue",
-            "give the points in the outlines' coordinates, where they were before the cylinder pressed",
-        )
-    return inside
-
-
-@dataclass(frozen=True, eq=False)
-class Cells:
-    """Points of all trials taken together.
-
-    Parameters
-    ----------
-    middles
-        Mean of each cell's points, (k, 2), mm.
-    of_trial
-        Cell of every point of a trial, in the trials' order.
-    """
-
-    middles: FloatArray
-    of_trial: tuple[NDArray[np.int_], ...]
-
-
-def cells_of(points: Sequence[FloatArray], origin: FloatArray, most: int) -> Cells:
-    """Return cells of points (n, 2) of every trial, ``most`` of them at most."""
-    every, size = np.concatenate(points), CELL_MM
-    while True:
-        known, cell = np.unique(np.floor((every - origin) / size).astype(int), axis=0, return_inverse=True)
-        if len(known) <= most:
-            break
-        size *= 1.15
-    cell = cell.ravel()
-    middles = np.array([every[cell == k].mean(axis=0) for k in range(len(known))])
-    return Cells(middles, tuple(np.split(cell, np.cumsum([len(one) for one in points])[:-1])))
-
-
-def cell_means(
-    time: FloatArray, cell: NDArray[np.int_], values: FloatArray
-) -> tuple[FloatArray, NDArray[np.int_], FloatArray]:
-    """Return time and cell of every cell in every frame, (m,), and the means (m, q) of its points' values (n, q)."""
-    keys, row, count = np.unique(np.column_stack([time, cell]), axis=0, return_inverse=True, return_counts=True)
-    means = np.column_stack([np.bincount(row.ravel(), column) / count for column in values.T])
-    return keys[:, 0], keys[:, 1].astype(int), means
-
-
 _PLANNED_DEPTHS_MM = (5.0, 12.0, 19.0, 26.0)
 """Depths of planned cells' middles below the skin."""
 _PLANNED_LEFT_MM = (-12.0, 0.0, 12.0)
@@ -134,6 +77,70 @@ def planned_cells(site: Site) -> list[tuple[float, float]]:
     return [(round(float(x), 3), round(float(y), 3)) for (x, y), kept in zip(middles, inside, strict=True) if kept]
 
 
+class _InCells(FramesFile[Site], ABC):
+    """What an image shows, as means of the points in cells of the section; a place begins with x and y (mm)."""
+
+    beyond: ClassVar[float]
+    """Distance from the tissue to which a point may lie outside it, mm; below zero, that to which it lies inside."""
+    most: ClassVar[int]
+    """Greatest number of cells."""
+    ways: ClassVar[tuple[tuple[float, ...], ...]]
+    """What follows x and y in a place, for each column of readings."""
+    asks: ClassVar[str]
+    needs: ClassVar[str]
+
+    @abstractmethod
+    def laid(self, seen: "Seen", image: Laid) -> Channels:
+        """Return what an image shows in the cells."""
+
+    def plans(self, site: Site) -> Sequence[ChannelPlan]:
+        """Return the readings of cells beneath the cylinder."""
+        places = tuple((*middle, *way) for middle in planned_cells(site) for way in self.ways)
+        needed = f"{self.needs}, and where the image lies in the outlines"
+        return [ChannelPlan(self.asks, (Sight(self.entry, places),), needed, frames=True)]
+
+    def of_frames(self, frames: Sequence[Frames], site: Site) -> Sequence[Sequence[Read]]:
+        """Return the means of the points that lie in tissue, by cells of all trials together."""
+        inside = [_in_tissue(one.columns[:, :2], site, self.beyond) for one in frames]
+        kept, every = sum(int(one.sum()) for one in inside), sum(len(one.columns) for one in frames)
+        if 2 * kept < every:
+            raise FramesError(
+                "x_mm, y_mm",
+                f"{kept} of {every} points lie in soft tissue",
+                "give the points in the outlines' coordinates, where they were before the cylinder pressed",
+            )
+        rows = [one.columns[here] for one, here in zip(frames, inside, strict=True)]
+        middles, cells = _cells_of(np.concatenate(rows)[:, :2], site.touch, self.most)
+        of_trial = np.split(cells, np.cumsum([len(one) for one in rows])[:-1])
+        ways = len(self.ways)
+        places = tuple((round(float(x), 3), round(float(y), 3), *way) for x, y in middles for way in self.ways)
+        found = []
+        for one, here, row, cell in zip(frames, inside, rows, of_trial, strict=True):
+            keys, at, count = np.unique(
+                np.column_stack([one.time[here], cell]), axis=0, return_inverse=True, return_counts=True
+            )
+            means = np.column_stack([np.bincount(at.ravel(), column) / count for column in row[:, 2:].T])
+            course = (ways * keys[:, 1:].astype(int) + np.arange(ways)).ravel()
+            found.append([Read(self.entry, np.repeat(keys[:, 0], ways), means.ravel(), course, places)])
+        return found
+
+    def place(self, kind: ChannelKind, site: Site) -> FloatArray:
+        """Return a point under the cylinder, within the tissue."""
+        return np.asarray(site.deepest + 2 * CELL_MM * site.direction)
+
+
+def _cells_of(points: FloatArray, origin: FloatArray, most: int) -> tuple[FloatArray, NDArray[np.int_]]:
+    """Return the means (k, 2) of points (n, 2) in each of at most ``most`` cells, mm, and the points' cells (n,)."""
+    size = CELL_MM
+    while True:
+        known, cell = np.unique(np.floor((points - origin) / size).astype(int), axis=0, return_inverse=True)
+        if len(known) <= most:
+            break
+        size *= 1.15
+    cell = cell.ravel()
+    return np.array([points[cell == k].mean(axis=0) for k in range(len(known))]), cell
+
+
 _TRACKING = ChannelAccuracy(reading=0.3, gain=0.02, slow=0.1, lag=0.1, shift=2.0, turn=3.0, apart=4.0)
 """Accuracy of a cell; the slow error is tracking's drift. The image is laid into the section by hand."""
 INSIDE = ChannelKind(
@@ -144,9 +151,6 @@ INSIDE = ChannelKind(
     0.006,
     image="image of displacements",
 )
-_MOST_CELLS = 20
-_OUTSIDE_MM = 1.0
-"""How far a point may lie outside the tissue."""
 _TOO_FAR = 1.3
 """Largest movement of a point over the cylinder's, besides `_TOO_FAR_MM`."""
 _TOO_FAR_MM = 3.0
@@ -157,12 +161,15 @@ _RESTING_MM = 0.5
 """Depth of the cylinder below which the tissue counts as unloaded."""
 
 
-class SectionDisplacements(FramesFile[Site]):
+class SectionDisplacements(_InCells):
     """Displacements in both directions of the outlines' coordinates, in cells; a place is x, y (mm) and 0 or 1."""
 
     kinds: ClassVar = (INSIDE,)
     entry = INSIDE.name
     columns = ("x_mm", "y_mm", "ux_mm", "uy_mm")
+    beyond, most, ways = 1.0, 20, ((0.0,), (1.0,))
+    asks = "take ultrasound images of the section before the test and at {at}, and track how the tissue moves"
+    needs = "an ultrasound probe, software that tracks speckle"
 
     def laid(self, seen: "Seen", image: Laid) -> Channels:
         """Return the displacements that an image shows there."""
@@ -201,13 +208,6 @@ class SectionDisplacements(FramesFile[Site]):
             )
         return None
 
-    def plans(self, site: Site) -> Sequence[ChannelPlan]:
-        """Return both directions of cells beneath the cylinder."""
-        places = tuple((*middle, way) for middle in planned_cells(site) for way in (0.0, 1.0))
-        asks = "take ultrasound images of the section before the test and at {at}, and track how the tissue moves"
-        needed = "an ultrasound probe, software that tracks speckle, and where the image lies in the outlines"
-        return [ChannelPlan(asks, (Sight(INSIDE.name, places),), needed, frames=True)]
-
     def arrows(self, places: FloatArray, site: Site) -> tuple[FloatArray, FloatArray]:
         """Return the points, and the directions of the outlines' coordinates."""
         return places[:, :2], np.eye(2)[places[:, 2].astype(int)]
@@ -216,23 +216,6 @@ class SectionDisplacements(FramesFile[Site]):
         """Return the distance of readings of one direction; those of different ones err by themselves."""
         between = np.linalg.norm(places[:, None, :2] - places[None, :, :2], axis=-1)
         return np.where(np.equal.outer(places[:, 2], places[:, 2]), between, np.inf)
-
-    def of_frames(self, frames: Sequence[Frames], site: Site) -> Sequence[Sequence[Read]]:
-        """Return the cells' mean displacements, of points that lie in tissue."""
-        inside = tissue_points(frames, site, _OUTSIDE_MM)
-        points = [one.columns[kept, :2] for one, kept in zip(frames, inside, strict=True)]
-        cells = cells_of(points, site.touch, _MOST_CELLS)
-        places = tuple((round(float(x), 3), round(float(y), 3), float(way)) for x, y in cells.middles for way in (0, 1))
-        found = []
-        for one, kept, cell in zip(frames, inside, cells.of_trial, strict=True):
-            times, numbers, means = cell_means(one.time[kept], cell, one.columns[kept, 2:])
-            course = np.column_stack([2 * numbers, 2 * numbers + 1]).ravel()
-            found.append([Read(INSIDE.name, np.repeat(times, 2), means.ravel(), course, places)])
-        return found
-
-    def place(self, kind: ChannelKind, site: Site) -> FloatArray:
-        """Return a point under the cylinder, within the tissue."""
-        return np.asarray(site.deepest + 2 * CELL_MM * site.direction)
 
 
 STRAIN = ChannelKind(
@@ -246,18 +229,20 @@ STRAIN = ChannelKind(
 """Accuracies of a cell, by what quasi-static elastography reports of phantoms: a few per cent of strain."""
 WINDOW_MM = 3.0
 """Over which an estimator fits its line."""
-_MOST_STRAIN_CELLS = 30
 _LARGEST = 0.9
 _STRAIN_AT_REST = 0.1
 """What strains may be where the cylinder has moved by less than this."""
 
 
-class SectionStrains(FramesFile[Site]):
+class SectionStrains(_InCells):
     """Strains along the travel, in cells; a place is x, y, mm."""
 
     kinds: ClassVar = (STRAIN,)
     entry = STRAIN.name
     columns = ("x_mm", "y_mm", "strain")
+    beyond, most, ways = -WINDOW_MM, 30, ((),)
+    asks = "image the strain of the section at {at} by strain elastography"
+    needs = "ultrasound with strain elastography"
 
     def laid(self, seen: "Seen", image: Laid) -> Channels:
         """Return the strains that an image shows there, along a beam that is turned with it."""
@@ -292,28 +277,6 @@ class SectionStrains(FramesFile[Site]):
             )
         return None
 
-    def plans(self, site: Site) -> Sequence[ChannelPlan]:
-        """Return cells beneath the cylinder."""
-        asks = "image the strain of the section at {at} by strain elastography"
-        needed = "ultrasound with strain elastography, and where the image lies in the outlines"
-        return [ChannelPlan(asks, (Sight(STRAIN.name, tuple(planned_cells(site))),), needed, frames=True)]
-
     def apart(self, places: FloatArray) -> FloatArray:
         """Return how far readings are apart."""
         return np.asarray(np.linalg.norm(places[:, None] - places[None], axis=-1))
-
-    def of_frames(self, frames: Sequence[Frames], site: Site) -> Sequence[Sequence[Read]]:
-        """Return the cells' mean strains, of points whose window lies in tissue."""
-        inside = tissue_points(frames, site, -WINDOW_MM)
-        points = [one.columns[kept, :2] for one, kept in zip(frames, inside, strict=True)]
-        cells = cells_of(points, site.touch, _MOST_STRAIN_CELLS)
-        places = tuple((round(float(x), 3), round(float(y), 3)) for x, y in cells.middles)
-        found = []
-        for one, kept, cell in zip(frames, inside, cells.of_trial, strict=True):
-            times, course, means = cell_means(one.time[kept], cell, one.columns[kept, 2:])
-            found.append([Read(STRAIN.name, times, means[:, 0], course, places)])
-        return found
-
-    def place(self, kind: ChannelKind, site: Site) -> FloatArray:
-        """Return a point under the cylinder, within the tissue."""
-        return np.asarray(site.deepest + 2 * CELL_MM * site.direction)
