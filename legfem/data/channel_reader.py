@@ -197,19 +197,14 @@ def with_channels(
         if not recordings:
             continue
         if entry.file is None:
-            recordings = [
-                replace(
-                    one, channels=tuple(replace(c, accuracy=accuracy) if c.name == key else c for c in one.channels)
-                )
-                for one in recordings
-            ]
             if not any(channel.name == key for one in recordings for channel in one.channels):
-                raise InputError(
-                    toml,
-                    f"channels.{key}",
-                    f"no recording has a column {kind.column}",
-                    "add it, its cells empty where nothing was read, or name a file",
-                )
+                problem = f"no recording has a column {kind.column}"
+                remedy = "add it, its cells empty where nothing was read, or name a file"
+                raise InputError(toml, f"channels.{key}", problem, remedy)
+            stated = [
+                [replace(c, accuracy=accuracy) if c.name == key else c for c in one.channels] for one in recordings
+            ]
+            recordings = [replace(one, channels=tuple(c)) for one, c in zip(recordings, stated, strict=True)]
             continue
         paths = [_channel_file(toml, entry, one, len(recordings), key, name) for one in recordings]
         recordings = [_with_file(path, entry, kind, accuracy, one) for path, one in zip(paths, recordings, strict=True)]
