@@ -18,7 +18,7 @@ from legfem.solve.path import ForceCurve
 from legfem.study.doe.design import IDENTIFIED, PAPER, Factor, factorial_design, read_definition, space_filling_design
 from legfem.study.doe.runs import Metric, metrics_in
 from legfem.study.doe.study import analyse
-from legfem.study.doe.surface import NotEstimableError, anova, coefficient_tests, fit_surface, lenth_of
+from legfem.study.doe.surface import NotEstimableError, analyse_metric, lenth_of
 from studies.frauziols.claims import ERROR_DOF, MODEL_DOF, TABLE_2, TABLE_3, ClaimFinding, _in_words, table_3_cells
 
 SLOPE = Metric("slope", 0.0, 5.0)
@@ -29,8 +29,8 @@ SLOPE = Metric("slope", 0.0, 5.0)
 
 def test_planted_polynomial_is_recovered_and_agrees_with_statsmodels() -> None:
     given, table, truth = planted_table(noise=0.05)
-    surface = fit_surface(table, given.factors, SLOPE)
-    found, tests = anova(surface), coefficient_tests(surface)
+    surface = analyse_metric(table, given.factors, SLOPE)
+    found, tests = surface.anova, surface.tests
     assert (found.model_dof, found.error_dof) == (15, 17)
     assert found.F == pytest.approx(surface.fit.fvalue)
     assert found.p_value == pytest.approx(surface.fit.f_pvalue)
@@ -48,11 +48,11 @@ def test_planted_polynomial_is_recovered_and_agrees_with_statsmodels() -> None:
 
 def test_degrees_of_freedom_of_the_papers_text() -> None:
     given, table, _ = planted_table(noise=0.05)
-    surface = fit_surface(table, given.factors, SLOPE)
-    right, text = anova(surface), anova(surface, "factors")
+    both = [analyse_metric(table, given.factors, SLOPE, counting) for counting in ("factors", "coefficients")]
+    text, right = (one.anova for one in both)
     assert (text.model_dof, text.error_dof) == (4, 28)
     assert text.F == pytest.approx(right.F * (15 / 4) * (28 / 17))
-    t = [coefficient_tests(surface, counting)[1].t for counting in ("factors", "coefficients")]
+    t = [one.tests[1].t for one in both]
     assert t[0] == pytest.approx(t[1] * np.sqrt(28 / 17))
 
 
@@ -139,8 +139,8 @@ def test_the_centre_shows_squares_and_its_share_of_the_error() -> None:
     assert analysis.centre is not None
     assert analysis.centre.difference == pytest.approx(2.0, abs=0.01)
     assert analysis.centre.p_value < 1e-6
-    corners = fit_surface(bent[:32], given.factors, analysis.metric)
-    share = 1 - corners.fit.ssr / analysis.surface.fit.ssr
+    corners = analyse_metric(bent[:32], given.factors, analysis.metric)
+    share = 1 - corners.fit.ssr / analysis.fit.ssr
     assert analysis.centre.share_of_sse == pytest.approx(share)
     assert analysis.residuals.shapiro < 0.01
 
@@ -150,12 +150,12 @@ def test_missing_runs_are_left_out_and_said() -> None:
     table.loc[2, "slope_20_30"] = np.nan
     done, _ = analyse(given, table, "coefficients")
     last = done[-1]
-    assert last.surface.missing == (3,) and last.anova.error_dof == 16 and last.lenth is None
+    assert last.missing == (3,) and last.anova.error_dof == 16 and last.lenth is None
     assert last.tests[1].value == pytest.approx(truth[last.tests[1].term], abs=1e-4)
     assert all(a.anova.error_dof == 17 and a.lenth is not None for a in done[:-1])
     table.loc[table[given.factors[0].symbol] > 0, "slope_20_30"] = np.nan
     with pytest.raises(NotEstimableError, match=r"confounded|coefficients need more"):
-        fit_surface(table, given.factors, done[-1].metric)
+        analyse_metric(table, given.factors, done[-1].metric)
     done, not_done = analyse(given, table, "coefficients")
     assert len(done) == 5 and not_done[0][0].name == "slope_20_30"
 

@@ -125,10 +125,10 @@ def test_shares_are_those_of_the_variance_that_the_surface_explains(study):
     for analysis in study.analyses:
         main, interactions = analysis.shares()
         assert sum(main.values()) + interactions == pytest.approx(1.0)
-        fit = analysis.surface.fit
+        fit = analysis.fit
         corners = np.asarray(fit.model.exog)[:32]
         for test in analysis.main():
-            k = list(analysis.surface.coefficients.index).index(test.term)
+            k = list(analysis.fit.params.index).index(test.term)
             explained = np.sum((corners[:, k] * test.value) ** 2)
             assert main[test.term] == pytest.approx(explained / fit.ess, rel=1e-9)
 
@@ -141,7 +141,7 @@ def test_the_map_predicts_what_the_surface_does(study):
     point = {f.symbol: [x] for f, x in zip(study.definition.factors, at, strict=True)}
     for metric, analysis in zip(data["metrics"], study.analyses, strict=True):
         value = sum(size * np.prod(at[term]) for term, size in metric["terms"])
-        assert value == pytest.approx(float(analysis.surface.fit.predict(point).iloc[0]))
+        assert value == pytest.approx(float(analysis.fit.predict(point).iloc[0]))
 
 
 def test_a_study_in_which_runs_stopped_warns_on_top(tmp_path):

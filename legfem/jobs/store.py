@@ -269,11 +269,12 @@ def finish[Context, Task, Outcome](
     worth
         Tells whether to keep an outcome; others are tried again the next time.
     on_found
-        Called with all outcomes so far, by place in the list, whenever there is a new one.
+        Called with all outcomes so far, by place in the list: those that are kept, and whenever there is a new one.
     """
     kept = ((place, store.get(asked(task)) if store else None) for place, task in enumerate(tasks))
     found = {place: outcome for place, outcome in kept if outcome is not None}
     waiting = [place for place in range(len(tasks)) if place not in found]
+    on_found(found)
     known = f" ({len(found)} known)" if found else ""
     progress.stage(stage + known, len(waiting))
     todo = [tasks[place] for place in waiting]

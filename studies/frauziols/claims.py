@@ -16,8 +16,8 @@ from legfem.study.doe.command import DoeOptions
 from legfem.study.doe.design import Factor
 from legfem.study.doe.figures import RESPONSE
 from legfem.study.doe.information import IDENTIFIED, IDENTIFIED_WITHIN
-from legfem.study.doe.study import MetricAnalysis, StudyResult
-from legfem.study.doe.surface import Anova, CoefficientTest
+from legfem.study.doe.study import StudyResult
+from legfem.study.doe.surface import Anova, CoefficientTest, MetricAnalysis
 from legfem.study.doe.tables import UNITS_NOTE, information_blocks, number_chapters
 
 TABLE_2 = (

@@ -6,8 +6,8 @@ from matplotlib.axes import Axes
 
 from legfem.report.style import FAINT, new_figure, panel, save, styled, title
 from legfem.study.doe.design import Factor
-from legfem.study.doe.study import MetricAnalysis, StudyResult
-from legfem.study.doe.surface import term_label
+from legfem.study.doe.study import StudyResult
+from legfem.study.doe.surface import MetricAnalysis, term_label
 
 RESPONSE = "response"
 """Name of the response surface's figure."""

@@ -257,7 +257,7 @@ class Workshop:
         requests
             What to simulate.
         on_found
-            Called with all records so far, by place in the list, whenever there is a new one.
+            Called with all records so far, by place in the list: those that are kept, and whenever there is a new one.
 
         Returns
         -------

@@ -27,22 +27,7 @@ from legfem.study.doe.runs import (
     run_table,
     study_numerics,
 )
-from legfem.study.doe.surface import (
-    Anova,
-    CentreCurvature,
-    CoefficientTest,
-    Counting,
-    Lenth,
-    Normality,
-    NotEstimableError,
-    Surface,
-    anova,
-    centre_curvature,
-    coefficient_tests,
-    fit_surface,
-    lenth,
-    normality,
-)
+from legfem.study.doe.surface import Counting, MetricAnalysis, NotEstimableError, analyse_metric
 
 _STARTS = (0.8, 2.0, 5.0)
 _LENGTHS = (0.2, 30.0)
@@ -208,45 +193,6 @@ def sobol_of(function: Callable[[FloatArray], FloatArray], symbols: list[str], s
 
 
 @dataclass(frozen=True, eq=False)
-class MetricAnalysis:
-    """All that the factorial says of one metric.
-
-    Attributes
-    ----------
-    tests : tuple of CoefficientTest
-        The intercept's first.
-    lenth : Lenth, optional
-        None where a corner is missing.
-    """
-
-    metric: Metric
-    surface: Surface
-    anova: Anova
-    tests: tuple[CoefficientTest, ...]
-    lenth: Lenth | None
-    centre: CentreCurvature | None
-    outputs: Normality
-    residuals: Normality
-
-    def main(self, prefix: str = "") -> list[CoefficientTest]:
-        """Main effects whose factor's symbol begins like this."""
-        return [test for test in self.tests[1:] if not test.is_interaction and test.term.startswith(prefix)]
-
-    def interactions(self) -> list[CoefficientTest]:
-        """Two-factor interactions."""
-        return [test for test in self.tests if test.is_interaction]
-
-    def shares(self) -> tuple[dict[str, float], float]:
-        """Shares of the metric's variation that the factors make, by symbol, and that interactions make.
-
-        Squares of the coded coefficients over their sum: the sums of squares of an orthogonal design.
-        """
-        total = sum(test.value**2 for test in self.tests[1:]) or 1.0
-        main = {test.term: test.value**2 / total for test in self.main()}
-        return main, 1.0 - sum(main.values())
-
-
-@dataclass(frozen=True, eq=False)
 class StudyResult:
     """What was simulated and found.
 
@@ -309,8 +255,8 @@ class StudyResult:
             record = self.records[number - 1]
             lines.append(f"Run {number} stops at {record.reached:.2f} mm: {record.reason}.")
         for analysis in self.analyses:
-            if analysis.surface.missing:
-                runs = ", ".join(map(str, analysis.surface.missing))
+            if analysis.missing:
+                runs = ", ".join(map(str, analysis.missing))
                 lines.append(
                     f"{analysis.metric.label} is analysed without run {runs}: fewer degrees of "
                     "freedom, and the coefficients are no longer independent of each other."
@@ -358,19 +304,18 @@ def study(
     beyond
         Whether to go beyond the factorial: numerical error, Sobol indices, information.
     on_table
-        Called with the table of the factorial's runs whenever there is a new one.
+        Called with the table of the factorial's runs, also where they are interrupted.
     """
     coded = factorial_design(len(definition.factors))
 
-    def show(found: dict[int, Record]) -> None:
-        on_table(run_table(definition, coded, [found.get(k) for k in range(len(coded))]))
-
     began = time.perf_counter()
-    requests = requests_at(definition, coded, "factorial")
-    records = workshop.do(f"full factorial: {definition.title}", requests, show)
+    requests, found = requests_at(definition, coded, "factorial"), dict[int, Record]()
+    try:
+        records = workshop.do(f"full factorial: {definition.title}", requests, found.update)
+    finally:
+        table = run_table(definition, coded, [found.get(k) for k in range(len(coded))])
+        on_table(table)
     seconds = time.perf_counter() - began
-    table = run_table(definition, coded, records)
-    on_table(table)
     done, not_done = analyse(definition, table, counting)
     return StudyResult(
         definition,
@@ -395,23 +340,9 @@ def analyse(
     done, not_done = [], []
     for metric in metrics_in(definition.windows):
         try:
-            surface = fit_surface(table, definition.factors, metric)
+            done.append(analyse_metric(table, definition.factors, metric, counting))
         except NotEstimableError as why:
             not_done.append((metric, str(why)))
-            continue
-        contrasts = lenth(table, definition.factors, metric)
-        done.append(
-            MetricAnalysis(
-                metric,
-                surface,
-                anova(surface, counting),
-                coefficient_tests(surface, counting),
-                contrasts,
-                None if contrasts is None else centre_curvature(table, metric, contrasts, surface),
-                normality(surface.response),
-                normality(surface.residuals),
-            )
-        )
     return tuple(done), tuple(not_done)
 
 

@@ -5,13 +5,13 @@ Lenth's pseudo standard error takes the small ones among all 2^k - 1 contrasts f
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations
 from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
 import statsmodels.formula.api as smf
-from scipy.stats import f as fisher
 from scipy.stats import shapiro
 from scipy.stats import t as student
 from statsmodels.stats.diagnostic import lilliefors
@@ -27,104 +27,20 @@ and what Table 3 used, or the factors (5), as in the paper's text."""
 LEVEL = 0.05
 
 
-@dataclass(frozen=True, eq=False)
-class Surface:
-    """Intercept, main effects and two-factor interactions of one metric.
-
-    Attributes
-    ----------
-    fit : statsmodels.regression.linear_model.RegressionResults
-        With 1 + k + k (k - 1) / 2 coefficients.
-    missing : tuple of int
-        Numbers of the runs that lack the metric.
-    """
-
-    metric: Metric
-    factors: tuple[Factor, ...]
-    formula: str
-    fit: Any
-    missing: tuple[int, ...]
-
-    @property
-    def coefficients(self) -> "pd.Series[float]":
-        """Coefficients by the formula's terms."""
-        return self.fit.params
-
-    @property
-    def residuals(self) -> FloatArray:
-        """Residuals (n,) of the runs used."""
-        return np.asarray(self.fit.resid)
-
-    @property
-    def response(self) -> FloatArray:
-        """Metric (n,) of the runs used."""
-        return np.asarray(self.fit.model.endog)
-
-
-class NotEstimableError(Exception):
-    """The runs that are there don't determine the surface."""
-
-
-def fit_surface(table: pd.DataFrame, factors: tuple[Factor, ...], metric: Metric) -> Surface:
-    """Fit the surface to the runs that have the metric.
-
-    Raises
-    ------
-    NotEstimableError
-        If too few runs have it, or if those that have confound coefficients.
-    """
-    has = np.isfinite(table[metric.name].to_numpy(dtype=float))
-    missing = tuple(int(number) for number in table["run"][~has])
-    coefficients = 1 + len(factors) + len(factors) * (len(factors) - 1) // 2
-    if has.sum() <= coefficients:
-        raise NotEstimableError(f"{has.sum()} runs have it, {coefficients} coefficients need more")
-    formula = f"{metric.name} ~ ({' + '.join(f.symbol for f in factors)})**2"
-    fit = smf.ols(formula, table[has]).fit()
-    if np.linalg.matrix_rank(fit.model.exog) < coefficients:
-        raise NotEstimableError(f"without runs {', '.join(map(str, missing))} some coefficients are confounded")
-    return Surface(metric, factors, formula, fit, missing)
-
-
-def term_label(term: str, factors: tuple[Factor, ...]) -> str:
-    """Term of a formula as people read it."""
-    labels = {f.symbol: f.label for f in factors}
-    return " x ".join(labels.get(part, part) for part in term.split(":"))
-
-
 @dataclass(frozen=True)
 class Anova:
-    """One row of the paper's Table 3; ``predicted_r_squared`` is 1 - PRESS / SST."""
+    """One row of the paper's Table 3 (Eq. 5 to 10); ``predicted_r_squared`` is 1 - PRESS / SST."""
 
     ssr: float
+    msr: float
     sse: float
+    mse: float
+    r_squared: float
+    predicted_r_squared: float
+    F: float
+    p_value: float
     model_dof: int
     error_dof: int
-    predicted_r_squared: float
-
-    @property
-    def msr(self) -> float:
-        """Mean square of the regression (Eq. 8)."""
-        return self.ssr / self.model_dof
-
-    @property
-    def mse(self) -> float:
-        """Mean square of the error (Eq. 7)."""
-        return self.sse / self.error_dof
-
-    @property
-    def r_squared(self) -> float:
-        """SSR / SST (Eq. 9)."""
-        return self.ssr / (self.ssr + self.sse)
-
-    @property
-    def F(self) -> float:
-        """MSR / MSE (Eq. 10)."""
-        return self.msr / self.mse if self.mse > 0 else np.inf
-
-    @property
-    def p_value(self) -> float:
-        """Probability of an F as large, were there no effects."""
-        return float(fisher.sf(self.F, self.model_dof, self.error_dof))
 
 
 @dataclass(frozen=True)
@@ -148,30 +64,6 @@ class CoefficientTest:
         return ":" in self.term
 
 
-def anova(surface: Surface, counting: Counting = "coefficients") -> Anova:
-    """Analysis of variance; the degrees of freedom are those of the runs used."""
-    fit = surface.fit
-    p = len(surface.coefficients) if counting == "coefficients" else len(surface.factors)
-    influence = fit.get_influence()
-    press = float(influence.ess_press) if influence.hat_matrix_diag.max() < 1 else np.nan
-    return Anova(float(fit.ess), float(fit.ssr), p - 1, int(fit.nobs) - p, 1 - press / float(fit.centered_tss))
-
-
-def coefficient_tests(surface: Surface, counting: Counting = "coefficients") -> tuple[CoefficientTest, ...]:
-    r"""Test the coefficients, the intercept first.
-
-    .. math:: t = \beta / \sqrt{MSE\, [(X^T X)^{-1}]_{ii}},
-
-    which is the square root of MSE/32 for effects and of MSE/33 for the intercept of 33 runs.
-    """
-    table = anova(surface, counting)
-    values = surface.coefficients.to_numpy()
-    spread = np.sqrt(table.mse * np.diag(surface.fit.normalized_cov_params))
-    t = np.divide(values, spread, out=np.full(len(values), np.inf), where=spread > 0)
-    columns = (column.tolist() for column in (values, spread, t, 2 * student.sf(np.abs(t), table.error_dof)))
-    return tuple(CoefficientTest(*row) for row in zip(map(str, surface.coefficients.index), *columns, strict=True))
-
-
 @dataclass(frozen=True, eq=False)
 class Lenth:
     """All contrasts of a two-level factorial, as coefficients (half of the effects).
@@ -190,12 +82,10 @@ class Lenth:
     margin: float
     simultaneous_margin: float
 
-    def omitted_from(self, surface: Surface) -> list[str]:
-        """Terms beyond the surface whose contrasts exceed the simultaneous margin."""
-        beyond = np.abs(self.values) > self.simultaneous_margin
-        return [
-            t for t, is_beyond in zip(self.terms, beyond, strict=True) if is_beyond and t not in surface.coefficients
-        ]
+    @property
+    def beyond(self) -> list[str]:
+        """Terms whose contrasts exceed the simultaneous margin."""
+        return [t for t, v in zip(self.terms, self.values, strict=True) if abs(v) > self.simultaneous_margin]
 
 
 @dataclass(frozen=True)
@@ -227,6 +117,108 @@ class Normality:
     lilliefors: float
 
 
+@dataclass(frozen=True, eq=False)
+class MetricAnalysis:
+    """All that the factorial says of one metric: intercept, main effects and two-factor interactions; all contrasts.
+
+    Attributes
+    ----------
+    fit : statsmodels.regression.linear_model.RegressionResults
+        With 1 + k + k (k - 1) / 2 coefficients.
+    missing : tuple of int
+        Numbers of the runs that lack the metric.
+    lenth : Lenth, optional
+        None where a corner is missing.
+    centre : CentreCurvature, optional
+        None where a corner or the centre is missing.
+    """
+
+    metric: Metric
+    fit: Any
+    missing: tuple[int, ...]
+    lenth: Lenth | None
+    centre: CentreCurvature | None
+
+    @cached_property
+    def anova(self) -> Anova:
+        """Analysis of variance; the degrees of freedom are those of the runs used."""
+        fit, influence = self.fit, self.fit.get_influence()
+        press = float(influence.ess_press) if influence.hat_matrix_diag.max() < 1 else np.nan
+        ssr, msr, sse, mse, F = map(float, (fit.ess, fit.mse_model, fit.ssr, fit.mse_resid, fit.fvalue))
+        predicted = 1 - press / float(fit.centered_tss)
+        dof = int(fit.df_model), int(fit.df_resid)
+        return Anova(ssr, msr, sse, mse, float(fit.rsquared), predicted, F, float(fit.f_pvalue), *dof)
+
+    @cached_property
+    def tests(self) -> tuple[CoefficientTest, ...]:
+        """Student's tests of the coefficients, the intercept first."""
+        fit = self.fit
+        columns = (column.tolist() for column in (fit.params.index, fit.params, fit.bse, fit.tvalues, fit.pvalues))
+        return tuple(CoefficientTest(*row) for row in zip(*columns, strict=True))
+
+    def main(self, prefix: str = "") -> list[CoefficientTest]:
+        """Main effects whose factor's symbol begins like this."""
+        return [test for test in self.tests[1:] if not test.is_interaction and test.term.startswith(prefix)]
+
+    def interactions(self) -> list[CoefficientTest]:
+        """Two-factor interactions."""
+        return [test for test in self.tests if test.is_interaction]
+
+    def shares(self) -> tuple[dict[str, float], float]:
+        """Shares of the metric's variation that the factors make, by symbol, and that interactions make.
+
+        Squares of the coded coefficients over their sum: the sums of squares of an orthogonal design.
+        """
+        total = sum(test.value**2 for test in self.tests[1:]) or 1.0
+        main = {test.term: test.value**2 / total for test in self.main()}
+        return main, 1.0 - sum(main.values())
+
+    @cached_property
+    def outputs(self) -> Normality:
+        """Whether the metric is normal."""
+        return normality(self.fit.model.endog)
+
+    @cached_property
+    def residuals(self) -> Normality:
+        """Whether the surface's residuals are normal."""
+        return normality(np.asarray(self.fit.resid))
+
+
+class NotEstimableError(Exception):
+    """The runs that are there don't determine the surface."""
+
+
+def analyse_metric(
+    table: pd.DataFrame, factors: tuple[Factor, ...], metric: Metric, counting: Counting = "coefficients"
+) -> MetricAnalysis:
+    """Fit the surface to the runs that have the metric, and look at all contrasts.
+
+    Raises
+    ------
+    NotEstimableError
+        If too few runs have it, or if those that have confound coefficients.
+    """
+    has = np.isfinite(table[metric.name].to_numpy(dtype=float))
+    missing = tuple(int(number) for number in table["run"][~has])
+    coefficients = 1 + len(factors) + len(factors) * (len(factors) - 1) // 2
+    if has.sum() <= coefficients:
+        raise NotEstimableError(f"{has.sum()} runs have it, {coefficients} coefficients need more")
+    model = smf.ols(f"{metric.name} ~ ({' + '.join(f.symbol for f in factors)})**2", table[has])
+    if np.linalg.matrix_rank(model.exog) < coefficients:
+        raise NotEstimableError(f"without runs {', '.join(map(str, missing))} some coefficients are confounded")
+    if counting == "factors":
+        model.df_model, model.df_resid = len(factors) - 1, int(has.sum()) - len(factors)
+    fit, contrasts = model.fit(), lenth(table, factors, metric)
+    centre = None if contrasts is None else centre_curvature(table, metric, contrasts, float(fit.ssr))
+    return MetricAnalysis(metric, fit, missing, contrasts, centre)
+
+
+def term_label(term: str, factors: tuple[Factor, ...]) -> str:
+    """Term of a formula as people read it."""
+    labels = {f.symbol: f.label for f in factors}
+    return " x ".join(labels.get(part, part) for part in term.split(":"))
+
+
 def lenth(table: pd.DataFrame, factors: tuple[Factor, ...], metric: Metric) -> Lenth | None:
     """All contrasts of the corners; None where a corner is missing."""
     corners = table[: 2 ** len(factors)]
@@ -249,7 +241,7 @@ def lenth_of(terms: tuple[str, ...], values: FloatArray) -> Lenth:
     return Lenth(terms, values, pse, margin, together)
 
 
-def centre_curvature(table: pd.DataFrame, metric: Metric, found: Lenth, surface: Surface) -> CentreCurvature | None:
+def centre_curvature(table: pd.DataFrame, metric: Metric, found: Lenth, sse: float) -> CentreCurvature | None:
     """Test for squares; None where the centre is missing."""
     n = len(found.values) + 1
     response = table[metric.name].to_numpy(dtype=float)
@@ -260,7 +252,7 @@ def centre_curvature(table: pd.DataFrame, metric: Metric, found: Lenth, surface:
     error = found.pseudo_standard_error * np.sqrt(n * (1 / n + 1))
     t = float(difference / error) if error > 0 else np.inf
     relative = difference / float(np.abs(found.values).max())
-    share = difference**2 * n / (n + 1) / float(surface.fit.ssr)
+    share = difference**2 * n / (n + 1) / sse
     return CentreCurvature(difference, relative, share, t, float(2 * student.sf(abs(t), (n - 1) / 3)))
 
 

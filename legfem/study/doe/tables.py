@@ -13,8 +13,8 @@ from legfem.report.curves import Curves, Line
 from legfem.study.doe.design import in_words, label_of
 from legfem.study.doe.figures import STAGE_COLOURS
 from legfem.study.doe.information import IDENTIFIED, IDENTIFIED_WITHIN, Information
-from legfem.study.doe.study import MetricAnalysis, StudyResult
-from legfem.study.doe.surface import LEVEL
+from legfem.study.doe.study import StudyResult
+from legfem.study.doe.surface import LEVEL, MetricAnalysis
 
 UNITS_NOTE = "Sums of squares in (N/mm²)² for slopes and (N/mm³)² for curvatures."
 
@@ -165,21 +165,18 @@ def study_document(result: StudyResult, seed: int, wall_s: float) -> dict[str, A
     return plain
 
 
-_ANOVA = "ssr msr sse mse r_squared predicted_r_squared F p_value model_dof error_dof"
-
-
 def _metric(a: MetricAnalysis) -> dict[str, Any]:
     contrasts = None
     if a.lenth is not None:
         limits = {name: getattr(a.lenth, name) for name in ("pseudo_standard_error", "margin", "simultaneous_margin")}
-        omitted = a.lenth.omitted_from(a.surface)
+        omitted = [term for term in a.lenth.beyond if term not in a.fit.params]
         contrasts = {"values": _by(a.lenth.terms, a.lenth.values), **limits, "omitted_beyond_margin": omitted}
     return {
         "metric": a.metric.name,
         "unit": a.metric.unit,
-        "runs_missing": list(a.surface.missing),
-        "formula": a.surface.formula,
-        "anova": {name: getattr(a.anova, name) for name in _ANOVA.split()},
+        "runs_missing": list(a.missing),
+        "formula": a.fit.model.formula,
+        "anova": asdict(a.anova),
         "coefficients": [{**asdict(t), "significant": t.significant} for t in a.tests],
         "lenth": contrasts,
         "centre_curvature": None if a.centre is None else asdict(a.centre),
