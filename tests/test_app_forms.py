@@ -8,11 +8,8 @@ from making import leg, press, write_contours, write_recording
 from making_specimens import write_bars
 
 from legfem.app.description import (
-    CalfSize,
-    DescribedLeg,
-    DescribedSpecimens,
-    DescribedStocking,
     contours_in,
+    describe,
     known_tests,
     read_value,
     scans_in,
@@ -34,6 +31,14 @@ from legfem.specimens.schema import SpecimenFile, parse_specimen_file
 from legfem.stockings.schema import LegFile, parse_leg_file
 
 SUBJECT = RESOURCES / "frauziols" / "subjects" / "3"
+
+
+INDENTER = {
+    ("indenter", "diameter_mm"): 30.0,
+    ("indenter", "length_mm"): 50.0,
+    ("indenter", "aim_mm"): [0.0, 0.0],
+    ("indenter", "direction_deg"): 90.0,
+}
 
 
 def test_a_form_changes_its_keys_and_leaves_the_files_comments(tmp_path):
@@ -91,7 +96,7 @@ def test_loose_files_become_a_leg_that_lacks_nothing_but_the_instrument(tmp_path
     for trial in (SUBJECT / "recordings").iterdir():
         (folder / trial.name).write_bytes(trial.read_bytes())
     assert contours_in(folder) == ["outline.csv"]
-    DescribedLeg("Mine", "outline.csv", 30, 50, (0, 0), 90).describe(folder)
+    describe(folder, "subject.toml", {("section", "contours"): "outline.csv", **INDENTER})
     given = subject_entry(folder / "subject.toml").given
     assert (given.section.contours, given.indenter.diameter_mm) == ("outline.csv", 30.0)
     assert given.instrument is None and given.origin == "measured"
@@ -115,14 +120,17 @@ def test_what_the_recordings_show_can_stand_for_an_instrument_that_is_not_stated
 
 def test_a_scan_takes_the_place_of_contours(tmp_path):
     (tmp_path / "leg.nii.gz").touch()
-    DescribedLeg("Mine", "leg.nii.gz", 30, 50, (0, 0), 90, 300.0).describe(tmp_path)
+    cut = {("section", "scan"): "leg.nii.gz", ("section", "level_mm"): 300.0}
+    describe(tmp_path, "subject.toml", {**cut, **INDENTER})
     section = subject_entry(tmp_path / "subject.toml").given.section
     assert (section.scan, section.contours, section.level_mm) == ("leg.nii.gz", None, 300.0)
 
 
 def test_girth_and_fat_take_the_place_of_contours(tmp_path):
     write_recording(tmp_path / "trial1.csv", press())
-    DescribedLeg("Mine", CalfSize(365.0, 9.0), 30.0, 50.0).describe(tmp_path)
+    calf = {("section", "girth_mm"): 365.0, ("section", "fat_mm"): 9.0}
+    unsaid = {("indenter", "aim_mm"): None, ("indenter", "direction_deg"): None}
+    describe(tmp_path, "subject.toml", {**calf, **INDENTER, **unsaid})
     subject = load_subject(tmp_path, need_instrument=False)
     assert subject.typical_shape and len(subject.recordings) == 1
     assert str(subject.indenter) == "cylinder, 30 mm in diameter and 50 mm long"
@@ -131,7 +139,8 @@ def test_girth_and_fat_take_the_place_of_contours(tmp_path):
 def described(folder, length=50.0, **pressed):
     write_contours(folder / "outline.csv", leg())
     write_recording(folder / "trial1.csv", press())
-    DescribedLeg("Mine", "outline.csv", 30.0, length, (0.0, 0.0), 90.0, **pressed).describe(folder)
+    stated = {("indenter", key): value for key, value in {"length_mm": length, **pressed}.items()}
+    describe(folder, "subject.toml", {("section", "contours"): "outline.csv", **INDENTER, **stated})
     return (folder / "subject.toml").read_text()
 
 
@@ -178,7 +187,8 @@ def test_two_scans_become_a_leg_in_its_stocking(tmp_path):
     for name in ("bare.nii.gz", "in stocking.nii.gz", "notes.txt"):
         (tmp_path / name).touch()
     assert scans_in(tmp_path) == ["bare.nii.gz", "in stocking.nii.gz"]
-    DescribedStocking("Mine", "bare.nii.gz", "in stocking.nii.gz", "2").describe(tmp_path)
+    scans = {("bare", "scan"): "bare.nii.gz", ("compressed", "scan"): "in stocking.nii.gz"}
+    describe(tmp_path, "leg.toml", {**scans, ("stocking", "compression_class"): "2"})
     given = parse_leg_file(tmp_path / "leg.toml")
     assert given.bare.scan == "bare.nii.gz" and given.stocking.compression_class == "2"
 
@@ -208,7 +218,8 @@ def test_recordings_become_specimens_that_lack_nothing(tmp_path, test):
         for one in known_tests()[test]
         if one.needed
     }
-    DescribedSpecimens("Mine", test, {**stated, "never stated": None}).describe(tmp_path)
+    named = {(test, key): value for key, value in stated.items()}
+    describe(tmp_path, "specimen.toml", {**named, (test, "never stated"): None})
     found = load_specimen(tmp_path)
     assert found.origin == "measured" and not found.left_out
     assert len(found.recordings) == len(list((tmp_path / "recordings").iterdir())) > 1

@@ -3,7 +3,7 @@
 import math
 import tomllib
 import types
-from collections.abc import Collection, Iterator, Mapping, MutableMapping
+from collections.abc import Iterator, Mapping, MutableMapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, Union, get_args, get_origin
@@ -21,7 +21,6 @@ from legfem.data import seen_instrument
 from legfem.data.formats import recording_files
 from legfem.data.reader import read_samples
 from legfem.data.recording import SourceColumns
-from legfem.geometry.indenter import IndenterShape
 from legfem.legs.folder import plain_id, subject_text
 from legfem.legs.schema import SUBJECTS, SubjectFile, site_names, subject_entry
 from legfem.specimens.schema import SIZES, SeveralTests, SpecimenFile
@@ -197,125 +196,50 @@ def read_value(setting: Setting, text: str) -> Value:
     return numbers if setting.kind is list else numbers[0]
 
 
-@dataclass(frozen=True)
-class CalfSize:
-    """What stands for a calf's outlines where there are none."""
+def describe(
+    folder: Path, file: str, stated: Mapping[tuple[str, ...], Value], channels: SourceColumns | None = None
+) -> None:
+    """Write the file that says what a folder is, and move the recordings where it looks for them.
 
-    girth: float
-    """Girth of the calf where it is pressed, mm."""
-    fat: float
-    """Thickness of skin and fat under the indenter, mm."""
+    The tissues of a pressed leg are the first paper's until they are changed; errors of the instrument are left out
+    where they aren't stated: the commands ask for them.
 
+    Parameters
+    ----------
+    folder : Path
+        Its name is the title.
+    file : str
+        One of `legfem.app.workspace.DESCRIPTIONS`.
+    stated : mapping
+        Values by tables and key; None is left out.
+    channels : SourceColumns, optional
+        Columns of the recordings, where they aren't legfem's own.
 
-@dataclass(frozen=True)
-class DescribedLeg:
-    """What a person has to say of a leg that was pressed; nothing else can be assumed."""
-
-    title: str
-    source: str | CalfSize
-    """File in the folder (contours of the section, or a scan that it is cut from), or the size of a typical calf."""
-    diameter: float
-    """Of what pressed, mm."""
-    length: float | None
-    """Of a cylinder along its axis, mm."""
-    aim: tuple[float, float] | None = None
-    """A point on its line of travel, mm; of a typical calf there is none to give, ..."""
-    direction: float | None = None
-    """... nor a direction of travel, degrees from +x."""
-    level: float | None = None
-    """At which a scan is cut, mm."""
-    shape: IndenterShape = "cylinder"
-    axis_deg: float = 0.0
-    """By which a cylinder is turned about its travel: 0 lies along the leg, 90 across it."""
-
-    def describe(self, folder: Path) -> None:
-        """Write ``subject.toml``, and move the recordings where it looks for them.
-
-        The tissues are the first paper's until they are changed; errors of the instrument are left
-        out: the commands ask for them.
-
-        Raises
-        ------
-        InputError
-            As the file does; nothing is written or moved then.
-        """
-        text = subject_text(plain_id(folder.name), self.title, "measured", 0.6, (0.0, 0.0), 0.0)
-        stated: dict[tuple[str, ...], Value] = {
-            **self._shape_of_leg(folder),
-            ("section", "level_mm"): self.level,
-            ("indenter", "aim_mm"): None if self.aim is None else list(self.aim),
-            ("indenter", "direction_deg"): self.direction,
-            ("indenter", "diameter_mm"): self.diameter,
-            ("indenter", "length_mm"): self.length,
-            ("indenter", "shape"): None if self.shape == "cylinder" else self.shape,
-            ("indenter", "axis_deg"): self.axis_deg or None,
-            ("instrument",): None,
-        }
-        path, described = folder / "subject.toml", with_settings(text, stated)
-        checked(path, tomllib.loads(described), SubjectFile)
-        _gather_recordings(folder, but=[self.source] if isinstance(self.source, str) else ())
-        write_atomically(path, described)
-
-    def _shape_of_leg(self, folder: Path) -> dict[tuple[str, ...], Value]:
-        if isinstance(self.source, CalfSize):
-            sizes: dict[tuple[str, ...], Value] = {
-                ("section", "girth_mm"): self.source.girth,
-                ("section", "fat_mm"): self.source.fat,
-            }
-            return {("section", "contours"): None, **sizes}
-        scan = is_scan(folder / self.source)
-        return {("section", "contours"): None, ("section", "scan" if scan else "contours"): self.source}
-
-
-@dataclass(frozen=True)
-class DescribedStocking:
-    """What a person has to say of a leg in a stocking."""
-
-    title: str
-    bare: str
-    """Scan of the bare leg: a file in the folder."""
-    compressed: str
-    """Scan of the leg in its stocking: a file in the folder; may be empty."""
-    compression_class: str
-
-    def describe(self, folder: Path) -> None:
-        """Write ``leg.toml``."""
-        text = tomlkit.document()
-        text.update({"id": plain_id(folder.name), "title": self.title, "origin": "measured"})
-        text["bare"] = {"scan": self.bare}
-        if self.compressed:
-            text["compressed"] = {"scan": self.compressed}
-        text["stocking"] = {"compression_class": self.compression_class}
-        write_atomically(folder / "leg.toml", tomlkit.dumps(text))
-
-
-@dataclass(frozen=True)
-class DescribedSpecimens:
-    """What a person has to say of specimens of one size; others' sizes go into the file's text."""
-
-    title: str
-    test: str
-    """A table of ``specimen.toml``: what was done to them."""
-    stated: Mapping[str, Value]
-    """Sizes of specimen and instrument and what sticks, by the table's keys; None is left out."""
-
-    def describe(self, folder: Path) -> None:
-        """Write ``specimen.toml``, and move the recordings where it looks for them."""
-        text = tomlkit.document()
-        text.update({"id": plain_id(folder.name), "title": self.title, "origin": "measured"})
-        text[self.test] = {key: value for key, value in self.stated.items() if value is not None}
-        _gather_recordings(folder)
-        write_atomically(folder / "specimen.toml", tomlkit.dumps(text))
-
-
-def _gather_recordings(folder: Path, but: Collection[str] = ()) -> None:
-    """Move what may be recordings into the folder's folder of them."""
+    Raises
+    ------
+    InputError
+        As the file of a pressed leg does; nothing is written or moved then.
+    """
+    path, name = folder / file, plain_id(folder.name)
+    text = tomlkit.dumps({"id": name, "title": folder.name, "origin": "measured"})
+    if file == SUBJECTS.file:
+        text = subject_text(name, folder.name, "measured", FASCIA_MM, (0.0, 0.0), 0.0)
+        unsaid = ("section", "contours"), ("indenter", "aim_mm"), ("indenter", "direction_deg"), ("instrument",)
+        stated = {**dict.fromkeys(unsaid), **stated}
+    text = with_settings(text, stated)
+    text = text if channels is None else with_channels(text, channels)
+    if file == SUBJECTS.file:
+        checked(path, tomllib.loads(text), SubjectFile)
     recordings = folder / "recordings"
-    for path in files_of(folder):
-        inside = path.parent == folder and path.name not in but
-        if inside and may_be_recording(path) and not is_contours(path):
+    for one in files_of(folder) if file != "leg.toml" else ():
+        if one.parent == folder and may_be_recording(one) and not is_contours(one):
             recordings.mkdir(exist_ok=True)
-            path.rename(recordings / path.name)
+            one.rename(recordings / one.name)
+    write_atomically(path, text)
+
+
+FASCIA_MM = 0.6
+"""Thickness of the fascia that a new description has."""
 
 
 def known_tests() -> dict[str, list[Setting]]:

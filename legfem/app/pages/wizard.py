@@ -13,24 +13,11 @@ from nicegui import run as background
 from nicegui import ui
 from nicegui.events import GenericEventArguments
 
-from legfem.app.description import (
-    CalfSize,
-    DescribedLeg,
-    DescribedSpecimens,
-    DescribedStocking,
-    Setting,
-    Value,
-    contours_in,
-    is_contours,
-    known_tests,
-    scans_in,
-    with_channels,
-    with_settings,
-)
+from legfem.app.description import FASCIA_MM, Setting, Value, contours_in, describe, is_contours, known_tests, scans_in
 from legfem.app.pages.forms import column_fields, first_readable, setting_field, typed_value
 from legfem.app.pages.frame import ASK, ask, refused, tag, wanting
 from legfem.app.runs import Run
-from legfem.app.workspace import Workspace, description_of, files_of, is_scan, may_be_recording
+from legfem.app.workspace import Workspace, files_of, is_scan, may_be_recording
 from legfem.common.documents import write_atomically
 from legfem.common.errors import InputError
 from legfem.data.recording import PLAIN_COLUMNS, QUANTITIES, SourceColumns
@@ -65,7 +52,11 @@ _PIXELS = 4.0
 _ROOM, _DRAWN_RADIUS = 35.0, 15.0
 """About it, and of the cylinder that is drawn, mm."""
 
-type Describe = Callable[[], None]
+type Stated = dict[tuple[str, ...], Value]
+"""Values of the description by tables and key."""
+type Read = Callable[[], Stated]
+
+_FILES = {"leg": "subject.toml", "stocking": "leg.toml", "specimens": "specimen.toml"}
 
 
 def describe_page(workspace: Workspace, name: str, looking: Run) -> None:
@@ -98,40 +89,34 @@ def describe_page(workspace: Workspace, name: str, looking: Run) -> None:
     lab = tomllib.loads(workspace.lab.read_text(encoding="utf-8-sig")) if workspace.lab.is_file() else {}
     rest = ui.element("div").bind_visibility_from(state, "kind", bool)
     with rest:
-        forms: dict[str, Describe] = {}
+        forms: dict[str, Read] = {}
         for kind in possible:
             with ui.element("div").bind_visibility_from(state, "kind", value=kind):
                 match kind:
                     case "leg":
                         forms[kind] = _pressed(folder, [*contours, *scans], lab)
                     case "stocking":
-                        forms[kind] = _dressed(folder, scans)
+                        forms[kind] = _dressed(scans)
                     case _:
-                        forms[kind] = _tested(folder)
+                        forms[kind] = _tested()
         with ui.element("div").bind_visibility_from(state, "kind", lambda kind: kind in ("leg", "specimens")):
             columns = _columns(first)
         with ui.element("div").bind_visibility_from(state, "kind", value="leg"):
             instrument, keep = _instrument(first, lab)
 
-        def describe() -> bool:
+        def done(then: Callable[[], None]) -> None:
+            file = _FILES[state.kind]
             try:
                 channels = columns() if state.kind != "stocking" else None
-                stated = instrument() if state.kind == "leg" else {}
-                forms[state.kind]()
+                errors = instrument() if state.kind == "leg" else {}
+                describe(folder, file, forms[state.kind]() | errors, channels)
             except InputError as error:
                 wanted.text = _of_the_form(error, folder)
                 wanted.set_visibility(True)
-                return False
-            path = folder / str(description_of(folder))
-            text = with_settings(path.read_text(encoding="utf-8"), stated)
-            write_atomically(path, text if channels is None else with_channels(text, channels))
-            if stated and keep.value:
-                _keep_for_others(workspace.lab, path)
-            return True
-
-        def done(then: Callable[[], None]) -> None:
-            if describe():
-                then()
+                return
+            if errors and keep.value:
+                _keep_for_others(workspace.lab, folder / file)
+            then()
 
         wanted = wanting("").props("role=alert")
         wanted.set_visibility(False)
@@ -189,8 +174,8 @@ def _number(label: str, help: str, value: float | None = None) -> ui.number:
     return ui.number(label, value=value).props(f'hint="{escape(help)}"')
 
 
-def _pressed(folder: Path, sources: list[str], lab: Mapping[str, Any]) -> Describe:
-    place = SimpleNamespace(aim=None, direction=None, level=None, source="")
+def _pressed(folder: Path, sources: list[str], lab: Mapping[str, Any]) -> Read:
+    place: Stated = {}
     sizes: list[ui.number] = []
     if sources:
         tag("h2", "Where was it pressed?")
@@ -213,24 +198,22 @@ def _pressed(folder: Path, sources: list[str], lab: Mapping[str, Any]) -> Descri
         length.bind_visibility_from(shape, "value", value="cylinder")
         axis.bind_visibility_from(shape, "value", lambda value: value == "cylinder" and bool(sources))
 
-    def describe() -> None:
+    def read() -> Stated:
         cylinder = shape.value == "cylinder"
         values = _numbers([*sizes, diameter, *([length] if cylinder else [])])
-        if sources and place.aim is None:
+        if sources and ("indenter", "aim_mm") not in place:
             raise InputError("form", "place", "missing", "click the section where the skin was pressed")
-        DescribedLeg(
-            folder.name,
-            place.source if sources else CalfSize(*values[:2]),
-            values[len(sizes)],
-            values[-1] if cylinder else None,
-            place.aim,
-            place.direction,
-            place.level,
-            shape.value,
-            float(axis.value or 0.0) if cylinder else 0.0,
-        ).describe(folder)
+        calf: Stated = {} if sources else {("section", "girth_mm"): values[0], ("section", "fat_mm"): values[1]}
+        return {
+            **place,
+            **calf,
+            ("indenter", "diameter_mm"): values[len(sizes)],
+            ("indenter", "length_mm"): values[-1] if cylinder else None,
+            ("indenter", "shape"): None if cylinder else shape.value,
+            ("indenter", "axis_deg"): float(axis.value or 0.0) or None if cylinder else None,
+        }
 
-    return describe
+    return read
 
 
 _NO_CONTOURS = (
@@ -241,7 +224,7 @@ _NO_CONTOURS = (
 )
 
 
-def _aimed(folder: Path, sources: list[str], place: SimpleNamespace) -> None:
+def _aimed(folder: Path, sources: list[str], place: Stated) -> None:
     """Put a section that is clicked where it was pressed; ``place`` takes aim, direction, level and source."""
     with ui.element("div").classes("fields"):
         chosen = ui.select(sources, value=sources[0], label="contours, or a scan")
@@ -253,12 +236,14 @@ def _aimed(folder: Path, sources: list[str], place: SimpleNamespace) -> None:
 
     async def draw() -> None:
         scan = is_scan(folder / chosen.value)
-        place.source, place.level, place.aim = chosen.value, level.value if scan else None, None
+        place.clear()
+        place["section", "scan" if scan else "contours"] = chosen.value
+        place["section", "level_mm"] = level.value if scan else None
         shown.clear()
         if scan and level.value is None:
             return
         try:
-            section = await background.io_bound(_section, folder, chosen.value, place.level)
+            section = await background.io_bound(_section, folder, chosen.value, level.value if scan else None)
             assert section is not None
         except InputError as error:
             with shown:
@@ -272,23 +257,19 @@ def _aimed(folder: Path, sources: list[str], place: SimpleNamespace) -> None:
     ui.timer(0.0, draw, once=True)
 
 
-_FASCIA_MM = 0.6
-"""Thickness of the fascia that a new description has."""
-
-
 def _section(folder: Path, source: str, level: float | None) -> LegSection:
     """Contours of a file, or of a scan cut at a level (mm)."""
     if level is None:
-        return read_contours(folder / source, _FASCIA_MM)
+        return read_contours(folder / source, FASCIA_MM)
     from legfem.imaging.leg_source import LegSource
     from legfem.imaging.shape_schema import LabelsEntry
 
-    entry = SectionEntry(scan=source, level_mm=level, fascia_thickness_mm=_FASCIA_MM)
+    entry = SectionEntry(scan=source, level_mm=level, fascia_thickness_mm=FASCIA_MM)
     scan = LegSource.opened(folder, folder / "subject.toml", "section", entry, LabelsEntry())
-    return section_from_outlines(scan.outlines(CuttingPlane.at_level(level)), _FASCIA_MM, scan.name)
+    return section_from_outlines(scan.outlines(CuttingPlane.at_level(level)), FASCIA_MM, scan.name)
 
 
-def _clicked(section: LegSection, place: SimpleNamespace) -> None:
+def _clicked(section: LegSection, place: Stated) -> None:
     low, high = section.skin.min(axis=0) - _ROOM, section.skin.max(axis=0) + _ROOM
     fills = (REGION_COLOURS["superficial"], REGION_COLOURS["deep"], BONE_COLOUR, BONE_COLOUR)
 
@@ -320,7 +301,7 @@ def _clicked(section: LegSection, place: SimpleNamespace) -> None:
         if any(box.value is None for box in boxes):
             return
         x, y, direction = (float(box.value) for box in boxes)
-        place.aim, place.direction = (x, y), direction
+        place["indenter", "aim_mm"], place["indenter", "direction_deg"] = [x, y], direction
         way = np.array([np.cos(np.radians(direction)), np.sin(np.radians(direction))])
         (x0, y0), (x1, y1) = pixels([np.array([x, y]) - _DRAWN_RADIUS * way, np.array([x, y]) + 12.0 * way])
         picture.content = picture_of(
@@ -341,7 +322,7 @@ def _clicked(section: LegSection, place: SimpleNamespace) -> None:
     picture.on("click", clicked, js_handler=f"{where}(e.clientX - b.x) / b.width, (e.clientY - b.y) / b.height)}}")
 
 
-def _dressed(folder: Path, scans: list[str]) -> Describe:
+def _dressed(scans: list[str]) -> Read:
     with ui.element("div").classes("fields"):
         bare = ui.select(scans, value=scans[0], label="scan of the bare leg")
         other = ui.select(["", *scans], value=scans[1] if len(scans) > 1 else "", label="in its stocking")
@@ -349,10 +330,14 @@ def _dressed(folder: Path, scans: list[str]) -> Describe:
         bare.props["hint"] = "the file of the scan without the stocking"
         other.props["hint"] = "leave it empty to predict pressures only"
         strength.props["hint"] = "the compression class on the package"
-    return lambda: DescribedStocking(folder.name, bare.value, other.value, strength.value).describe(folder)
+    return lambda: {
+        ("bare", "scan"): bare.value,
+        ("compressed", "scan"): other.value or None,
+        ("stocking", "compression_class"): strength.value,
+    }
 
 
-def _tested(folder: Path) -> Describe:
+def _tested() -> Read:
     tag("h2", "What was done to them?")
     with ui.element("div").classes("fields"):
         chosen = ui.select(_TESTS, value=next(iter(_TESTS)), label="what was done")
@@ -369,15 +354,15 @@ def _tested(folder: Path) -> Describe:
         "quiet",
     )
 
-    def describe() -> None:
-        stated = dict[str, Value]()
+    def read() -> Stated:
+        stated: Stated = {}
         for one, get in fields[chosen.value]:
-            value = stated[one.key[-1]] = typed_value(one, get())
+            value = stated[one.key] = typed_value(one, get())
             if one.needed and value is None:
                 raise InputError("form", one.key[-1], "is missing", "fill it in")
-        DescribedSpecimens(folder.name, chosen.value, stated).describe(folder)
+        return stated
 
-    return describe
+    return read
 
 
 def _columns(first: dict[str, Any] | None) -> Callable[[], SourceColumns | None]:
@@ -404,9 +389,7 @@ def _columns(first: dict[str, Any] | None) -> Callable[[], SourceColumns | None]
     return read
 
 
-def _instrument(
-    first: dict[str, Any] | None, lab: Mapping[str, Any]
-) -> tuple[Callable[[], dict[tuple[str, ...], Value]], ui.checkbox]:
+def _instrument(first: dict[str, Any] | None, lab: Mapping[str, Any]) -> tuple[Read, ui.checkbox]:
     """Put the instrument's errors, as the lab states them or the recording shows; return what reads them."""
     shown = (first or {}).get("noise")
     known = lab.get("instrument", {})
@@ -426,7 +409,7 @@ def _instrument(
     keep = ui.checkbox("keep indenter and instrument for further legs (lab.toml)")
     keep.set_visibility(not known)
 
-    def read() -> dict[tuple[str, ...], Value]:
+    def read() -> Stated:
         if known:
             return {}
         return {("instrument", name): value for name, value in zip(names, _numbers(boxes), strict=True)}
