@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from legfem.api.diagnosis import DiagnosedLeg, PlannedTests, diagnose, plan
     from legfem.api.identification import identify
     from legfem.api.loading import load_leg, load_sites, load_specimen, load_subject
-    from legfem.api.results import Identification, IdentifiedLeg, IdentifiedSites, IdentifiedSpecimen, LegInStocking
+    from legfem.api.results import Identification
     from legfem.api.specimens import DiagnosedFolder
     from legfem.api.stockings import stocking
     from legfem.common.errors import InputError
@@ -36,11 +36,7 @@ __all__ = [
     "DiagnosedFolder",
     "DiagnosedLeg",
     "Identification",
-    "IdentifiedLeg",
-    "IdentifiedSites",
-    "IdentifiedSpecimen",
     "InputError",
-    "LegInStocking",
     "PlannedTests",
     "__version__",
     "cohort",

@@ -12,7 +12,7 @@ import pytest
 from matplotlib.image import imread
 from reading_page import read
 
-from legfem.api import LegInStocking
+from legfem.api import Identification
 from legfem.common.errors import Doubt
 from legfem.common.progress import Silent
 from legfem.common.units import mmhg_to_mpa, mpa_to_kpa, mpa_to_mmhg
@@ -209,7 +209,7 @@ def test_page_gives_stiffness_with_intervals_and_every_equilibrium(result, folde
 
 
 def test_a_summary_tells_stiffness_and_pressures(result):
-    said = " ".join(LegInStocking(result.details.leg, (result,)).summary().split())
+    said = " ".join(Identification(result.details.leg, (result,)).summary().split())
     assert "C10 of the muscle" in said and "Hydrostatic pressure" in said
     assert said.count("Every equilibrium") == 1 and "legfem 0" not in said
 

@@ -15,7 +15,7 @@ _HOMES = {
     "diagnosis": ("DiagnosedLeg", "PlannedTests", "diagnose", "plan"),
     "identification": ("identify",),
     "loading": ("load_leg", "load_sites", "load_specimen", "load_subject"),
-    "results": ("Identification", "IdentifiedLeg", "IdentifiedSites", "IdentifiedSpecimen", "LegInStocking"),
+    "results": ("Identification",),
     "specimens": ("DiagnosedFolder",),
     "stockings": ("stocking",),
 }

@@ -2,7 +2,7 @@
 
 import html
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -132,20 +132,3 @@ class Identification(Result):
         experiment = self._experiment
         pressed = None if experiment is None else pressed_section_of(self.fits, experiment)
         return kind_of(self.fits).page(self.fits, pressed, "", "")
-
-
-IdentifiedLeg = IdentifiedSites = IdentifiedSpecimen = LegInStocking = Identification
-"""Names that the result had when each kind had its own."""
-
-
-def row(name: str, entry: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a parameter's row of a table, of its entry in a document."""
-    low, high = entry.get("ci95") or (None, None)
-    return {
-        "parameter": name,
-        "value": entry["value"],
-        "low": low,
-        "high": high,
-        "unit": entry["unit"],
-        "identifiability": entry.get("identifiability"),
-    }

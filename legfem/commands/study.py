@@ -1,8 +1,7 @@
 """``legfem study``."""
 
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -21,20 +20,14 @@ app = typer.Typer(
 )
 
 
-class Weighting(StrEnum):
-    """Objective of an identification."""
-
-    PAPER = "paper"
-    COVARIANCE = "covariance"
-
-
 @app.command(cls=command_line.FiniteNumbers)
 def reproduce(
     seed: Annotated[int, typer.Option(min=0, help="Seed of the genetic algorithm.")] = 1,
     corrected: Annotated[bool, typer.Option("--corrected", help="Also apply each leg's own 3D correction.")] = False,
     weighting: Annotated[
-        Weighting, typer.Option(help="Objective: the paper's unweighted sum (Eq. 12), or weighted with the covariance.")
-    ] = Weighting.PAPER,
+        Literal["paper", "covariance"],
+        typer.Option(help="Objective: the paper's unweighted sum (Eq. 12), or weighted with the covariance."),
+    ] = "paper",
     out: Out = None,
     jobs: Jobs = None,
     quiet: command_line.Quiet = False,
@@ -48,15 +41,8 @@ def reproduce(
         from legfem.study import reproduce as tables
 
         with command_line.brief_output(quiet, as_json) as written:
-            tables.run(seed, folder, processes, corrected, quiet, weighting.value)
+            tables.run(seed, folder, processes, corrected, quiet, weighting)
             written.append(folder / "result.json")
-
-
-class CountChoice(StrEnum):
-    """What the degrees of freedom count."""
-
-    COEFFICIENTS = "coefficients"
-    FACTORS = "factors"
 
 
 @app.command(cls=command_line.FiniteNumbers)
@@ -71,12 +57,12 @@ def doe(
     subject: Annotated[str, typer.Option(help="Id of one of legfem's own subjects.")] = "3",
     subject_dir: Annotated[Path | None, typer.Option(help="Folder of your own subject, in place of --subject.")] = None,
     count: Annotated[
-        CountChoice,
+        Literal["coefficients", "factors"],
         typer.Option(
             help="Degrees of freedom from the number of coefficients (right, and the paper's "
             "tables) or of factors (p = 5, the paper's text)."
         ),
-    ] = CountChoice.COEFFICIENTS,
+    ] = "coefficients",
     factorial_only: Annotated[
         bool,
         typer.Option("--factorial-only", help="Leave out the numerical error, the Sobol indices and the information."),
@@ -112,7 +98,7 @@ def doe(
             folder,
             jobs or command_line.usable_cores(),
             seed,
-            count.value,
+            count,
             not factorial_only,
             quiet,
         )

@@ -141,6 +141,8 @@ def _keep_for_others(lab: Path, path: Path) -> None:
     write_atomically(lab, tomlkit.dumps({**before, "indenter": rig, "instrument": given["instrument"]}))
 
 
+_FORM = "form"
+"""Where an error is that the form itself finds."""
 _GIRTH, _FAT, _DIAMETER, _LENGTH = (
     "girth of the calf (mm)",
     "skin and fat where it is pressed (mm)",
@@ -160,13 +162,15 @@ def _of_the_form(error: InputError, folder: Path) -> str:
     """Say what is wrong as the form calls it: whoever fills it in knows of no file and key."""
     if error.field in _FIELDS:
         return f"{_FIELDS[error.field]}: {error.problem}; {error.remedy}"
-    return str(error).removeprefix("form: ").removeprefix(f"{folder}/")
+    if error.source == _FORM:
+        return f"{error.field}: {error.problem}; {error.remedy}"
+    return str(error).removeprefix(f"{folder}/")
 
 
 def _numbers(boxes: Sequence[ui.number]) -> list[float]:
     """Numbers of a form's fields, all of which are needed."""
     if missing := [box.props["label"] for box in boxes if box.value is None]:
-        raise InputError("form", ", ".join(missing), "missing", "fill in every one")
+        raise InputError(_FORM, ", ".join(missing), "missing", "fill in every one")
     return [float(box.value) for box in boxes]
 
 
@@ -202,7 +206,7 @@ def _pressed(folder: Path, sources: list[str], lab: Mapping[str, Any]) -> Read:
         cylinder = shape.value == "cylinder"
         values = _numbers([*sizes, diameter, *([length] if cylinder else [])])
         if sources and ("indenter", "aim_mm") not in place:
-            raise InputError("form", "place", "missing", "click the section where the skin was pressed")
+            raise InputError(_FORM, "place", "missing", "click the section where the skin was pressed")
         calf: Stated = {} if sources else {("section", "girth_mm"): values[0], ("section", "fat_mm"): values[1]}
         return {
             **place,
@@ -359,7 +363,7 @@ def _tested() -> Read:
         for one, get in fields[chosen.value]:
             value = stated[one.key] = typed_value(one, get())
             if one.needed and value is None:
-                raise InputError("form", one.key[-1], "is missing", "fill it in")
+                raise InputError(_FORM, one.key[-1], "is missing", "fill it in")
         return stated
 
     return read
