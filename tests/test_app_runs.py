@@ -21,7 +21,7 @@ from making_results import result
 from test_diagnosis_report import CASES
 from typer.main import get_command
 
-from legfem.app.outcomes import Answer, answers_of, as_csv, as_xlsx, relative_difference, sentence_of
+from legfem.app.outcomes import Outcome, answers_of, as_csv, as_xlsx, relative_difference, sentence_of
 from legfem.app.runs import ACTIONS, Run, RunState, rename_input
 from legfem.common.documents import write_document
 from legfem.common.errors import InputError
@@ -277,7 +277,7 @@ def test_all_numbers_of_all_runs_are_a_table_for_other_programs(workspace):
 
 @pytest.mark.parametrize("name", ["=1+1", "+A1", "-1+A1", "@SUM(A1)"])
 def test_a_name_that_would_be_a_formula_is_none_in_a_spreadsheet(name):
-    text = as_csv([Answer("run", name, "identify", "done")]).decode("utf-8-sig")
+    text = as_csv([Outcome("run", name, "identify", "done")]).decode("utf-8-sig")
     _, row = csv.reader(io.StringIO(text))
     assert row[1] == f"'{name}"
 

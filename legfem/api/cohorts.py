@@ -53,19 +53,23 @@ from legfem.common.errors import InputError, UnsolvedError
 from legfem.common.progress import Progress, progress_on
 from legfem.common.wording import Argument, Remedy
 from legfem.geometry.section import fat_thickness, girth
-from legfem.inverse.notice import Notice
+from legfem.inverse.answer import Answer
+from legfem.inverse.diagnosed_answer import answer_of
+from legfem.inverse.notice import FitNotice, Notice
+from legfem.inverse.verdict import Diagnosis
 from legfem.jobs.engines import Died, Engine, EngineName, engine_named, outcomes
 from legfem.jobs.store import key_of
 from legfem.legs.diagnosis import notices_of
 from legfem.legs.identification import as_leg
 from legfem.legs.subject import SitedLeg, Subject
+from legfem.report.answers import headline_of
 from legfem.report.cohort import ODD, cohort_web_page, write_cohort_page
 from legfem.report.cohort_statistics import forest_figure
-from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_document import document
 from legfem.report.kinds import kind_of
 from legfem.report.page import PAGE, WebPage, command_line
 from legfem.report.render import brief
+from legfem.specimens.diagnosis import DiagnosedSpecimen
 from legfem.specimens.folder import SpecimenFolder
 
 _log = logging.getLogger(__name__)
@@ -94,6 +98,7 @@ class Cohort(Result):
         frame = self.to_frame()
         return {
             "schema": "legfem.cohort/1",
+            "answer": self._page().headline.said,
             "folder": str(self.members.folder),
             "table": None if self.members.table is None else str(self.members.table),
             "done": self.options.task,
@@ -369,9 +374,7 @@ def _diagnosed(options: Options, member: Member, folder: Path) -> list[Row]:
     found = diagnose(given, library=options.library or None, out=folder, **options.given)
     report = found.write(folder)
     if isinstance(found, DiagnosedLeg):
-        page = diagnosis_web_page(found.diagnosis, found.subject)
-        judged = notices_of(found.diagnosis, found.subject), "after repair"
-        row = _row(member, found.document(), page, judged, report)
+        row = _diagnosed_row(member, found.document(), found.diagnosis, found.subject, report)
         return [replace(row, recordings=_recordings(given), shape=_shape(found.subject))]
     assert isinstance(given, SpecimenFolder)
     rows = []
@@ -382,10 +385,17 @@ def _diagnosed(options: Options, member: Member, folder: Path) -> list[Row]:
             rows.append(Row(member.name, part, problem=str(one.problem)))
             continue
         content = document(one.diagnosis, one, found.seed, one.seconds)
-        page = diagnosis_web_page(one.diagnosis, one)
-        row = _row(member, content, page, (notices_of(one.diagnosis, one), "after repair"), report)
+        row = _diagnosed_row(member, content, one.diagnosis, one, report)
         rows.append(replace(row, part=part))
     return rows
+
+
+def _diagnosed_row(
+    member: Member, content: Mapping[str, Any], found: Diagnosis, of: Subject | DiagnosedSpecimen, report: Path
+) -> Row:
+    notices = notices_of(found, of)
+    answer = answer_of(found, sum(one.code == FitNotice.DOUBTFUL for one in notices))
+    return _row(member, content, answer, notices, "after repair", report)
 
 
 def _dressed(options: Options, member: Member, folder: Path) -> list[Row]:
@@ -395,9 +405,9 @@ def _dressed(options: Options, member: Member, folder: Path) -> list[Row]:
 def _fitted(found: Identification, member: Member, folder: Path) -> Row:
     report = found.write(folder, every_rank=True)
     content, law = found.document(), found.best.law
-    page = kind_of(found.fits).page(found.fits)
-    told = tuple(dict.fromkeys(notice for fit in found.fits for notice in fit.notices))
-    row = _row(member, content, page, (told, law), report)
+    notices = tuple(dict.fromkeys(notice for fit in found.fits for notice in fit.notices))
+    answer = kind_of(found.fits).document.chosen(found.fits).answer
+    row = _row(member, content, answer, notices, law, report)
     return replace(row, settings=content["laws"][law]["settings"])
 
 
@@ -405,12 +415,17 @@ _DOES = {"identify": _identified, "diagnose": _diagnosed, "stocking": _dressed}
 
 
 def _row(
-    member: Member, content: Mapping[str, Any], page: WebPage, judged: tuple[tuple[Notice, ...], str], report: Path
+    member: Member,
+    content: Mapping[str, Any],
+    answer: Answer,
+    notices: tuple[Notice, ...],
+    preferred: str,
+    report: Path,
 ) -> Row:
     shown = report.with_name(PAGE) if report.with_name(PAGE).is_file() else report
     return Row(
         member.name,
-        judged=Judged(page.headline.tone, page.headline.sentence, *judged),
+        judged=Judged(answer.tone_with_doubts, headline_of(answer).sentence, notices, preferred),
         models=models_of(content),
         verdict=content.get("verdict", ""),
         origin=content["origin"],

@@ -13,12 +13,12 @@ from matplotlib.figure import Figure
 from legfem.api.loading import Given
 from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.inverse.catalogue import LawName
+from legfem.inverse.chosen import preferred
 from legfem.inverse.document import fit_document
 from legfem.inverse.fit import Fit
 from legfem.inverse.outcome import JointForward
 from legfem.legs.forward import PlaneStrainForward
 from legfem.legs.subject import SitedLeg, Subject
-from legfem.report.estimates import preferred
 from legfem.report.kinds import kind_of
 from legfem.report.page import WebPage, command_line
 from legfem.report.render import brief, estimates_frame, rendered

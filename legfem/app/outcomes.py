@@ -3,15 +3,16 @@
 import io
 import json
 import math
-import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from html import unescape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from legfem.app.runs import Run
 from legfem.common.documents import literal
+from legfem.inverse.answer import Answer
+from legfem.report.answers import headline_of
+from legfem.report.plan import first_lines
 from legfem.report.words import number
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Answer:
+class Outcome:
     """One result of one run; a run of two laws has two."""
 
     run: str
@@ -89,34 +90,36 @@ def relative_difference(one: tuple[float, float, float], other: tuple[float, flo
     return f"{100 * (ratio - 1):+.0f} % ({low:+.0f} to {high:+.0f} %)"
 
 
-def answers_of(run: Run) -> list[Answer]:
+def answers_of(run: Run) -> list[Outcome]:
     """Return a run's results; one that says how far it is where it has none."""
     plain = (run.folder.name, run.about, run.kind, str(run.state))
     found = []
     for name, read in _READ.items():
         try:
             content = json.loads((run.results / name).read_text(encoding="utf-8"))
-            found += [Answer(*plain, **read(one)) for one in _by_law(content)]
+            found += [Outcome(*plain, **read(one)) for one in _by_law(content)]
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             # It has none yet, or a legfem of other days wrote it.
             continue
-    return found or [Answer(*plain)]
-
-
-_DESCRIBED = re.compile(r'<meta name="description" content="([^"]*)">')
+    return found or [Outcome(*plain)]
 
 
 def sentence_of(run: Run) -> str:
-    """Return what a run found as its report's first lines have it; empty where there is no page yet."""
-    if run.report is None or run.report.suffix != ".html":
-        return ""
-    with run.report.open(encoding="utf-8") as page:
-        found = _DESCRIBED.search(page.read(_HEAD))
-    return unescape(found[1]) if found else ""
+    """Return what a run found, as its page's first lines; empty where there is none yet, or an older legfem's."""
+    for name, said in _SAID.items():
+        try:
+            return said(json.loads((run.results / name).read_text(encoding="utf-8")))
+        except (OSError, ValueError, LookupError, TypeError):
+            continue
+    return ""
 
 
-_HEAD = 5000
-"""Characters of a page in which its description stands."""
+_SAID: Mapping[str, Callable[[Mapping[str, Any]], str]] = {
+    "result.json": lambda document: headline_of(Answer.read(document["answer"])).said,
+    "diagnosis.json": lambda document: headline_of(Answer.read(document["answer"])).said,
+    "plan.json": lambda document: first_lines([one["test"] for one in document["tests"]]).said,
+    "cohort.json": lambda document: document["answer"],
+}
 
 
 def _by_law(content: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
@@ -157,7 +160,7 @@ _READ = {"result.json": _identified, "diagnosis.json": _diagnosed, "plan.json": 
 _HEADER = "run of command state law data verdict parameter value low high unit identifiability"
 
 
-def numbers_of(answers: Sequence[Answer]) -> "pd.DataFrame":
+def numbers_of(answers: Sequence[Outcome]) -> "pd.DataFrame":
     """Return a row for every number of every result; a result without numbers has one row."""
     import pandas as pd
 
@@ -170,12 +173,12 @@ def numbers_of(answers: Sequence[Answer]) -> "pd.DataFrame":
     return pd.DataFrame(rows, columns=_HEADER.split())
 
 
-def as_csv(answers: Sequence[Answer]) -> bytes:
+def as_csv(answers: Sequence[Outcome]) -> bytes:
     """Return the numbers as CSV, with a mark by which spreadsheets know its UTF-8."""
     return numbers_of(answers).to_csv(index=False).encode("utf-8-sig")
 
 
-def as_xlsx(answers: Sequence[Answer]) -> bytes:
+def as_xlsx(answers: Sequence[Outcome]) -> bytes:
     """Return the numbers as a workbook."""
     content = io.BytesIO()
     numbers_of(answers).to_excel(content, index=False)

@@ -1,5 +1,6 @@
 """Units: mm, N, MPa and s inside; kPa where people read and write."""
 
+import math
 from itertools import pairwise
 from typing import Annotated, Any
 
@@ -41,6 +42,11 @@ def mpa_to_mmhg[Value: (float, FloatArray)](value: Value) -> Value:
 def readable_unit(unit: str) -> tuple[str, float]:
     """Return the unit in which people read numbers of a unit, and the factor to it."""
     return ("kPa", 1 / MPA_PER_KPA) if unit == "MPa" else (unit, 1.0)
+
+
+def decimals(standard_error: float) -> int:
+    """Return how many decimals a number has whose standard error leaves two digits at most."""
+    return min(max(-math.floor(math.log10(0.65 * standard_error)), 0), 6)
 
 
 def percent(probability: float) -> str:

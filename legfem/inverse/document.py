@@ -18,6 +18,10 @@ SCHEMA = "legfem.identify/3"
 class KindDocument(Protocol):
     """What a kind adds to the document."""
 
+    def chosen(self, fits: Sequence[Fit[Any]]) -> Fit[Any]:
+        """Return the law's fit whose answer is that of all."""
+        ...
+
     def of_fit(self, fit: Fit[Any]) -> Mapping[str, Any]:
         """Members of a law."""
         ...
@@ -44,6 +48,7 @@ def fit_document(fits: Sequence[Fit[Any]], kind: KindDocument) -> dict[str, Any]
         "subject": first.subject.id,
         "title": first.subject.title,
         "origin": first.subject.origin,
+        "answer": kind.chosen(fits).answer.document(),
         "laws": {fit.law: _law(fit, kind) for fit in fits},
         "versions": dict(first.versions),
     }

@@ -132,6 +132,11 @@ class Explanation:
         """Return a parameter's expected value, in its unit."""
         return self.fit.moved(self.posterior.mean)[name]
 
+    def determined(self, name: str) -> bool:
+        """Return whether the data say anything about a parameter beyond what was known of it."""
+        k = self.fit.free.index(name)
+        return bool(self.posterior.covariance[k, k] < 0.8)
+
     def interval(self, name: str, tail: float = 0.025) -> tuple[float, float]:
         """Return a parameter's 95 % interval, or that without other tails, in its unit."""
         k, mixture = self.fit.free.index(name), self.distribution(name)

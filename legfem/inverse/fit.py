@@ -5,15 +5,16 @@ that kind's type.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from scipy.stats import chi2
 
 from legfem.common.documents import versions_of
 from legfem.common.units import FloatArray
+from legfem.inverse.answer import Answer, Finding, Tone, Value
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, LawName, Values, key_of, model_values
 from legfem.inverse.comparison import Weighting
 from legfem.inverse.estimates import Estimate
@@ -237,6 +238,11 @@ class Fit[Details]:
     """What else is asked of this kind of problem, by key (``pressure_on_skin``)."""
 
     @property
+    def answer(self) -> Answer:
+        """What the fit says: that of its kind, where the details have one."""
+        return self.details.answer(self) if isinstance(self.details, Answering) else answer_of(self)
+
+    @property
     def doubts(self) -> int:
         """How many of what was given, or came out, are unlikely."""
         return sum(one.code == FitNotice.DOUBTFUL for one in self.notices)
@@ -266,6 +272,45 @@ class Fit[Details]:
     def farthest(self, name: str) -> TestFit:
         """The test that by itself departs most from the joint value of a parameter."""
         return max(self.tests, key=lambda one: abs(one.by_itself[name].departure))
+
+
+@runtime_checkable
+class Answering(Protocol):
+    """Details of a kind that has an answer of its own."""
+
+    def answer(self, fit: Any) -> Answer:
+        """Return the answer of the fit that has these details."""
+        ...
+
+
+def answer_of(fit: Fit[Any], limited: bool = False, **parameters: Any) -> Answer:
+    """Return what a fit says, by its goodness, its tests' agreement and the estimates' identifiability.
+
+    Parameters
+    ----------
+    fit
+        The fit.
+    limited
+        Whether what only its kind knows limits it.
+    **parameters
+        What the kind's words need besides.
+    """
+    finding = Finding.TESTS_DISAGREE if not fit.agreement.fits else Finding.FITS
+    finding = finding if fit.goodness.fits or finding is not Finding.FITS else Finding.MISFIT
+    known = all(one.identifiability == "identifiable" for one in fit.estimates.values()) and not limited
+    tone: Tone = "wrong" if finding is not Finding.FITS else "sound" if known else "caution"
+    values = {
+        name: Value(
+            None if one.undetermined else one.shown.ci95,
+            one.shown.unit,
+            one.shown.value,
+            one.shown.standard_error,
+            asked=one.parameter.role == "identified",
+        )
+        for name, one in fit.estimates.items()
+    }
+    told = {"law": fit.law, "tests": len(fit.tests), "fitted": sum(one.fitted for one in fit.tests), **parameters}
+    return Answer(fit.kind, finding, tone, values, doubts=fit.doubts, parameters=told)
 
 
 def r_squared(squares: float, values: FloatArray) -> float:
@@ -326,8 +371,3 @@ def far_from_priors(estimates: Mapping[str, Estimate]) -> Iterator[Notice]:
         prior = one.parameter.prior
         if prior is not None and abs(departure := prior.departure(one.value)) > _FAR:
             yield Notice.of(FitNotice.FAR_FROM_PRIOR, name=name, departure=abs(departure))
-
-
-def least_akaike[Details](fits: Sequence[Fit[Details]]) -> Fit[Details]:
-    """Law that fits best for the number of its parameters (Akaike's criterion)."""
-    return min(fits, key=lambda one: one.goodness.chi_square + 2 * len(one.estimates))

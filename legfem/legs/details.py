@@ -17,8 +17,10 @@ from legfem.fem.fields import FieldReader
 from legfem.fem.spaces import BodySurface, surface_of
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.leg_surface import TriangleSurface
+from legfem.inverse.answer import Answer
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values, with_units
-from legfem.inverse.fit import Fit
+from legfem.inverse.chosen import preferred
+from legfem.inverse.fit import Fit, answer_of
 from legfem.jobs.store import read_arrays, write_arrays
 from legfem.legs.site import curve_of
 from legfem.legs.subject import SitedLeg, Subject
@@ -125,6 +127,11 @@ class LegDetails:
         """The first site, whose tissues are those of all."""
         return self.leg.sites[0]
 
+    def answer(self, fit: Fit["LegDetails"]) -> Answer:
+        """Return what the leg's fit says, with the muscle's C10 where that was given."""
+        held = None if DEEP_C10 in fit.estimates else {**fit.assumed, **fit.values}[DEEP_C10]
+        return answer_of(fit, C10_given=held)
+
     @property
     def plane(self) -> bool:
         """Whether the search went on a section in plane strain."""
@@ -133,6 +140,8 @@ class LegDetails:
 
 class LegDocument:
     """What ``result.json`` of a leg has beside that of any fit; a `legfem.inverse.document.KindDocument`."""
+
+    chosen = staticmethod(preferred)
 
     def of_fit(self, fit: Fit[LegDetails]) -> dict[str, Any]:
         """Model, solves in 3D, fibres, and what the sites' instruments err by."""

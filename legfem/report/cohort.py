@@ -14,6 +14,7 @@ from legfem.cohort.population_model import PopulationFit
 from legfem.cohort.rows import Measure, ModelResult, Row, cohort_model, measured
 from legfem.cohort.statistics import statistics
 from legfem.common.documents import versions_of
+from legfem.inverse.answer import Tone
 from legfem.inverse.catalogue import called
 from legfem.report import cohort_statistics
 from legfem.report.cohort_statistics import colours_of
@@ -224,7 +225,7 @@ def _headline(
         f"{counts[name]} {counted[name][counts[name] > 1]}" for name in reversed(list(counted)) if counts[name]
     )
     good = counts["sound"] + counts["caution"]
-    tone: web.Tone = "sound" if counts["sound"] == len(rows) and not odd else "caution" if good else "wrong"
+    tone: Tone = "sound" if counts["sound"] == len(rows) and not odd else "caution" if good else "wrong"
     failed = [row.name for row in rows if not row.done]
     people = len({one.person for one in members})
     answers = [

@@ -115,12 +115,12 @@ def diagnosis_web_page(
     if isinstance(subject, Subject):
         chapters.insert(1, web.Chapter("The leg", [pressed or still_section(subject)]))
     notices = notices_of(found, subject)
-    verdict = diagnosis_headline.headline(found, plan, "deep" if isinstance(subject, Subject) else "")
+    doubts = sum(one.code == FitNotice.DOUBTFUL for one in notices)
     return web.WebPage(
         title=diagnosis_headline.TITLE.format(kind=kind_of(subject).lower(), id=subject.id),
         subject=subject.title,
         origin=subject.origin,
-        headline=verdict.doubted(sum(one.code == FitNotice.DOUBTFUL for one in notices)),
+        headline=diagnosis_headline.headline(found, plan, "deep" if isinstance(subject, Subject) else "", doubts),
         warnings=list(map(sentence_of, notices)),
         warned=" for the person who recorded and described the test",
         known=known_of(found, subject),

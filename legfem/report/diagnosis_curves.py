@@ -60,12 +60,6 @@ def shown_models(found: Diagnosis) -> list[ShownModel]:
     return [ShownModel(named[0], f"closest tried ({model_name(named[0])})", False)] if named else []
 
 
-def determined(model: Explanation, name: str) -> bool:
-    """Return whether the data say anything about a parameter beyond what was known of it."""
-    k = model.fit.free.index(name)
-    return bool(model.posterior.covariance[k, k] < 0.8)
-
-
 @dataclass(frozen=True, eq=False)
 class Place:
     """A stretch of a protocol's segment in which the base model is wrong, to one side."""

@@ -11,6 +11,7 @@ from legfem.common.units import mpa_to_kpa
 from legfem.data.recording import Origin
 from legfem.inverse.accuracy import MeasuredEffect
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, key_of
+from legfem.inverse.diagnosed_answer import answer_of
 from legfem.inverse.diagnosed_fit import base_fit, best_fit
 from legfem.inverse.document import estimate_document, fitted_document
 from legfem.inverse.estimates import Estimate
@@ -18,6 +19,7 @@ from legfem.inverse.explanation import Explanation
 from legfem.inverse.fit import Fit, Identity, r_squared
 from legfem.inverse.linearised import LinearisedFit
 from legfem.inverse.location import runs
+from legfem.inverse.notice import FitNotice
 from legfem.inverse.predictive import HeldOut, checks_by_phase
 from legfem.inverse.verdict import Diagnosis, explained_share, residual_intervals
 from legfem.legs.diagnosis import notices_of
@@ -69,7 +71,8 @@ def measured_of(subject: Recorded) -> tuple[MeasuredEffect, ...]:
 
 def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> dict[str, Any]:
     """Return the diagnosis as JSON types; what isn't finite is null."""
-    posterior, (identity, kind) = found.base_model.posterior, _identity_of(subject)
+    posterior, (identity, kind) = found.base.posterior, _identity_of(subject)
+    notices = notices_of(found, subject)
     base, best = base_fit(found, identity, kind, seed), best_fit(found, identity, kind, seed)
     return json_types(
         {
@@ -79,7 +82,8 @@ def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> 
             "title": subject.title,
             "origin": subject.origin,
             "laws": {found.law: {**_law(best), "verdict": found.verdict}},
-            "notices": [asdict(one) for one in notices_of(found, subject)],
+            "answer": answer_of(found, sum(one.code == FitNotice.DOUBTFUL for one in notices)).document(),
+            "notices": [asdict(one) for one in notices],
             "verdict": found.verdict,
             "probability_that_nothing_shows": found.explained.adequacy,
             "statements": [

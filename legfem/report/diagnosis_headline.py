@@ -8,11 +8,13 @@ from collections.abc import Sequence
 from legfem.common.units import mpa_to_kpa, percent
 from legfem.inverse.averaging import as_seen, robust_interval, widened_by
 from legfem.inverse.catalogue import DEEP_C10
+from legfem.inverse.diagnosed_answer import answer_of, best, causes_differ, ends, same_value, wide, widest_error
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.mechanism import Mechanism
 from legfem.inverse.verdict import TRUSTED, Diagnosis
 from legfem.report import page as web
-from legfem.report.diagnosis_curves import determined, places_of, relative_change
+from legfem.report.answers import headline_of
+from legfem.report.diagnosis_curves import places_of, relative_change
 from legfem.report.diagnosis_sentences import (
     aside_sentence,
     hidden_sentence,
@@ -24,14 +26,14 @@ from legfem.report.diagnosis_sentences import (
     statements,
 )
 from legfem.report.estimates import high_or_low
-from legfem.report.words import MODULI, capital, moduli_text, number, share
+from legfem.report.words import capital, number, share
 
 TITLE = "Can the stiffness of {kind} ‘{id}’ be trusted?"
 _MOST_CAUSES = 2
 """That find room on the first screen of a phone."""
 
 
-def headline(found: Diagnosis, plan: Sequence[str], tissue: str = "") -> web.Headline:
+def headline(found: Diagnosis, plan: Sequence[str], tissue: str = "", doubts: int = 0) -> web.Headline:
     """Return the verdict for someone who knows no statistics.
 
     Parameters
@@ -42,12 +44,12 @@ def headline(found: Diagnosis, plan: Sequence[str], tissue: str = "") -> web.Hea
         What could be done next, each with its chance, the best first.
     tissue
         Of a leg, whose C10 it is.
+    doubts
+        How many inputs are unlikely.
     """
-    tone, heading = _answer(found)
     aside = "" if found.aside is None else f"{aside_sentence(found.aside)} "
-    return web.Headline(
-        tone,
-        _write_down(found),
+    return headline_of(
+        answer_of(found, doubts),
         [
             ("Problems found", aside + _wrong(found)),
             ("How sure", _sure(found)),
@@ -55,58 +57,12 @@ def headline(found: Diagnosis, plan: Sequence[str], tissue: str = "") -> web.Hea
             ("What to do", to_do(found, plan)),
             *_high_or_low(found, tissue),
         ],
-        heading,
     )
-
-
-def _answer(found: Diagnosis) -> tuple[web.Tone, str]:
-    """Return how the verdict looks, and the answer to the page's title."""
-    if found.withheld:
-        return "wrong", "No."
-    if found.verdict == "unexplained":
-        return "caution", f"Good enough: the model misses by {share(found.misfit.size)} of the largest force."
-    if _wide(found):
-        fits = "The model fits" if found.verdict == "consistent" else "The corrected model fits"
-        if found.models and found.models[0].missing:
-            fits += ", but not in all parts"
-        elif found.verdict == "named" and found.models[0].in_part:
-            fits += " in part"
-        return "caution", f"{fits}, and C10 may be off by {percent(found.may_be_off)}."
-    if found.verdict == "consistent":
-        return ("sound", "Yes.") if found.aside is None else ("caution", f"Yes, without {found.aside.described}.")
-    if found.verdict == "named" and found.models[0].in_part:
-        return "caution", f"In part: use the corrected one, which may be off by {percent(found.may_be_off)}."
-    if found.verdict == "named" or _alike(found):
-        return "caution", "Yes, but use the corrected one."
-    return "open", "Only as a range."
-
-
-def _write_down(found: Diagnosis) -> str:
-    if found.withheld:
-        return "Report no number."
-    if DEEP_C10 not in found.base_model.fit.free:
-        return "C10 was given, not found."
-    (low, high), best = _within(found), _best(found)
-    if not _causes_differ(found) and not determined(best, DEEP_C10):
-        return "Report no number: this test cannot determine C10."
-    if _causes_differ(found) or _wide(found):
-        only = "" if _causes_differ(found) else f" ({_value(found, best)} if no hidden effect is present)"
-        return f"Report a range: C10 between {low} and {high} kPa{only}, {_moduli_between(found)}."
-    c10, error = mpa_to_kpa(best.value(DEEP_C10)), _standard_error(found)
-    return f"Report: C10 = {_value(found, best)} kPa ({low} to {high}), {moduli_text(c10, error)}."
-
-
-def _moduli_between(found: Diagnosis) -> str:
-    """Return between which values the moduli lie that belong to C10."""
-    ends = [mpa_to_kpa(end) for end in _ends(found)]
-    spread = (ends[1] - ends[0]) / 4
-    shear, young = (" and ".join(number(times * end, times * spread) for end in ends) for times in MODULI)
-    return f"shear modulus G between {shear} kPa, Young's modulus E between {young} kPa"
 
 
 def _wrong(found: Diagnosis) -> str:
     if found.verdict == "consistent":
-        hides = f" But not every problem would show: {_hides(found)}" if _wide(found) else ""
+        hides = f" But not every problem would show: {_hides(found)}" if wide(found) else ""
         none = "None." if found.aside is None else "No other problem."
         return f"{none}{hides} What this test cannot show is listed further down."
     if found.verdict == "unexplained" and not found.withheld:
@@ -142,13 +98,13 @@ def _hides(found: Diagnosis) -> str:
 def _unseen(found: Diagnosis) -> list[Mechanism]:
     """Return what every leg has and the recordings don't show, but what is named."""
     every = (one.mechanism for one in found.weighted_base.problem.unseen)
-    return [one for one in every if one.name not in _best(found).names]
+    return [one for one in every if one.name not in best(found).names]
 
 
 def _by_what_is_unseen(found: Diagnosis) -> bool:
     """Return whether C10 is known as a range alone for what every leg has and the recordings don't show."""
-    ends, value = robust_interval(as_seen(found.explained), DEEP_C10), _best(found).value(DEEP_C10)
-    return _wide(found) and ends is not None and max(abs(end / value - 1.0) for end in ends) <= TRUSTED
+    ends, value = robust_interval(as_seen(found.explained), DEEP_C10), best(found).value(DEEP_C10)
+    return wide(found) and ends is not None and max(abs(end / value - 1.0) for end in ends) <= TRUSTED
 
 
 def _place(found: Diagnosis) -> str:
@@ -194,7 +150,7 @@ def _stiffness(found: Diagnosis) -> str:
     before = _value(found, found.base_model)
     if found.verdict == "unexplained":
         return f"{_C10}, is {before} kPa; the misfit changes it by {share(found.misfit.moves)} at most."
-    if found.verdict == "consistent" and _wide(found):
+    if found.verdict == "consistent" and wide(found):
         return (
             f"{_C10}, is {before} kPa if no effect is hidden; a hidden effect could change it by "
             f"{percent(found.may_be_off)}."
@@ -202,8 +158,8 @@ def _stiffness(found: Diagnosis) -> str:
     if found.verdict == "consistent":
         return f"{_C10}, is {before} kPa; no correction is needed."
     after = [_value(found, model) for model in found.models]
-    if found.verdict == "named" or _alike(found):
-        change = relative_change(found.base_model.value(DEEP_C10), found.models[0].value(DEEP_C10)).lstrip("+")
+    if found.verdict == "named" or same_value(found):
+        change = relative_change(found.base.value(DEEP_C10), found.models[0].value(DEEP_C10)).lstrip("+")
         way = "lower" if change.startswith("-") else "higher"
         causes = "" if found.verdict == "named" else ", whichever cause it is"
         return (
@@ -239,56 +195,22 @@ def _high_or_low(found: Diagnosis, tissue: str) -> list[tuple[str, str]]:
     """Return how the number to write down compares with others', where there is one."""
     if found.withheld or DEEP_C10 not in found.base_model.fit.free:
         return []
-    if _causes_differ(found):
-        return high_or_low(tissue, *(float(end) for end in _within(found)))
-    best = _best(found)
-    return high_or_low(tissue, mpa_to_kpa(best.value(DEEP_C10))) if determined(best, DEEP_C10) else []
-
-
-def _alike(found: Diagnosis) -> bool:
-    """Return whether C10 is the same for all causes, as far as it is known."""
-    return DEEP_C10 in found.base_model.fit.free and len({_value(found, m) for m in found.models}) == 1
-
-
-def _causes_differ(found: Diagnosis) -> bool:
-    """Return whether C10 depends on which of several causes it is."""
-    return found.verdict == "ambiguous" and not _alike(found)
-
-
-def _best(found: Diagnosis) -> Explanation:
-    return found.models[0] if found.models else found.base_model
+    if causes_differ(found):
+        low, high = map(mpa_to_kpa, ends(found))
+        return high_or_low(tissue, *(float(number(end, (high - low) / 4)) for end in (low, high)))
+    model = best(found)
+    return high_or_low(tissue, mpa_to_kpa(model.value(DEEP_C10))) if model.determined(DEEP_C10) else []
 
 
 def _value(found: Diagnosis, model: Explanation) -> str:
-    return number(mpa_to_kpa(model.value(DEEP_C10)), _standard_error(found))
-
-
-def _standard_error(found: Diagnosis) -> float:
-    """Return the widest of the explanations' standard errors of C10, by which its digits are chosen."""
-    ends = [one.shown(DEEP_C10).ci95 for one in (found.base_model, *found.models)]
-    return max(high - low for low, high in ends) / 4
-
-
-def _within(found: Diagnosis) -> tuple[str, str]:
-    """Return between which values C10 lies (kPa), over all explanations."""
-    low, high = map(mpa_to_kpa, _ends(found))
-    return number(low, (high - low) / 4), number(high, (high - low) / 4)
-
-
-def _ends(found: Diagnosis) -> tuple[float, float]:
-    return found.intervals.get(DEEP_C10) or _best(found).interval(DEEP_C10)
-
-
-def _wide(found: Diagnosis) -> bool:
-    """Return whether C10 is known as a range alone: what is hidden may move it."""
-    return not found.withheld and not _causes_differ(found) and found.may_be_off > TRUSTED
+    return number(mpa_to_kpa(model.value(DEEP_C10)), widest_error(found))
 
 
 def to_do(found: Diagnosis, plan: Sequence[str]) -> str:
     """Return what to do with the number, and what to ask a lab for."""
     lines = next_experiments(found)
     consistent = found.verdict == "consistent"
-    widest = widened_by(found.explained, DEEP_C10) if _wide(found) and consistent else None
+    widest = widened_by(found.explained, DEEP_C10) if wide(found) and consistent else None
     if _by_what_is_unseen(found) and consistent:
         why = ", and because ".join(one.unseen_statement for one in _unseen(found))
         return f"Use the range. It is so wide because {why}. To narrow it, ask the lab to {'; and to '.join(lines)}."
@@ -301,7 +223,7 @@ def to_do(found: Diagnosis, plan: Sequence[str]) -> str:
         if not one_rate(found):
             return "Use the number together with the law that it belongs to. No other test is needed."
         return f"Use the number above. If the behaviour over time matters, ask the lab to {lines[0]}."
-    use = "Use the corrected number" if found.verdict == "named" and not _wide(found) else "Use the range"
+    use = "Use the corrected number" if found.verdict == "named" and not wide(found) else "Use the range"
     if not plan and not lines:
         return f"{use}."
     what, _, chance = plan[0].partition(": ") if plan else (lines[0], "", "")
@@ -314,7 +236,7 @@ def to_do(found: Diagnosis, plan: Sequence[str]) -> str:
         )
     if found.verdict == "named":
         return f"{use}. To confirm the cause, {asked}."
-    kept = "the corrected number" if _alike(found) else "the range, and no single number"
+    kept = "the corrected number" if same_value(found) else "the range, and no single number"
     return f"Use {kept}. To find out which cause it is, {asked}."
 
 

@@ -290,7 +290,7 @@ def estimate(model: Explanation, name: str) -> str:
 
 def interval(model: Explanation, name: str) -> str:
     """Return a parameter's 95 % interval."""
-    if not diagnosis_curves.determined(model, name):
+    if not model.determined(name):
         return "not narrowed by this test"
     return _between(model.shown(name).ci95)
 
@@ -311,7 +311,7 @@ def flag(model: Explanation, name: str, null: float | None) -> str:
     """Return a warning on a parameter, or nothing."""
     if name in model.fit.at_bound:
         return "AT THE BOUND of its search"
-    if not diagnosis_curves.determined(model, name):
+    if not model.determined(name):
         return "NOT DETERMINED by these recordings"
     low, high = model.interval(name)
     if null is not None and low <= null <= high:

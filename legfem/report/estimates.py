@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.special import chdtrc
 
 from legfem.common.units import mpa_to_kpa, readable_unit
 from legfem.data.ranges import PUBLISHED_C10, Published
 from legfem.data.recording import Origin
 from legfem.inverse.catalogue import UNITS, parameter_of, symbol_of, unit_of
+from legfem.inverse.chosen import SIGNIFICANT, gain_of, misfit_of
 from legfem.inverse.comparison import ErrorSource
 from legfem.inverse.elastography import ShearModulus
 from legfem.inverse.estimates import DISPLACEMENT, FORCE, Estimate, main_source
@@ -125,11 +125,6 @@ def how_found(results: Sequence[Fit[Any]]) -> list[Block]:
             caption = f"Correlations of the errors, {LAW_NAMES[r.law]} law"
             blocks.append(WebTable(caption, ["", *symbols], rows, folded=True))
     return blocks
-
-
-def stiffness_sentence(found: Estimate, tissue: str) -> str:
-    """C10 with its interval, and the moduli at small strain that belong to it, as a page's first words."""
-    return f"{tissue} stiffness C10 = {value_text(found)} ({interval_text(found)}), {moduli_of(found)}"
 
 
 def moduli_of(found: Estimate) -> str:
@@ -256,17 +251,13 @@ def unknown_among(parameters: Mapping[str, Estimate]) -> list[str]:
     return [symbol_of(name) for name, found in parameters.items() if found.identifiability != "identifiable"]
 
 
-# Below this, chance doesn't explain what a further parameter gains.
-_SIGNIFICANT = 0.01
-
-
 def comparison(results: Sequence[Fit[Any]]) -> list[str]:
     """Return sentences on how well each law fits, and which is better by how much."""
     lines = [_goodness(result) for result in results]
     if len(results) < 2:
         return lines
-    better, worse = sorted(results, key=_misfit)[:2]
-    if better.neo_hookean_limit or _misfit(worse) <= _misfit(better) * (1 + 1e-9):
+    better, worse = sorted(results, key=misfit_of)[:2]
+    if better.neo_hookean_limit or misfit_of(worse) <= misfit_of(better) * (1 + 1e-9):
         return [*lines, "Both laws fit equally well: the best reduced polynomial is neo-Hookean (C20 = 0)."]
     ratio = _number(worse.cost.value / max(better.cost.value, 1e-300))
     costs = (
@@ -276,8 +267,8 @@ def comparison(results: Sequence[Fit[Any]]) -> list[str]:
     name = LAW_NAMES[better.law]
     if len(better.estimates) <= len(worse.estimates):
         return [*lines, f"The {name} law fits better: its {costs}."]
-    gain, chance = _gain(better, worse)
-    if chance < _SIGNIFICANT:
+    gain, chance = gain_of(better, worse)
+    if chance < SIGNIFICANT:
         return [
             *lines,
             f"The {name} law fits better: its {costs}.",
@@ -288,28 +279,6 @@ def comparison(results: Sequence[Fit[Any]]) -> list[str]:
         f"The {name} law's {costs}, but its additional parameter is not needed: chi-square "
         f"changes by {-gain:+.2g} ({fit_probability(chance)}), no more than noise alone would change it.",
     ]
-
-
-def preferred(results: Sequence[Fit[Any]]) -> Fit[Any]:
-    """Return the law that the data ask for: the better fit, unless chance explains that it is."""
-    better, *others = sorted(results, key=_misfit)
-    if not others:
-        return better
-    fewer = len(better.estimates) > len(others[0].estimates)
-    by_chance = fewer and _gain(better, others[0])[1] >= _SIGNIFICANT
-    return others[0] if by_chance or better.neo_hookean_limit else better
-
-
-def _gain(better: Fit[Any], worse: Fit[Any]) -> tuple[float, float]:
-    """Return by how much chi-square falls with further parameters, and the chance of that."""
-    gain = worse.goodness.chi_square - better.goodness.chi_square
-    extra = len(better.estimates) - len(worse.estimates)
-    return gain, float(chdtrc(extra, gain)) if gain > 0 else 1.0
-
-
-def _misfit(result: Fit[Any]) -> float:
-    """What laws are compared by: the cost that was minimised, without priors."""
-    return result.cost.value if result.weighting == "paper" else result.goodness.chi_square
 
 
 def _goodness(result: Fit[Any]) -> str:

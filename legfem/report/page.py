@@ -8,6 +8,7 @@ from datetime import date
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
+from legfem.inverse.answer import Tone
 from legfem.report.curves import Bundle, Curves, Forest, SortableTable
 from legfem.report.folder import ReportFile
 from legfem.report.style import BONE_COLOUR, REGION_COLOURS, REGION_NAMES
@@ -15,7 +16,6 @@ from legfem.report.style import BONE_COLOUR, REGION_COLOURS, REGION_NAMES
 PAGE = "report.html"
 TESTED = "What was tested"
 """A chapter of many pages."""
-Tone = Literal["sound", "caution", "open", "wrong"]
 Provenance = Literal["measured", "reconstructed", "simulated", "estimated", "computed", "assumed", "prior"]
 TONES: Mapping[Tone, str] = {
     "sound": "The model fits",
@@ -47,6 +47,16 @@ class Headline:
     heading: str = ""
     """In place of the tone's, where a page judges no model."""
 
+    @property
+    def shown_heading(self) -> str:
+        """The heading, else the tone's."""
+        return self.heading or TONES[self.tone]
+
+    @property
+    def said(self) -> str:
+        """Heading and sentence, as one line."""
+        return f"{self.shown_heading.rstrip('.')}. {self.sentence}"
+
     def doubted(self, doubts: int) -> "Headline":
         """Return the verdict where some of what was given is unlikely: whatever the model says rests on that.
 
@@ -69,7 +79,7 @@ class Headline:
             answers=[(question, _then(first.get(question, ""), answer)) for question, answer in self.answers],
             heading=self.heading
             if self.tone == "wrong"
-            else _then("Check the doubtful input first. If it is right: ", self.heading or TONES[self.tone]),
+            else _then("Check the doubtful input first. If it is right: ", self.shown_heading),
         )
 
 

@@ -1,6 +1,7 @@
 """A plan in sentences and numbers: which tests would show which effects."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from legfem.common.errors import Doubt, doubt_lines
@@ -120,21 +121,27 @@ def _shown(one: DesignValue, names: Sequence[str], low: float, high: float) -> l
     return [plain(name) for name in names if low <= one.chances[name, NOTHING] <= high]
 
 
+def first_lines(tests: Sequence[str]) -> web.Headline:
+    """Return a plan's heading and sentence, of the tests' names, the most informative first."""
+    if tests:
+        return web.Headline("sound", f"Do this test first: {tests[0]}.", [], _HEADING)
+    sentence = "No test could be weighed: the leg's responses don't reach the depth."
+    return web.Headline("wrong", sentence, [("What to do", "Plan a less deep test (--depth).")], _HEADING)
+
+
+_HEADING = "What to test"
+
+
 def _headline(ranked: Sequence[DesignValue], names: Sequence[str]) -> web.Headline:
-    heading = "What to test"
+    first = first_lines([one.design.name for one in ranked])
     if not ranked:
-        return web.Headline(
-            "wrong",
-            "No test could be weighed: the leg's responses don't reach the depth.",
-            [("What to do", "Plan a less deep test (--depth).")],
-            heading,
-        )
+        return first
     best = ranked[0]
     shown, unseen = _shown(best, names, _LIKELY, 1.0), _never(ranked, names)
-    return web.Headline(
-        "caution" if unseen else "sound",
-        f"Do this test first: {best.design.name}.",
-        [
+    return replace(
+        first,
+        tone="caution" if unseen else "sound",
+        answers=[
             (
                 "What it would show",
                 f"If present, these effects are detected with a chance of 80 % or more: {', '.join(shown)}."
@@ -154,7 +161,6 @@ def _headline(ranked: Sequence[DesignValue], names: Sequence[str]) -> web.Headli
             ),
             ("What to do", "Make the test, then diagnose the recordings."),
         ],
-        heading,
     )
 
 

@@ -84,7 +84,7 @@ def _opening(page: web.WebPage, underlined: bool) -> list[str]:
     return [
         f"{page.title}{line}\n{page.subject}",
         f"*** {what.upper()} ***" + (f" ({explanation}" if explanation else ""),
-        fill(f"{(given.heading or web.TONES[given.tone]).upper().rstrip('.')}. {given.sentence}"),
+        fill(f"{given.shown_heading.upper().rstrip('.')}. {given.sentence}"),
         bullets(answers),
         *([f"Warnings{page.warned}:\n{bullets(page.warnings)}"] if page.warnings else []),
     ]
@@ -162,7 +162,7 @@ def markdown_page(page: web.WebPage) -> str:
     parts = [
         f"# {_text(page.title)}",
         f"{_text(page.subject)}. **{_text(page.data or ORIGINS[page.origin])}**",
-        f"**{_text((given.heading or web.TONES[given.tone]).rstrip('.'))}.** {_text(given.sentence)}",
+        f"**{_text(given.shown_heading.rstrip('.'))}.** {_text(given.sentence)}",
         _bullets([f"{question}: {answer}" for question, answer in given.answers]),
     ]
     if page.warnings:
@@ -257,7 +257,7 @@ def rendered(page: web.WebPage) -> str:
     kinds = {block.kind for block in blocks}
     return environment.get_template("report.html").render(
         page=page,
-        tone=page.headline.heading or web.TONES[page.headline.tone],
+        tone=page.headline.shown_heading,
         data=page.data or ORIGINS[page.origin],
         provenances=web.PROVENANCE,
         scripts=list(dict.fromkeys(name for kind in _SCRIPTS if kind in kinds for name in _SCRIPTS[kind])),

@@ -11,6 +11,8 @@ from mpi4py import MPI
 from legfem.common.documents import write_document
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.fem.field_files import write_fields
+from legfem.inverse.catalogue import DEEP_C10
+from legfem.inverse.chosen import preferred
 from legfem.inverse.document import fit_document
 from legfem.inverse.fit import Fit
 from legfem.inverse.verdict import Diagnosis
@@ -24,7 +26,6 @@ from legfem.report.curves import curves_figure
 from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_curves import recording_figure
 from legfem.report.diagnosis_signatures import signatures_of
-from legfem.report.estimates import preferred
 from legfem.report.folder import NUMBERS, REPORT, RESULT, ReportFile, keep_another, made_in_place
 from legfem.report.kinds import kind_of
 from legfem.report.leg_figure import SECTION_SHOWS, placement_figure

@@ -6,10 +6,11 @@ import numpy as np
 
 from legfem.common.units import FloatArray, percent
 from legfem.inverse.catalogue import RATIO, is_ratio, symbol_of
-from legfem.inverse.fit import least_akaike
+from legfem.inverse.chosen import least_akaike
 from legfem.inverse.readings import RELAXATION
 from legfem.report import estimates
 from legfem.report import page as web
+from legfem.report.answers import headline_of
 from legfem.report.curves import Curves, Dash, Line
 from legfem.report.face_profile import face_profile
 from legfem.report.further_channels import drawn
@@ -19,7 +20,7 @@ from legfem.report.specimen_sentences import SpecimenFit, followed, origin_text,
 from legfem.report.style import DATA_COLOUR, LAW_COLOURS, LAW_NAMES
 from legfem.report.words import capital, fit_probability
 from legfem.specimens.artefacts import KNOW_THE_RIG
-from legfem.specimens.details import SampleFit, compared, rms_percent
+from legfem.specimens.details import SampleFit, compared
 from legfem.specimens.sizes import sizes_text
 
 _MOST_CURVES = 6
@@ -39,7 +40,7 @@ def specimen_page(results: Sequence[SpecimenFit], command: str = "") -> web.WebP
         title=f"How stiff is the tissue of specimen {best.details.folder.id}?",
         subject=best.details.folder.title,
         origin=best.details.folder.origin,
-        headline=_headline(best).doubted(best.doubts),
+        headline=_headline(best),
         warnings=sentences_of((best, *results)),
         known=_known(results),
         chapters=[
@@ -70,7 +71,6 @@ def specimen_page(results: Sequence[SpecimenFit], command: str = "") -> web.WebP
 
 
 def _headline(best: SpecimenFit) -> web.Headline:
-    law = LAW_NAMES[best.law]
     values = "; ".join(
         f"{_words(name)}: no value, since the search stopped at its {found.at_bound} bound"
         if found.at_bound and found.parameter.scale == "log"
@@ -78,23 +78,10 @@ def _headline(best: SpecimenFit) -> web.Headline:
         for name, found in best.estimates.items()
         if found.parameter.role == "identified"
     )
-    unsure = estimates.unknown_among(best.estimates)
-    thickness = best.details.thickness
     agreement = best.details.agreement
-    finding = thickness or (agreement if agreement and agreement.disagree else None)
-    doubtful = unsure or best.details.left_out or finding
-    tone: web.Tone = "wrong" if not best.goodness.fits else "caution" if doubtful else "sound"
-    fitted = sum(one.fitted for one in best.tests)
-    together = "the recording" if fitted == 1 else f"the {fitted} recordings together"
-    by = f"{rms_percent(best):.2g} % of the greatest force"
-    does = (
-        f"describes {together} within {by}"
-        if best.goodness.fits
-        else f"misses {together} by {by} (rms), more than measurement errors explain"
-    )
-    return web.Headline(
-        tone,
-        f"{_stiffness(best)}The {law} law {does}.",
+    finding = best.details.thickness or (agreement if agreement and agreement.disagree else None)
+    return headline_of(
+        best.answer,
         [
             (
                 "Problems found",
@@ -117,17 +104,6 @@ def _unused(best: SpecimenFit) -> str:
     if not count:
         return ""
     return f" {count} recording{'s were' if count > 1 else ' was'} not used: the warnings say why."
-
-
-def _stiffness(best: SpecimenFit) -> str:
-    """The asked numbers as sentences; nothing where no C10 was free, or the law doesn't fit."""
-    if not best.goodness.fits:
-        return ""
-    found = {name.removesuffix(".C10"): one for name, one in best.estimates.items() if name.endswith(".C10")}
-    return "".join(
-        f"{estimates.stiffness_sentence(one, 'Tissue' if layer == 'deep' else capital(layer))}. "
-        for layer, one in found.items()
-    )
 
 
 _RELAXATION_WORDS = {

@@ -5,6 +5,7 @@ import numpy as np
 from legfem.common.units import mpa_to_kpa, mpa_to_mmhg
 from legfem.report import page as web
 from legfem.report import stocking_pressures, stocking_stiffness
+from legfem.report.answers import headline_of
 from legfem.report.dressed_leg import dressed_leg
 from legfem.report.estimates import modulus_rows
 from legfem.report.notices import sentences_of
@@ -206,7 +207,7 @@ def stocking_web_page(fit: StockingFit, command: str = "") -> web.WebPage:
         title=f"What does the compression stocking do to leg {leg.id}?",
         subject=leg.title,
         origin=leg.origin,
-        headline=_headline(fit).doubted(fit.doubts),
+        headline=_headline(fit),
         warnings=sentences_of([fit]),
         known=known_of(fit),
         chapters=chapters,
@@ -217,68 +218,20 @@ def stocking_web_page(fit: StockingFit, command: str = "") -> web.WebPage:
 
 def _headline(fit: StockingFit) -> web.Headline:
     details = fit.details
-    return web.Headline(
-        _tone(fit),
-        _sentence(details),
+    return headline_of(
+        fit.answer,
         [
             ("Problems found", _wrong(details)),
             ("How sure", _sure(fit)),
             ("What it means for comfort", _comfort(details)),
             ("What to do", _next(fit)[0]),
         ],
-        _heading(fit),
     )
-
-
-def _heading(fit: StockingFit) -> str:
-    """Return what can be relied on, and what is uncertain."""
-    details = fit.details
-    if details.pressures is None:
-        return "There is no answer"
-    if _tone(fit) == "wrong":
-        return "The model does not fit"
-    unsure = _unsure(fit)
-    if unsure:
-        return f"The pressures can be used; the stiffness of the {' and the '.join(unsure)} is uncertain"
-    if details.discrepancy is None:
-        return "The pressures can be used; the tissues' stiffness was given and not tested"
-    return "The model fits"
-
-
-def _unsure(fit: StockingFit) -> list[str]:
-    """Return the tissues whose stiffness isn't identifiable."""
-    return [TISSUES[name] for name, known in fit.estimates.items() if known.identifiability != "identifiable"]
 
 
 def _misses(details: StockingDetails) -> bool:
     best = details.best
     return best is not None and model_misses(best, details.leg.accuracy)
-
-
-def _tone(fit: StockingFit) -> web.Tone:
-    details = fit.details
-    verdict = None if details.discrepancy is None else details.discrepancy.verdict
-    if details.pressures is None or verdict == "unexplained" or _misses(details):
-        return "wrong"
-    return "sound" if verdict == "consistent" and not _unsure(fit) and details.equilibrium.converged else "caution"
-
-
-def _sentence(details: StockingDetails) -> str:
-    found = details.pressures
-    if found is None:
-        return "The leg in its stocking could not be computed: there are no pressures inside it."
-    ankle = stocking_pressures.sentence_at_ankle(details)
-    text = f"{ankle} " if ankle else ""
-    text += f"The stocking presses on the skin with {mpa_to_mmhg(found.mean_interface):.0f} mmHg on average"
-    at_veins = [p for p in found.at_veins if np.isfinite(p)]
-    if not at_veins:
-        return f"{text}, {mpa_to_mmhg(found.greatest_interface):.0f} mmHg at most."
-    low, high = (f"{mpa_to_mmhg(p):.0f}" for p in (min(at_veins), max(at_veins)))
-    span = low if low == high else f"{low} to {high}"
-    return (
-        f"{text}; at the deep veins the pressure is {span} mmHg "
-        f"({stocking_pressures.share_of(at_veins, found.mean_interface)} of the mean on the skin)."
-    )
 
 
 def _wrong(details: StockingDetails) -> str:
@@ -331,7 +284,7 @@ def _next(fit: StockingFit) -> list[str]:
             "segmentation, the registration, and the stocking's size."
         ]
     lines = []
-    unsure = _unsure(fit)
+    unsure = [TISSUES[name] for name in fit.answer.parameters["unsure"]]
     if unsure:
         lines.append(
             f"Do not rely on the stiffness of the {' and the '.join(unsure)}: these scans do not "

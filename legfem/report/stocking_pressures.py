@@ -1,6 +1,7 @@
 """Pressures of a stocking on its page: the leg in 3D, tables and bars, in words."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -379,13 +380,9 @@ _BESIDE = {"within": "within", "too low": "too low for", "too high": "too high f
 _UNSURE = "which may or may not be within"
 
 
-def sentence_at_ankle(details: StockingDetails) -> str:
-    """Return the pressure at B beside the class; empty where B isn't in the modelled part, or no fabric was given."""
-    if details.leg.makers.assumed_fabric:
-        return ""
-    for one in details.at_levels:
-        if one.level == "B":
-            of_class = f"class {details.leg.makers.intended_class} ({_span(one.limits)} mmHg)"
-            beside = "" if one.limits is None else f", {_BESIDE.get(one.verdict, _UNSURE)} {of_class}"
-            return f"At the ankle (B) the stocking presses with {_pressure(one)} mmHg{beside}."
-    return ""
+def sentence_at_ankle(ankle: Mapping[str, Any]) -> str:
+    """Return the pressure at B beside the class, of a `legfem.stockings.details.StockingDetails.answer`."""
+    of_class = f"class {ankle['class']} ({_span(ankle['limits'])} mmHg)"
+    beside = "" if ankle["limits"] is None else f", {_BESIDE.get(ankle['verdict'], _UNSURE)} {of_class}"
+    low, high = ankle["ci95"]
+    return f"At the ankle (B) the stocking presses with {ankle['mean']:.1f} ({low:.1f} to {high:.1f}) mmHg{beside}. "

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from legfem.common.units import FloatArray
+from legfem.common.units import FloatArray, decimals
 from legfem.geometry.leg_shape import LegShape
 
 ORIGINS = {
@@ -66,8 +66,7 @@ def number(value: float, spread: float = math.nan) -> str:
     if value == 0 and not (math.isfinite(spread) and spread > 0):
         return "0"
     if math.isfinite(spread) and spread > 0:
-        digits = -math.floor(math.log10(0.65 * spread))
-        return f"{value:.{min(max(digits, 0), 6)}f}" if value != 0 or digits <= 6 else "0"
+        return f"{value:.{decimals(spread)}f}" if value != 0 or spread > 1e-7 else "0"
     return f"{value:.3g}"
 
 

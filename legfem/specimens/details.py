@@ -19,12 +19,15 @@ from scipy.special import logsumexp, softmax
 from scipy.stats import norm
 
 from legfem.common.units import FloatArray, percent
+from legfem.inverse.answer import Answer
 from legfem.inverse.catalogue import DEEP_C10, Values, key_of, symbol_of
+from legfem.inverse.chosen import least_akaike
 from legfem.inverse.comparison import ErrorSource
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import (
     Fit,
     TestFit,
+    answer_of,
     at_limits,
     far_from_priors,
     of_compromise,
@@ -293,6 +296,12 @@ class SpecimenDetails:
     agreement: TestsAgreement | None = None
     """Of several tests, on one set of constants."""
 
+    def answer(self, fit: Fit["SpecimenDetails"]) -> Answer:
+        """Return what the specimens' fit says; what wasn't used, or tests that disagree, limit it."""
+        disagree = self.agreement is not None and self.agreement.disagree
+        limited = bool(self.left_out or self.thickness or disagree)
+        return answer_of(fit, limited, rms_percent=rms_percent(fit))
+
 
 @dataclass(frozen=True)
 class Weighed:
@@ -401,6 +410,8 @@ def rms_percent(fit: Fit[SpecimenDetails]) -> float:
 
 class SpecimenDocument:
     """A `legfem.inverse.document.KindDocument`."""
+
+    chosen = staticmethod(least_akaike)
 
     def of_fit(self, fit: Fit[SpecimenDetails]) -> dict[str, Any]:
         """How recordings and specimens differ."""

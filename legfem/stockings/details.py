@@ -9,12 +9,14 @@ import numpy as np
 from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.geometry.leg_shape import fat_thickness_around
 from legfem.geometry.slices import CONTOURS
+from legfem.inverse.answer import Answer, Finding, Tone
 from legfem.inverse.catalogue import key_of
-from legfem.inverse.fit import Fit
+from legfem.inverse.chosen import preferred
+from legfem.inverse.fit import Fit, answer_of
 from legfem.stockings.contour_distances import ContourMisfit
 from legfem.stockings.discrepancy import ModelDiscrepancy
 from legfem.stockings.equilibrium import Equilibrium, LegModel3D
-from legfem.stockings.estimates import expected_rms
+from legfem.stockings.estimates import expected_rms, model_misses
 from legfem.stockings.fabric import StockingLoad, stocking_load
 from legfem.stockings.leg import ComparedSensor, StockingLeg
 from legfem.stockings.levels import LevelPressure, PressureAlong, pressures_at_levels
@@ -76,6 +78,31 @@ class StockingDetails:
     discrepancy: ModelDiscrepancy | None = None
     problem: str = ""
 
+    def answer(self, fit: "StockingFit") -> Answer:
+        """Return what the fit says: the pressures, and whether model and scan agree."""
+        found, unsure = self.pressures, [n for n, k in fit.estimates.items() if k.identifiability != "identifiable"]
+        verdict = None if self.discrepancy is None else self.discrepancy.verdict
+        misses = self.best is not None and model_misses(self.best, self.leg.accuracy)
+        finding = Finding.MISFIT if verdict == "unexplained" or misses else Finding.FITS
+        finding = Finding.NOT_COMPUTED if found is None else finding
+        sound = verdict == "consistent" and not unsure and self.equilibrium.converged
+        tone: Tone = "wrong" if finding is not Finding.FITS else "sound" if sound else "caution"
+        told: dict[str, Any] = {"unsure": tuple(unsure), "tested": self.discrepancy is not None, "ankle": None}
+        if found is not None:
+            veins = tuple(float(one) for one in found.at_veins if np.isfinite(one))
+            told |= {"mean": found.mean_interface, "greatest": found.greatest_interface, "veins": veins}
+            told["ankle"] = None if self.leg.makers.assumed_fabric else self._at_ankle
+        return replace(answer_of(fit, **told), finding=finding, tone=tone)
+
+    @property
+    def _at_ankle(self) -> dict[str, Any] | None:
+        """Pressure at B (mmHg) beside the class; None where B isn't in the modelled part."""
+        one = next((one for one in self.at_levels if one.level == "B"), None)
+        if one is None:
+            return None
+        known = {"mean": one.mean, "ci95": one.ci95, "limits": one.limits, "verdict": one.verdict}
+        return {**known, "class": str(self.leg.makers.intended_class)}
+
     @property
     def tetrahedra(self) -> int:
         """Number of tetrahedra of the mesh, on all ranks."""
@@ -104,6 +131,8 @@ class StockingDetails:
 
 class StockingDocument:
     """What ``result.json`` has beside that of any fit; a `legfem.inverse.document.KindDocument`."""
+
+    chosen = staticmethod(preferred)
 
     def of_fit(self, fit: StockingFit) -> dict[str, Any]:
         """Stiffness that the pressures are of, the best fit, fabric, pressures, and the state as worn."""

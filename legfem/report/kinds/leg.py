@@ -8,7 +8,9 @@ from matplotlib.figure import Figure
 
 from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.data import LoadingCurve
+from legfem.inverse.answer import Finding
 from legfem.inverse.catalogue import DEEP_C10, LawName, symbol_of
+from legfem.inverse.chosen import preferred
 from legfem.inverse.document import KindDocument
 from legfem.inverse.fit import Fit
 from legfem.legs.details import LegDetails, LegDocument, SpatialEvidence, SpatialSites
@@ -16,6 +18,7 @@ from legfem.legs.site import curve_of
 from legfem.legs.subject import Subject
 from legfem.report import estimates
 from legfem.report import page as web
+from legfem.report.answers import headline_of
 from legfem.report.curves import Curves, Dash, Line, curves_figure
 from legfem.report.folder import ReportFile
 from legfem.report.further_channels import SHOWS, channel_lines, channels_figure, drawn
@@ -62,7 +65,7 @@ class LegReport(ReportKind):
         """Return force and misfit of each law, site by site."""
         found = [f"{LAW_NAMES[fit.law]}: {_short_values(fit)}, rms {fit.cost.rms:.3g} N" for fit in fits]
         what = "\n".join(["Measured and simulated force" + " of all sites together" * _several(fits[0]), *found])
-        blocks = _curves(fits, estimates.preferred(fits))
+        blocks = _curves(fits, preferred(fits))
         return curves_figure(blocks, what, fits[0].subject.title, fits[0].subject.origin)
 
     def files(self, fits: Sequence[LegFit], folder: Path) -> list[ReportFile]:
@@ -100,14 +103,14 @@ def leg_page(
     note
         On the solve that pressed it.
     """
-    chosen = estimates.preferred(fits)
+    chosen = preferred(fits)
     leg, several = chosen.details.leg, _several(chosen)
     where = f", from {len(leg.sites)} sites together" if several else ""
     return web.WebPage(
         title=f"How stiff is the deep tissue (muscle) of {'leg' if several else 'subject'} {leg.id}{where}?",
         subject=leg.title,
         origin=leg.origin,
-        headline=_headline(chosen).doubted(chosen.doubts),
+        headline=_headline(chosen),
         warnings=sentences_of((chosen, *fits)),
         known=known_of(fits),
         chapters=[
@@ -190,54 +193,40 @@ def _several(fit: LegFit) -> bool:
 
 
 def _headline(chosen: LegFit) -> web.Headline:
-    law, sound = LAW_NAMES[chosen.law], chosen.goodness.fits and chosen.agreement.fits
-    known = not estimates.unknown_among(chosen.estimates)
-    tone: web.Tone = "wrong" if not sound else "sound" if known else "caution"
-    where = f"all {len(chosen.tests)} sites" if _several(chosen) else "this test"
-    if not chosen.agreement.fits:
-        sentence = "The sites disagree about the stiffness."
+    answer, law = chosen.answer, LAW_NAMES[chosen.law]
+    if answer.finding is Finding.TESTS_DISAGREE:
         wrong = _agreement(chosen)
-    elif not sound:
-        what = "these sites" if _several(chosen) else "this test"
-        sentence = f"The model does not describe {what}, so the stiffness it gives cannot be trusted."
+    elif answer.finding is Finding.MISFIT:
         wrong = (
             f"The recordings show an effect that the {law} law leaves out ({fit_probability(chosen.goodness.p_value)})."
         )
     else:
-        sentence = f"{_stiffness(chosen)}. The {law} law describes {where}."
         wrong = "None in the recordings, of which all phases were checked."
         if chosen.weighting == "paper":
             wrong = "None in the loading part of the recordings, which is all that was checked."
         if _suspect(chosen).indenter.lies_along:
             wrong += f" {BEYOND_A_FIT}"
+    no_number = answer.tone == "wrong"
     c10 = _c10_value(chosen)
-    return web.Headline(
-        tone,
-        sentence,
+    return headline_of(
+        answer,
         [
             ("Problems found", wrong),
-            *([("How stiff", f"{_values(chosen)}.")] if _several(chosen) or not sound else []),
+            *([("How stiff", f"{_values(chosen)}.")] if _several(chosen) or no_number else []),
             ("How sure", estimates.how_sure(chosen.estimates)),
             (
                 "Effect on C10",
                 f"{c10} is the best fit, but don't rely on it: its interval does not include the effect that is "
                 f"missing."
-                if tone == "wrong"
+                if no_number
                 else f"C10 is {c10}. If the assumed stiffness of fat or fascia, the "
                 "units or the sizes are wrong, C10 changes: the table of numbers and “What could not be tested” "
                 "say by how much.",
             ),
             ("What to do", _next(chosen)[0]),
-            *_high_or_low(chosen, tone),
+            *([] if no_number else _high_or_low(chosen)),
         ],
     )
-
-
-def _stiffness(chosen: LegFit) -> str:
-    found = chosen.estimates.get(DEEP_C10)
-    if found is not None:
-        return estimates.stiffness_sentence(found, "Muscle")
-    return f"{_values(chosen)}, with C10 of the muscle as given, {_c10_value(chosen)}"
 
 
 def _values(chosen: LegFit) -> str:
@@ -263,9 +252,9 @@ def _c10_value(chosen: LegFit) -> str:
     return estimates.held_text(DEEP_C10, {**chosen.assumed, **chosen.values}[DEEP_C10])
 
 
-def _high_or_low(chosen: LegFit, tone: web.Tone) -> list[tuple[str, str]]:
+def _high_or_low(chosen: LegFit) -> list[tuple[str, str]]:
     found = chosen.estimates.get(DEEP_C10)
-    return [] if found is None or tone == "wrong" else estimates.high_or_low("deep", found.shown.value)
+    return [] if found is None else estimates.high_or_low("deep", found.shown.value)
 
 
 def _leg_itself(fits: Sequence[LegFit], chosen: LegFit, pressed: PressedSection | None, note: str) -> list[web.Chapter]:

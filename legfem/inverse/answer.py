@@ -1,0 +1,95 @@
+"""The answer of a result: how it is to be taken, value or range, likely causes. `legfem.report.answers` words it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any, Literal
+
+from pydantic import TypeAdapter
+
+from legfem.common.documents import json_types
+
+Tone = Literal["sound", "caution", "open", "wrong"]
+
+
+class Finding(StrEnum):
+    """What was found."""
+
+    FITS = "model_fits"
+    MISFIT = "model_does_not_fit"
+    TESTS_DISAGREE = "tests_disagree"
+    NOT_COMPUTED = "not_computed"
+    SMALL_MISFIT = "misfit_is_small"
+    HIDDEN_EFFECTS = "effects_may_be_hidden"
+    FITS_WITHOUT_PART = "model_fits_without_part"
+    CORRECTED = "corrected"
+    CORRECTED_IN_PART = "corrected_in_part"
+    CAUSES_DIFFER = "value_depends_on_cause"
+
+
+@dataclass(frozen=True)
+class Value:
+    """A number with its 95 % interval, or a range alone, in the unit in which people read it."""
+
+    ci95: tuple[float, float] | None
+    """None where none was found within what was searched."""
+    unit: str
+    value: float | None = None
+    """Of a range the value if no effect is hidden; None where it depends on the cause."""
+    standard_error: float = 0.0
+    range_only: bool = False
+    asked: bool = True
+    """Whether it was to be identified; else a prior was."""
+
+
+@dataclass(frozen=True)
+class LikelyCause:
+    """What the model may have left out."""
+
+    mechanisms: tuple[str, ...]
+    probability: float
+    in_part: bool
+    """Whether it explains a part only."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a result says, as values."""
+
+    kind: str
+    """``diagnosis``, or the fit's: ``leg``, ``specimens``, ``stocking``."""
+    finding: Finding
+    tone: Tone
+    """Of the model, were the input right."""
+    values: Mapping[str, Value] = field(default_factory=dict)
+    """Asked parameters by full name; none where they cannot be told."""
+    causes: tuple[LikelyCause, ...] = ()
+    """The most probable first."""
+    doubts: int = 0
+    """How many inputs are unlikely."""
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    """Further numbers and names that the words need, plain values."""
+
+    @property
+    def tone_with_doubts(self) -> Tone:
+        """Tone of all: nothing rests soundly on doubtful input."""
+        return "caution" if self.doubts and self.tone == "sound" else self.tone
+
+    def document(self) -> dict[str, Any]:
+        """Return the answer as JSON types."""
+        plain: dict[str, Any] = json_types(_ADAPTER.dump_python(self))
+        return plain
+
+    @classmethod
+    def read(cls, document: Mapping[str, Any]) -> "Answer":
+        """Return the answer of a document.
+
+        Raises
+        ------
+        ValueError
+            If it is none.
+        """
+        return _ADAPTER.validate_python(document)
+
+
+_ADAPTER = TypeAdapter(Answer)

@@ -1,0 +1,151 @@
+"""An answer in words: the heading and the first sentence of a page, for whoever shows a result."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+
+from legfem.common.units import mpa_to_mmhg, percent
+from legfem.inverse.answer import Answer, Finding, Value
+from legfem.inverse.catalogue import DEEP_C10
+from legfem.report import page as web
+from legfem.report.estimates import held_text, words_of
+from legfem.report.stocking_pressures import sentence_at_ankle, share_of
+from legfem.report.style import LAW_NAMES
+from legfem.report.words import MODULI, capital, moduli_text, number, share
+from legfem.stockings.assessment import TISSUES
+
+
+def headline_of(answer: Answer, answers: Sequence[tuple[str, str]] = ()) -> web.Headline:
+    """Return a page's first lines, with further questions and their answers."""
+    heading = _of_stocking_heading(answer) if answer.kind == "stocking" else ""
+    heading = _HEADINGS[answer.finding](answer) if answer.kind == "diagnosis" else heading
+    return web.Headline(answer.tone, _SENTENCES[answer.kind](answer), answers, heading).doubted(answer.doubts)
+
+
+def _value(known: Value) -> str:
+    return number(math.nan if known.value is None else known.value, known.standard_error)
+
+
+def _with_interval(known: Value, named: str = "") -> str:
+    """Return a value with the digits that its error leaves, its unit and its interval."""
+    ends = () if known.ci95 is None else (number(end, known.standard_error) for end in known.ci95)
+    interval = f"{named}{' to '.join(ends)}" if known.ci95 else "interval not determined"
+    unit = "" if known.unit == "-" else f" {known.unit}"
+    return f"{_value(known)}{unit} ({interval})"
+
+
+def _stiffness(tissue: str, known: Value) -> str:
+    """Return C10 with its interval, and the moduli at small strain that belong to it, as first words."""
+    moduli = moduli_text(known.value or math.nan, known.standard_error, known.unit)
+    return f"{tissue} stiffness C10 = {_with_interval(known)}, {moduli}"
+
+
+def _of_leg(answer: Answer) -> str:
+    given, several = answer.parameters, answer.parameters["tests"] > 1
+    if answer.finding is Finding.TESTS_DISAGREE:
+        return "The sites disagree about the stiffness."
+    if answer.finding is Finding.MISFIT:
+        what = "these sites" if several else "this test"
+        return f"The model does not describe {what}, so the stiffness it gives cannot be trusted."
+    where = f"all {given['tests']} sites" if several else "this test"
+    return f"{_of_muscle(answer)}. The {LAW_NAMES[given['law']]} law describes {where}."
+
+
+def _of_muscle(answer: Answer) -> str:
+    if DEEP_C10 in answer.values:
+        return _stiffness("Muscle", answer.values[DEEP_C10])
+    each = (f"{words_of(name)} {_with_interval(one, '95 % ')}" for name, one in answer.values.items() if one.asked)
+    return f"{'; '.join(each)}, with C10 of the muscle as given, {held_text(DEEP_C10, answer.parameters['C10_given'])}"
+
+
+def _of_specimens(answer: Answer) -> str:
+    given, fits = answer.parameters, answer.finding is Finding.FITS
+    together = "the recording" if given["fitted"] == 1 else f"the {given['fitted']} recordings together"
+    by = f"{given['rms_percent']:.2g} % of the greatest force"
+    misses = f"misses {together} by {by} (rms), more than measurement errors explain"
+    layers = {name.removesuffix(".C10"): one for name, one in answer.values.items() if name.endswith(".C10") and fits}
+    stiff = (f"{_stiffness('Tissue' if of == 'deep' else capital(of), one)}. " for of, one in layers.items())
+    return (
+        f"{''.join(stiff)}The {LAW_NAMES[given['law']]} law {f'describes {together} within {by}' if fits else misses}."
+    )
+
+
+def _ends(known: Value) -> tuple[str, str]:
+    low, high = known.ci95 or (math.nan, math.nan)
+    return number(low, (high - low) / 4), number(high, (high - low) / 4)
+
+
+def _reported(answer: Answer) -> str:
+    """Say what number to write down of a diagnosis, or why none."""
+    why = answer.parameters["why_none"]
+    if why:
+        return _NONE[why]
+    (known,) = answer.values.values()
+    low, high = _ends(known)
+    if not known.range_only:
+        moduli = moduli_text(known.value or math.nan, known.standard_error)
+        return f"Report: C10 = {_value(known)} kPa ({low} to {high}), {moduli}."
+    only = "" if known.value is None else f" ({_value(known)} if no hidden effect is present)"
+    first, last = known.ci95 or (math.nan, math.nan)
+    spread = (last - first) / 4
+    shear, young = (" and ".join(number(times * end, times * spread) for end in (first, last)) for times in MODULI)
+    return (
+        f"Report a range: C10 between {low} and {high} kPa{only}, shear modulus G between {shear} kPa, Young's modulus "
+        f"E between {young} kPa."
+    )
+
+
+_NONE = {
+    "model_wrong": "Report no number.",
+    "given": "C10 was given, not found.",
+    "undetermined": "Report no number: this test cannot determine C10.",
+}
+
+
+def _where_effects_hide(answer: Answer) -> str:
+    given = answer.parameters
+    fits = "The model fits" if given["verdict"] == "consistent" else "The corrected model fits"
+    part = ", but not in all parts" if given["missing_in_parts"] else " in part" if given["fits_in_part"] else ""
+    return f"{fits}{part}, and C10 may be off by {percent(given['may_be_off'])}."
+
+
+def _of_stocking(answer: Answer) -> str:
+    given = answer.parameters
+    if answer.finding is Finding.NOT_COMPUTED:
+        return "The leg in its stocking could not be computed: there are no pressures inside it."
+    ankle = sentence_at_ankle(given["ankle"]) if given["ankle"] else ""
+    text = f"{ankle}The stocking presses on the skin with {mpa_to_mmhg(given['mean']):.0f} mmHg on average"
+    if not given["veins"]:
+        return f"{text}, {mpa_to_mmhg(given['greatest']):.0f} mmHg at most."
+    low, high = (f"{mpa_to_mmhg(end(given['veins'])):.0f}" for end in (min, max))
+    span = low if low == high else f"{low} to {high}"
+    of_mean = share_of(given["veins"], given["mean"])
+    return f"{text}; at the deep veins the pressure is {span} mmHg ({of_mean} of the mean on the skin)."
+
+
+def _of_stocking_heading(answer: Answer) -> str:
+    """Return what can be relied on, and what is uncertain."""
+    if answer.finding is not Finding.FITS:
+        return "There is no answer" if answer.finding is Finding.NOT_COMPUTED else "The model does not fit"
+    if unsure := answer.parameters["unsure"]:
+        tissues = " and the ".join(TISSUES[name] for name in unsure)
+        return f"The pressures can be used; the stiffness of the {tissues} is uncertain"
+    if not answer.parameters["tested"]:
+        return "The pressures can be used; the tissues' stiffness was given and not tested"
+    return "The model fits"
+
+
+_SENTENCES: Mapping[str, Callable[[Answer], str]] = {"diagnosis": _reported, "leg": _of_leg, "specimens": _of_specimens}
+_HEADINGS: Mapping[Finding, Callable[[Answer], str]] = {
+    Finding.MISFIT: lambda answer: "No.",
+    Finding.SMALL_MISFIT: lambda answer: (
+        f"Good enough: the model misses by {share(answer.parameters['misfit'])} of the largest force."
+    ),
+    Finding.HIDDEN_EFFECTS: _where_effects_hide,
+    Finding.FITS: lambda answer: "Yes.",
+    Finding.FITS_WITHOUT_PART: lambda answer: f"Yes, without {answer.parameters['aside']}.",
+    Finding.CORRECTED_IN_PART: lambda answer: (
+        f"In part: use the corrected one, which may be off by {percent(answer.parameters['may_be_off'])}."
+    ),
+    Finding.CORRECTED: lambda answer: "Yes, but use the corrected one.",
+    Finding.CAUSES_DIFFER: lambda answer: "Only as a range.",
+}
