@@ -54,22 +54,17 @@ from legfem.common.progress import Progress, progress_on
 from legfem.common.wording import Argument, Remedy
 from legfem.geometry.section import fat_thickness, girth
 from legfem.inverse.answer import Answer
-from legfem.inverse.diagnosed_answer import answer_of
-from legfem.inverse.notice import FitNotice, Notice
-from legfem.inverse.verdict import Diagnosis
+from legfem.inverse.notice import Notice
 from legfem.jobs.engines import Died, Engine, EngineName, engine_named, outcomes
 from legfem.jobs.store import key_of
-from legfem.legs.diagnosis import notices_of
 from legfem.legs.identification import as_leg
 from legfem.legs.subject import SitedLeg, Subject
 from legfem.report.answers import headline_of
 from legfem.report.cohort import ODD, cohort_web_page, write_cohort_page
 from legfem.report.cohort_statistics import forest_figure
 from legfem.report.diagnosis_document import document
-from legfem.report.kinds import kind_of
 from legfem.report.page import PAGE, WebPage, command_line
 from legfem.report.render import brief
-from legfem.specimens.diagnosis import DiagnosedSpecimen
 from legfem.specimens.folder import SpecimenFolder
 
 _log = logging.getLogger(__name__)
@@ -374,7 +369,7 @@ def _diagnosed(options: Options, member: Member, folder: Path) -> list[Row]:
     found = diagnose(given, library=options.library or None, out=folder, **options.given)
     report = found.write(folder)
     if isinstance(found, DiagnosedLeg):
-        row = _diagnosed_row(member, found.document(), found.diagnosis, found.subject, report)
+        row = _row(member, found.document(), "after repair", report)
         return [replace(row, recordings=_recordings(given), shape=_shape(found.subject))]
     assert isinstance(given, SpecimenFolder)
     rows = []
@@ -385,17 +380,8 @@ def _diagnosed(options: Options, member: Member, folder: Path) -> list[Row]:
             rows.append(Row(member.name, part, problem=str(one.problem)))
             continue
         content = document(one.diagnosis, one, found.seed, one.seconds)
-        row = _diagnosed_row(member, content, one.diagnosis, one, report)
-        rows.append(replace(row, part=part))
+        rows.append(replace(_row(member, content, "after repair", report), part=part))
     return rows
-
-
-def _diagnosed_row(
-    member: Member, content: Mapping[str, Any], found: Diagnosis, of: Subject | DiagnosedSpecimen, report: Path
-) -> Row:
-    notices = notices_of(found, of)
-    answer = answer_of(found, sum(one.code == FitNotice.DOUBTFUL for one in notices))
-    return _row(member, content, answer, notices, "after repair", report)
 
 
 def _dressed(options: Options, member: Member, folder: Path) -> list[Row]:
@@ -405,27 +391,21 @@ def _dressed(options: Options, member: Member, folder: Path) -> list[Row]:
 def _fitted(found: Identification, member: Member, folder: Path) -> Row:
     report = found.write(folder, every_rank=True)
     content, law = found.document(), found.best.law
-    notices = tuple(dict.fromkeys(notice for fit in found.fits for notice in fit.notices))
-    answer = kind_of(found.fits).document.chosen(found.fits).answer
-    row = _row(member, content, answer, notices, law, report)
-    return replace(row, settings=content["laws"][law]["settings"])
+    return replace(_row(member, content, law, report), settings=content["laws"][law]["settings"])
 
 
 _DOES = {"identify": _identified, "diagnose": _diagnosed, "stocking": _dressed}
 
 
-def _row(
-    member: Member,
-    content: Mapping[str, Any],
-    answer: Answer,
-    notices: tuple[Notice, ...],
-    preferred: str,
-    report: Path,
-) -> Row:
+def _row(member: Member, content: Mapping[str, Any], preferred: str, report: Path) -> Row:
+    """Return the row of a member's document."""
     shown = report.with_name(PAGE) if report.with_name(PAGE).is_file() else report
+    answer = Answer.read(content["answer"])
+    parts = [content] if "notices" in content else content["laws"].values()
+    notices = dict.fromkeys(Notice(**one) for part in parts for one in part["notices"])
     return Row(
         member.name,
-        judged=Judged(answer.tone_with_doubts, headline_of(answer).sentence, notices, preferred),
+        judged=Judged(answer.tone_with_doubts, headline_of(answer).sentence, tuple(notices), preferred),
         models=models_of(content),
         verdict=content.get("verdict", ""),
         origin=content["origin"],

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class RunResult:
     """One result of one run; a run of two laws has two."""
 
     run: str
@@ -90,18 +90,18 @@ def relative_difference(one: tuple[float, float, float], other: tuple[float, flo
     return f"{100 * (ratio - 1):+.0f} % ({low:+.0f} to {high:+.0f} %)"
 
 
-def answers_of(run: Run) -> list[Outcome]:
+def answers_of(run: Run) -> list[RunResult]:
     """Return a run's results; one that says how far it is where it has none."""
     plain = (run.folder.name, run.about, run.kind, str(run.state))
     found = []
     for name, read in _READ.items():
         try:
             content = json.loads((run.results / name).read_text(encoding="utf-8"))
-            found += [Outcome(*plain, **read(one)) for one in _by_law(content)]
+            found += [RunResult(*plain, **read(one)) for one in _by_law(content)]
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             # It has none yet, or a legfem of other days wrote it.
             continue
-    return found or [Outcome(*plain)]
+    return found or [RunResult(*plain)]
 
 
 def sentence_of(run: Run) -> str:
@@ -160,7 +160,7 @@ _READ = {"result.json": _identified, "diagnosis.json": _diagnosed, "plan.json": 
 _HEADER = "run of command state law data verdict parameter value low high unit identifiability"
 
 
-def numbers_of(answers: Sequence[Outcome]) -> "pd.DataFrame":
+def numbers_of(answers: Sequence[RunResult]) -> "pd.DataFrame":
     """Return a row for every number of every result; a result without numbers has one row."""
     import pandas as pd
 
@@ -173,12 +173,12 @@ def numbers_of(answers: Sequence[Outcome]) -> "pd.DataFrame":
     return pd.DataFrame(rows, columns=_HEADER.split())
 
 
-def as_csv(answers: Sequence[Outcome]) -> bytes:
+def as_csv(answers: Sequence[RunResult]) -> bytes:
     """Return the numbers as CSV, with a mark by which spreadsheets know its UTF-8."""
     return numbers_of(answers).to_csv(index=False).encode("utf-8-sig")
 
 
-def as_xlsx(answers: Sequence[Outcome]) -> bytes:
+def as_xlsx(answers: Sequence[RunResult]) -> bytes:
     """Return the numbers as a workbook."""
     content = io.BytesIO()
     numbers_of(answers).to_excel(content, index=False)

@@ -134,7 +134,12 @@ def _of_stocking_heading(answer: Answer) -> str:
     return "The model fits"
 
 
-_SENTENCES: Mapping[str, Callable[[Answer], str]] = {"diagnosis": _reported, "leg": _of_leg, "specimens": _of_specimens}
+_SENTENCES: Mapping[str, Callable[[Answer], str]] = {
+    "diagnosis": _reported,
+    "leg": _of_leg,
+    "specimens": _of_specimens,
+    "stocking": _of_stocking,
+}
 _HEADINGS: Mapping[Finding, Callable[[Answer], str]] = {
     Finding.MISFIT: lambda answer: "No.",
     Finding.SMALL_MISFIT: lambda answer: (

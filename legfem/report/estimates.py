@@ -246,11 +246,6 @@ def how_to_narrow(parameters: Mapping[str, Estimate], remedies: Remedies) -> lis
     ]
 
 
-def unknown_among(parameters: Mapping[str, Estimate]) -> list[str]:
-    """Return the symbols of what isn't identifiable."""
-    return [symbol_of(name) for name, found in parameters.items() if found.identifiability != "identifiable"]
-
-
 def comparison(results: Sequence[Fit[Any]]) -> list[str]:
     """Return sentences on how well each law fits, and which is better by how much."""
     lines = [_goodness(result) for result in results]

@@ -11,7 +11,6 @@ from mpi4py import MPI
 from legfem.common.documents import write_document
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.fem.field_files import write_fields
-from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.chosen import preferred
 from legfem.inverse.document import fit_document
 from legfem.inverse.fit import Fit

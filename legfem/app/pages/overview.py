@@ -6,7 +6,7 @@ from pathlib import Path
 
 from nicegui import ui
 
-from legfem.app.outcomes import Outcome, answers_of, relative_difference, sentence_of
+from legfem.app.outcomes import RunResult, answers_of, relative_difference, sentence_of
 from legfem.app.pages.frame import chip, drop_zone, framed, page_of, tag, when
 from legfem.app.pages.run import address
 from legfem.app.runs import EVERY, Run, runs_of
@@ -150,7 +150,7 @@ def compare_page(workspace: Workspace) -> None:
                 _one(reports, name)
 
 
-def _differences(rows: list[Outcome]) -> None:
+def _differences(rows: list[RunResult]) -> None:
     """Put the table of results, with differences of C10 from a chosen one."""
     known = {f"{row.run} {row.law}".strip(): row.c10_ends for row in rows if row.c10_ends is not None}
     chosen = ui.select(list(known), value=next(iter(known), None), label="compare all results with")
@@ -208,7 +208,7 @@ def _plot(known: dict[str, tuple[float, float, float]], chosen: str) -> None:
 _LONGEST_NAME = 44
 
 
-def _table(rows: list[Outcome], reference: tuple[float, float, float] | None) -> None:
+def _table(rows: list[RunResult], reference: tuple[float, float, float] | None) -> None:
     wide = ui.element("div").classes("wide").props('tabindex=0 role=region aria-label="Results"')
     with wide, ui.element("table"):
         with ui.element("thead"), ui.element("tr"):
@@ -219,7 +219,7 @@ def _table(rows: list[Outcome], reference: tuple[float, float, float] | None) ->
                 _row(row, reference)
 
 
-def _row(row: Outcome, reference: tuple[float, float, float] | None) -> None:
+def _row(row: RunResult, reference: tuple[float, float, float] | None) -> None:
     with ui.element("tr"):
         with ui.element("th").props("scope=row"):
             ui.link(row.run, page_of("run", row.run))
