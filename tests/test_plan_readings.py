@@ -17,7 +17,6 @@ from legfem.inverse.verdict import Diagnosis
 from legfem.legs.loading import load_subject
 from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_sentences import next_experiments
-from legfem.report.plan import plan_lines
 from legfem.report.render import plain_page
 
 TWINS = ("fascia-stiffness", "prestress", "force-drift")
@@ -81,7 +80,7 @@ def test_what_can_not_be_measured_is_not_proposed(candidates):
 
 def test_a_page_says_what_to_write_into_the_folder(found, reckoned, tmp_path):
     subject = load_subject(write_subject(tmp_path / "leg"), need_recordings=False)
-    page = " ".join(plain_page(diagnosis_web_page(found, subject, plan_lines(reckoned)), []).split())
+    page = " ".join(plain_page(diagnosis_web_page(found, subject, reckoned), []).split())
     assert "[[measured]]" in page and '"fascia-stiffness"' in page
     assert all(line.lower() in page.lower() for line in next_experiments(found))
     assert "whose chance was not calculated" not in page

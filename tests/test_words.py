@@ -14,6 +14,7 @@ from making_diagnosed import diagnosed
 from test_diagnosis_report import CASES
 
 from legfem.inverse.catalogue import parameter_of
+from legfem.inverse.plan import Design, DesignValue
 from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.page import WebPage
 from legfem.report.render import plain_page
@@ -74,7 +75,7 @@ def test_pages_are_in_plain_english(kind, tmp_path: Path):
 def test_pages_of_a_diagnosis_are_in_plain_english(verdict, tmp_path: Path):
     effects, bump, asked = CASES[verdict]
     found = diagnosed(effects, bump=bump, asked=asked)
-    plan = ["press to 25 mm: 70 % chance of distinguishing the candidates"]
+    plan = [DesignValue(Design("press to 25 mm", ()), {}, 0.7)]
     for lines in ((), plan):
         page = diagnosis_web_page(found, pages.subject_in(tmp_path), lines)
         assert list(said(page)) == []

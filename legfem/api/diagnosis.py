@@ -32,7 +32,7 @@ from legfem.report.diagnosis_curves import recording_figure
 from legfem.report.diagnosis_document import base_fit_of, document, parameter_rows, versions
 from legfem.report.folder import NUMBERS, REPORT, ReportFile, keep_another, made_in_place
 from legfem.report.page import WebPage, command_line
-from legfem.report.plan import RANKED, SHOWN, plan_document, plan_lines, plan_web_page
+from legfem.report.plan import RANKED, SHOWN, plan_document, plan_web_page
 from legfem.report.render import brief, plain_page, write_page
 from legfem.report.results import write_diagnosis_report
 
@@ -83,14 +83,10 @@ class DiagnosedLeg(Result):
         """Write diagnosis.json, report.txt, report.html and the figures; return report.txt's path."""
         keep_another(Path(folder), command_line(), DIAGNOSIS)
         write_document(Path(folder) / DIAGNOSIS, self.document())
-        return write_diagnosis_report(self.diagnosis, self.subject, Path(folder), self._plan, command_line())
-
-    @property
-    def _plan(self) -> list[str]:
-        return plan_lines(self.next_tests)
+        return write_diagnosis_report(self.diagnosis, self.subject, Path(folder), self.next_tests, command_line())
 
     def _page(self) -> WebPage:
-        return diagnosis_web_page(self.diagnosis, self.subject, self._plan)
+        return diagnosis_web_page(self.diagnosis, self.subject, self.next_tests)
 
     def _rows(self) -> Iterator[dict[str, Any]]:
         yield from parameter_rows(self.diagnosis)

@@ -52,7 +52,13 @@ class Quality:
     """Times (s) of sudden falls of the force while loading."""
     grade: str
     """One of `GRADES`."""
-    reasons: tuple[str, ...]
+    judged: tuple[tuple[str, str], ...]
+    """What limits it: a grade each, and why."""
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Grades and why, as lines."""
+        return tuple(f"{grade}: {why}" for grade, why in self.judged) or ("A: good",)
 
 
 def quality_of(trial: Segmentation) -> Quality:
@@ -109,7 +115,7 @@ def quality_of(trial: Segmentation) -> Quality:
         saturated,
         drops,
         max((grade for grade, _ in judged), default=BEST_GRADE),
-        tuple(f"{grade}: {reason}" for grade, reason in judged) or ("A: good",),
+        tuple(judged),
     )
 
 

@@ -10,7 +10,7 @@ from legfem.report import page as web
 from legfem.report.estimates import held_text, words_of
 from legfem.report.stocking_pressures import sentence_at_ankle, share_of
 from legfem.report.style import LAW_NAMES
-from legfem.report.words import MODULI, capital, moduli_text, number, share
+from legfem.report.words import MODULI, capital, moduli_text, number, share, spaced
 from legfem.stockings.assessment import TISSUES
 
 
@@ -29,8 +29,7 @@ def _with_interval(known: Value, named: str = "") -> str:
     """Return a value with the digits that its error leaves, its unit and its interval."""
     ends = () if known.ci95 is None else (number(end, known.standard_error) for end in known.ci95)
     interval = f"{named}{' to '.join(ends)}" if known.ci95 else "interval not determined"
-    unit = "" if known.unit == "-" else f" {known.unit}"
-    return f"{_value(known)}{unit} ({interval})"
+    return f"{_value(known)}{spaced(known.unit)} ({interval})"
 
 
 def _stiffness(tissue: str, known: Value) -> str:

@@ -64,8 +64,8 @@ def methods(members: Members, rows: Sequence[Row], task: str, model: str) -> lis
             ("thickness of the fascia (mm)", "fascia_thickness_mm"),
             ("D1 of the deep tissue (1/MPa)", "deep_D1_per_MPa"),
         )
-        given = [f"{words}: {_shown([one[key] for one in settings if key in one])}" for words, key in names]
-        texts.append(f"Settings: {'; '.join(one for one in given if not one.endswith(': '))}.")
+        shown = ((words, _shown([one[key] for one in settings if key in one])) for words, key in names)
+        texts.append(f"Settings: {'; '.join(f'{words}: {one}' for words, one in shown if one)}.")
     if len(rows) > len(done):
         texts.append(f"{len(rows) - len(done)} of {_size(rows)} gave no result and are left out of all else.")
     return texts
@@ -222,7 +222,9 @@ def _headline(
     counts = Counter(row.judged.tone for row in rows)
     counted = {**_COUNTED, "sound": ("fits the model", "fit the model")} if task == "identify" else _COUNTED
     said = ", ".join(
-        f"{counts[name]} {counted[name][counts[name] > 1]}" for name in reversed(list(counted)) if counts[name]
+        f"{f'{counts[name]} ' * (len(rows) > 1)}{counted[name][counts[name] > 1]}"
+        for name in reversed(list(counted))
+        if counts[name]
     )
     good = counts["sound"] + counts["caution"]
     tone: Tone = "sound" if counts["sound"] == len(rows) and not odd else "caution" if good else "wrong"
@@ -235,7 +237,7 @@ def _headline(
         *([("Law used for the comparison", f"The {LAW_NAMES.get(model, model)} law.")] if model else []),
     ]
     of = f"Of {len(rows)} members," if len(rows) > 1 else "The only member"
-    sentence = f"{_answer(members, rows, found)}{of} {said.removeprefix('1 ') if len(rows) == 1 else said}."
+    sentence = f"{_answer(members, rows, found)}{of} {said}."
     return web.Headline(tone, sentence, answers, f"{good} of {len(rows)} can be used")
 
 

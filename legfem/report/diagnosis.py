@@ -9,6 +9,7 @@ from legfem.inverse.catalogue import symbol_of
 from legfem.inverse.fit import Fit
 from legfem.inverse.mechanism import null_of
 from legfem.inverse.notice import FitNotice
+from legfem.inverse.plan import DesignValue
 from legfem.inverse.verdict import TRUSTED, Diagnosis, explained_share
 from legfem.legs.diagnosis import notices_of
 from legfem.legs.subject import Subject
@@ -22,12 +23,13 @@ from legfem.report.diagnosis_signatures import signatures_of
 from legfem.report.further_channels import channel_chapter, misfit_in_section
 from legfem.report.notices import sentence_of
 from legfem.report.page import PressedSection
+from legfem.report.plan import chance_text
 from legfem.report.pressed_section import still_section
 from legfem.report.style import LAW_NAMES
-from legfem.report.words import ORIGINS, capital
+from legfem.report.words import capital
 
 
-def next_blocks(found: Diagnosis, plan: Sequence[str]) -> list[web.Block]:
+def next_blocks(found: Diagnosis, plan: Sequence[DesignValue]) -> list[web.Block]:
     """Return what to measure next.
 
     Parameters
@@ -35,11 +37,11 @@ def next_blocks(found: Diagnosis, plan: Sequence[str]) -> list[web.Block]:
     found
         The diagnosis.
     plan
-        What was reckoned, each with its chance, the best first.
+        Tests whose chance was calculated, the best first.
     """
     wanted = [capital(line) for line in diagnosis_sentences.next_experiments(found)]
     if plan:
-        planned = [capital(line) for line in plan]
+        planned = [f"{capital(one.design.name)}: {chance_text(one)}" for one in plan]
         left = [line for line in wanted if not any(line in one for one in planned)]
         blocks: list[web.Block] = [
             web.Prose(
@@ -78,7 +80,7 @@ def _to_state(found: Diagnosis) -> web.WebTable:
 def diagnosis_web_page(
     found: Diagnosis,
     subject: Recorded,
-    plan: Sequence[str] = (),
+    plan: Sequence[DesignValue] = (),
     command: str = "",
     pressed: PressedSection | None = None,
 ) -> web.WebPage:
@@ -91,7 +93,7 @@ def diagnosis_web_page(
     subject
         Whose recordings they are.
     plan
-        What could be done next, each with its chance, the best first.
+        Tests that could be made next, the best first.
     command
         That was given; empty where there was none.
     pressed
@@ -126,7 +128,7 @@ def diagnosis_web_page(
         known=known_of(found, subject),
         chapters=chapters,
         repeat=web.Repeat(command, versions()),
-        data="" if isinstance(subject, Subject) else ORIGINS[subject.origin].partition(" (")[0],
+        data="" if isinstance(subject, Subject) else f"{subject.origin} data",
     )
 
 

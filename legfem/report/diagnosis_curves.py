@@ -147,9 +147,9 @@ _MANY_TRIALS = 8
 def curves_of(found: Diagnosis, number: int) -> list[Curves]:
     """Return force over displacement and, where there is more than a loading, over time."""
     stations, (lines, left) = found.observed.protocols[number], _lines_of(found, number)
-    blocks = [_over(found, number, stations.displacement, "displacement (mm)", 0, lines, left)]
+    blocks = [_over(found, number, False, lines, left)]
     if len(np.unique(stations.segment)) > 1:
-        blocks.append(_over(found, number, stations.time, "time (s)", 1, lines, left))
+        blocks.append(_over(found, number, True, lines, left))
     return blocks
 
 
@@ -197,27 +197,26 @@ def _lines_of(found: Diagnosis, number: int) -> tuple[list[Line], list[str]]:
     return lines, left
 
 
-def _over(
-    found: Diagnosis, number: int, x: FloatArray, label: str, axis: int, lines: list[Line], left: list[str]
-) -> Curves:
+def _over(found: Diagnosis, number: int, time: bool, lines: list[Line], left: list[str]) -> Curves:
+    """Return what stands over time, else over displacement."""
     observed = found.observed
     places = [place for place in places_of(found) if place.protocol == number]
     spread = [observed.forces_of(k, found.errors.trial_sd) for k in observed.trials_of(number)]
     sd = np.sqrt(np.mean(np.array(spread) ** 2, axis=0))
     stations = observed.protocols[number]
     return Curves(
-        f"recording{number}-{axis}",
-        f"Force over {label.split(' ')[0]}, {stations.label}: recorded, and of the "
+        f"recording{number}-{time:d}",
+        f"Force over {'time' if time else 'displacement'}, {stations.label}: recorded, and of the "
         f"{LAW_NAMES[found.law]} model, each as near to the recordings as it gets; beneath, model less recorded; for "
         f"single trials, the {BASE_NAME} less the trial. Root mean square over all trials: {', '.join(left)}.",
-        x,
-        label,
+        stations.time if time else stations.displacement,
+        "time (s)" if time else "displacement (mm)",
         "force (N)",
         "model − recorded (N)",
         lines,
         2 * sd,
         "± 2 sd of a trial's noise",
-        [place.time if axis else place.displacement for place in places],
+        [place.time if time else place.displacement for place in places],
         "where the base model is wrong" if places else "",
     )
 

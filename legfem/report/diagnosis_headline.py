@@ -11,6 +11,7 @@ from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.diagnosed_answer import answer_of, best, causes_differ, ends, same_value, wide, widest_error
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.mechanism import Mechanism
+from legfem.inverse.plan import DesignValue
 from legfem.inverse.verdict import TRUSTED, Diagnosis
 from legfem.report import page as web
 from legfem.report.answers import headline_of
@@ -26,6 +27,7 @@ from legfem.report.diagnosis_sentences import (
     statements,
 )
 from legfem.report.estimates import high_or_low
+from legfem.report.plan import chance_text
 from legfem.report.words import capital, number, share
 
 TITLE = "Can the stiffness of {kind} ‘{id}’ be trusted?"
@@ -33,7 +35,7 @@ _MOST_CAUSES = 2
 """That find room on the first screen of a phone."""
 
 
-def headline(found: Diagnosis, plan: Sequence[str], tissue: str = "", doubts: int = 0) -> web.Headline:
+def headline(found: Diagnosis, plan: Sequence[DesignValue], tissue: str = "", doubts: int = 0) -> web.Headline:
     """Return the verdict for someone who knows no statistics.
 
     Parameters
@@ -41,7 +43,7 @@ def headline(found: Diagnosis, plan: Sequence[str], tissue: str = "", doubts: in
     found
         The diagnosis.
     plan
-        What could be done next, each with its chance, the best first.
+        Tests that could be made next, the best first.
     tissue
         Of a leg, whose C10 it is.
     doubts
@@ -206,7 +208,7 @@ def _value(found: Diagnosis, model: Explanation) -> str:
     return number(mpa_to_kpa(model.value(DEEP_C10)), widest_error(found))
 
 
-def to_do(found: Diagnosis, plan: Sequence[str]) -> str:
+def to_do(found: Diagnosis, plan: Sequence[DesignValue]) -> str:
     """Return what to do with the number, and what to ask a lab for."""
     lines = next_experiments(found)
     consistent = found.verdict == "consistent"
@@ -226,8 +228,7 @@ def to_do(found: Diagnosis, plan: Sequence[str]) -> str:
     use = "Use the corrected number" if found.verdict == "named" and not wide(found) else "Use the range"
     if not plan and not lines:
         return f"{use}."
-    what, _, chance = plan[0].partition(": ") if plan else (lines[0], "", "")
-    asked = f"ask the lab to {what}" + (f" ({chance})" if chance else "")
+    asked = f"ask the lab to {f'{plan[0].design.name} ({chance_text(plan[0])})' if plan else lines[0]}"
     if found.verdict == "unexplained" and not found.withheld:
         return f"Use the number above. To find out what the model misses, ask the lab to {lines[0]}."
     if found.verdict == "unexplained":

@@ -16,7 +16,7 @@ from legfem.report import diagnosis_curves
 from legfem.report.diagnosis_document import Recorded
 from legfem.report.estimates import wave_rows
 from legfem.report.page import Bars, Known, LabelledBar, Provenance
-from legfem.report.words import moduli_text, number, short_probability
+from legfem.report.words import moduli_text, number, short_probability, spaced
 
 _WRONG = "DO NOT RELY ON IT: the model does not fit, and the interval does not include what was left out"
 
@@ -54,7 +54,6 @@ def known_of(found: Diagnosis, subject: Recorded) -> list[Known]:
         for mechanism in model.fit.mechanisms:
             for k, p in enumerate(mechanism.parameters):
                 full = f"{mechanism.name}.{p.name}"
-                unit = "" if p.unit == "-" else f" {p.unit}"
                 remark = [
                     flag(model, full, null_of(p) if k == 0 else None),
                     f"model with {diagnosis_curves.model_name(model)}",
@@ -62,7 +61,7 @@ def known_of(found: Diagnosis, subject: Recorded) -> list[Known]:
                 rows.append(
                     Known(
                         f"{diagnosis_curves.plain(mechanism.name)}: {p.statement or diagnosis_curves.plain(p.name)}",
-                        estimate(model, full) + unit,
+                        estimate(model, full) + spaced(p.unit),
                         "estimated",
                         recordings,
                         interval(model, full),
@@ -99,10 +98,9 @@ def known_of(found: Diagnosis, subject: Recorded) -> list[Known]:
 def _measured(one: MeasuredEffect, origin: Origin) -> Known:
     """Return an effect's strength that was measured by itself."""
     strength = mechanism_named(one.effect).parameters[0]
-    unit = "" if strength.unit == "-" else f" {strength.unit}"
     return Known(
         f"{diagnosis_curves.plain(one.effect)}, measured by itself: {strength.statement}",
-        f"{one.value:.3g} ± {one.sd:.2g}{unit} (sd)",
+        f"{one.value:.3g} ± {one.sd:.2g}{spaced(strength.unit)} (sd)",
         origin,
         one.source,
     )
@@ -159,11 +157,10 @@ def occurrence_cells(found: Diagnosis) -> Cells:
         mechanism, own = mechanisms[one.mechanism], possible.get(one.mechanism)
         low, high = mechanism.parameters[0].bounds if own is None else (own.low, own.high)
         first = mechanism.parameters[0]
-        unit = "" if first.unit == "-" else f" {first.unit}"
         rows.append(
             [
                 diagnosis_curves.plain(one.mechanism),
-                f"{first.name.replace('_', ' ')} {low:.3g} to {high:.3g}{unit}",
+                f"{first.name.replace('_', ' ')} {low:.3g} to {high:.3g}{spaced(first.unit)}",
                 f"{mechanism.expected:g}",
                 (own.source if own is not None else "") or "judgement",
                 *(f"{mpa_to_kpa(a):.3g} to {mpa_to_kpa(b):.3g} kPa" for a, b in (one.rarer, one.commoner)),
@@ -260,12 +257,11 @@ def limit_cells(found: Diagnosis) -> Cells:
     ends = {(True, True): "on both sides", (True, False): "downwards", (False, True): "upwards"}
     rows = []
     for limit in found.limits:
-        unit = "" if limit.unit == "-" else f" {limit.unit}"
         stiffness = limit.stiffness.get(DEEP_C10)
         rows.append(
             [
                 diagnosis_curves.plain(limit.name),
-                f"{limit.parameter.replace('_', ' ')} {limit.low:.3g} to {limit.high:.3g}{unit}",
+                f"{limit.parameter.replace('_', ' ')} {limit.low:.3g} to {limit.high:.3g}{spaced(limit.unit)}",
                 ends.get((limit.open_low, limit.open_high), "no"),
                 "-" if stiffness is None else f"{mpa_to_kpa(stiffness[0]):.3g} to {mpa_to_kpa(stiffness[1]):.3g}",
                 f"{limit.effect:.2g}",

@@ -8,8 +8,9 @@ from legfem.inverse.explanation import Explanation
 from legfem.inverse.hidden import HiddenEnd, Limit
 from legfem.inverse.setting_aside import SetAside
 from legfem.inverse.verdict import Diagnosis, explained_share, residual_intervals
+from legfem.mechanisms.time_dependence import needs_time
 from legfem.report.diagnosis_curves import plain, relative_change
-from legfem.report.words import capital, share
+from legfem.report.words import capital, share, spaced
 
 _NO_MECHANISM = (
     "repeat the test on another day and rig; record at two rates with a hold, and look at the located intervals on film"
@@ -162,7 +163,7 @@ def hidden_sentence(found: Diagnosis, limit: Limit, end: HiddenEnd) -> str:
     mechanism = next(e.fit.mechanisms[0] for e in found.explained.every if e.names == (limit.name,))
     first = mechanism.parameters[0]
     value = end.values[first.name]
-    size = f"{value:.2g}" + ("" if first.unit == "-" else f" {first.unit}")
+    size = f"{value:.2g}{spaced(first.unit)}"
     plain = f"{limit.name.replace('-', ' ')} ({first.name.replace('_', ' ')} of {{}})"
     what = (mechanism.would_be or plain).format(size)
     seen = "would not have been detected" + ("" if end.open else ", but a stronger effect would")
@@ -184,4 +185,4 @@ def next_experiments(found: Diagnosis) -> list[str]:
 
 def one_rate(found: Diagnosis) -> bool:
     """Return whether the recordings can't show an effect of rate."""
-    return any("rate" in why for why in found.untested.values())
+    return needs_time(found.observed) in found.untested.values()

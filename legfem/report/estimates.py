@@ -20,19 +20,19 @@ from legfem.inverse.parameter import Parameter
 from legfem.legs.subject import Subject
 from legfem.report.page import Block, Known, WebTable
 from legfem.report.style import LAW_NAMES, REGION_NAMES
-from legfem.report.words import ENERGIES, capital, fit_probability, moduli_text, number
+from legfem.report.words import ENERGIES, capital, fit_probability, moduli_text, number, spaced
 
 
 def value_text(found: Estimate) -> str:
     """Return an estimate with the digits that its error leaves, and its unit."""
     shown = found.shown
-    return f"{number(shown.value, shown.standard_error)} {shown.unit}".removesuffix(" -")
+    return f"{number(shown.value, shown.standard_error)}{spaced(shown.unit)}"
 
 
 def held_text(name: str, value: float) -> str:
     """Return a value in the model's unit as people read it."""
     unit, factor = readable_unit(unit_of(name))
-    return f"{factor * value:.4g} {unit}".removesuffix(" -")
+    return f"{factor * value:.4g}{spaced(unit)}"
 
 
 def interval_text(found: Estimate, named: str = "") -> str:

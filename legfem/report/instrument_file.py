@@ -289,16 +289,16 @@ def look_web_page(seen: Sequence[Looked], toml: str, text: str, command: str = "
         grade: [name for name, one in zip(names, seen, strict=True) if one.quality.grade == grade] for grade in GRADES
     }
     told = ", ".join(
-        f"{len(files)} {'has' if len(files) == 1 else 'have'} grade {grade} ({GRADES[grade]})"
+        f"{f'{len(files)} ' * (len(seen) > 1)}{'has' if len(files) == 1 else 'have'} grade {grade} ({GRADES[grade]})"
         for grade, files in grades.items()
         if files
     )
     reasons = [
-        f"{name}: {reason.removeprefix(f'{grade}: ')}"
+        f"{name}: {why}"
         for grade in ("D", "C")
         for name, one in zip(names, seen, strict=True)
-        for reason in one.quality.reasons
-        if reason.startswith(grade)
+        for judged, why in one.quality.judged
+        if judged == grade
     ]
     return WebPage(
         title="What is in these recordings?",
@@ -306,7 +306,7 @@ def look_web_page(seen: Sequence[Looked], toml: str, text: str, command: str = "
         origin="",
         headline=Headline(
             tone,
-            f"Of {len(seen)} recordings, {told}." if len(seen) > 1 else f"This recording {told.removeprefix('1 ')}.",
+            f"Of {len(seen)} recordings, {told}." if len(seen) > 1 else f"This recording {told}.",
             [
                 ("What was read", _read(seen[0].proposal.channels)),
                 (

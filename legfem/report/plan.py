@@ -31,12 +31,9 @@ def effects_of(ranked: Sequence[DesignValue]) -> list[str]:
     return sorted({a for one in ranked for a, _ in one.chances if a != NOTHING})
 
 
-def plan_lines(ranked: Sequence[DesignValue]) -> list[str]:
-    """Return tests as sentences, each with the chance that it ends an ambiguity."""
-    return [
-        f"{one.design.name}: {percent(one.chance)} chance of distinguishing the candidates{_needs(one)}"
-        for one in ranked
-    ]
+def chance_text(one: DesignValue) -> str:
+    """Return the chance that a test ends an ambiguity, and what it takes."""
+    return f"{percent(one.chance)} chance of distinguishing the candidates{_needs(one)}"
 
 
 def _needs(one: DesignValue) -> str:

@@ -15,7 +15,7 @@ from legfem.data.channel_reader import is_channel_file
 from legfem.data.columns import Proposal, propose
 from legfem.data.contact import LEG
 from legfem.data.formats import Sheet, read_sheets, recording_files
-from legfem.data.quality import BEST_GRADE, quality_of
+from legfem.data.quality import quality_of
 from legfem.data.recording import PLAIN_COLUMNS, SourceColumns, recording_of
 from legfem.geometry.leg_shape import perimeter
 from legfem.geometry.section import fat_thickness, girth
@@ -298,11 +298,10 @@ def _recording(
     drawn = replace(recording, trial=f"{site}-{recording.trial}" if site else recording.trial)
     picture = draw_look(drawn, quality, out).name
     text, instrument = look_text(recording, proposal, quality), seen_instrument([recording])
-    reasons = tuple(reason.partition(": ")[2] for reason in quality.reasons if quality.grade != BEST_GRADE)
     return SeenRecording(
         f"{site}/{path.name}" if site else path.name,
         quality.grade,
-        reasons,
+        tuple(why for _, why in quality.judged),
         text,
         picture,
         channels=proposal.channels,

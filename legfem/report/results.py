@@ -14,6 +14,7 @@ from legfem.fem.field_files import write_fields
 from legfem.inverse.chosen import preferred
 from legfem.inverse.document import fit_document
 from legfem.inverse.fit import Fit
+from legfem.inverse.plan import DesignValue
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.details import LegDetails
 from legfem.legs.finite_element_models import plane_strain_test
@@ -125,7 +126,11 @@ _RESULT = ReportFile([Path("diagnosis.json")], NUMBERS)
 
 
 def write_diagnosis_report(
-    diagnosis: Diagnosis, subject: diagnosis_document.Recorded, out: Path, plan: Sequence[str] = (), command: str = ""
+    diagnosis: Diagnosis,
+    subject: diagnosis_document.Recorded,
+    out: Path,
+    plan: Sequence[DesignValue] = (),
+    command: str = "",
 ) -> Path:
     """Write report.txt, report.html and the figures of a diagnosis; return report.txt's path.
 
@@ -138,7 +143,7 @@ def write_diagnosis_report(
     out
         Folder; made if missing.
     plan
-        What could be done next, each with its chance, the best first.
+        Tests that could be made next, the best first.
     command
         That was given, for who wants to repeat it.
     """

@@ -14,7 +14,6 @@ from legfem.report.diagnosis_curves import model_name
 from legfem.report.folder import REPORT, keep_another, made_in_place
 from legfem.report.render import bullets, fill, table
 from legfem.report.results import write_diagnosis_report
-from legfem.report.words import ORIGINS
 from legfem.specimens.agreement import agreement_document
 from legfem.specimens.diagnosis import DiagnosedSpecimen, tests_finding, thickness_finding
 from legfem.specimens.folder import SpecimenFolder
@@ -127,7 +126,7 @@ def specimens_page(made: Iterable[DiagnosedSpecimen], folder: SpecimenFolder) ->
     columns = ["specimen", "verdict", "what was left out", "C10 before (kPa)", "C10 after (kPa)"]
     blocks = [
         f"{heading}\n{'=' * min(len(heading), 100)}",
-        f"*** {ORIGINS[folder.origin].partition(' (')[0].upper()} ***",
+        f"*** {folder.origin.upper()} DATA ***",
         table(columns, rows),
         fill("Each specimen has a folder with its own report beside this one."),
     ]

@@ -74,6 +74,11 @@ MODULI = (2.0, 6.0)
 """Shear modulus, and Young's of what hardly changes its volume, at small strain, over C10."""
 
 
+def spaced(unit: str) -> str:
+    """Return a unit as it follows a number; nothing of what has none."""
+    return "" if unit == "-" else f" {unit}"
+
+
 def moduli_text(c10: float, error: float, unit: str = "kPa") -> str:
     """Return the moduli at small strain that belong to C10 of an isotropic tissue that hardly changes its volume."""
     shear, young = (f"{number(k * c10, k * error)} {unit}" for k in MODULI)

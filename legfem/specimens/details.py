@@ -317,17 +317,7 @@ class Weighed:
 def notices_about(
     fit: Fit[SpecimenDetails], in_air: Sequence[str], of_recordings: Sequence[Notice]
 ) -> tuple[Notice, ...]:
-    """Notices about a fit, the gravest first.
-
-    Parameters
-    ----------
-    fit
-        Of a law.
-    in_air
-        Names of recordings that seem to begin in air.
-    of_recordings
-        On single recordings.
-    """
+    """Notices about a fit, the gravest first: of names that seem to begin in air, and those of single recordings."""
     log, thickness = fit.log, fit.details.thickness
     found = [Notice.of(SpecimenNotice.GOES_WITH_THICKNESS, text=thickness.text)] if thickness else []
     found += [*of_search(log), *of_compromise(log), *at_limits(fit)]
