@@ -92,7 +92,7 @@ class Cohort(Result):
         """Return what ``cohort.json`` holds."""
         frame = self.to_frame()
         return {
-            "schema": "legfem.cohort/1",
+            "schema": "legfem.cohort/2",
             "answer": self._page().headline.said,
             "folder": str(self.members.folder),
             "table": None if self.members.table is None else str(self.members.table),

@@ -1,15 +1,18 @@
 """The answer of a result: how it is to be taken, value or range, likely causes. `legfem.report.answers` words it."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import TypeAdapter
+from pydantic import BeforeValidator, TypeAdapter
 
 from legfem.common.documents import json_types
 
 Tone = Literal["sound", "caution", "open", "wrong"]
+# JSON has no number for what isn't finite.
+Number = Annotated[float, BeforeValidator(lambda given: math.nan if given is None else given)]
 
 
 class Finding(StrEnum):
@@ -31,12 +34,12 @@ class Finding(StrEnum):
 class Value:
     """A number with its 95 % interval, or a range alone, in the unit in which people read it."""
 
-    ci95: tuple[float, float] | None
+    ci95: tuple[Number, Number] | None
     """None where none was found within what was searched."""
     unit: str
     value: float | None = None
     """Of a range the value if no effect is hidden; None where it depends on the cause."""
-    standard_error: float = 0.0
+    standard_error: Number = 0.0
     range_only: bool = False
     asked: bool = True
     """Whether it was to be identified; else a prior was."""

@@ -27,7 +27,7 @@ from legfem.legs.subject import Subject
 from legfem.report.diagnosis_sentences import next_experiments
 from legfem.report.further_channels import channel_misfits, channel_sentences
 
-SCHEMA = "legfem.diagnose/5"
+SCHEMA = "legfem.diagnose/6"
 
 
 class Recorded(Protocol):
