@@ -1,18 +1,14 @@
 """``legfem cohort``."""
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import typer
 
-from legfem.commands.options import Jobs
+from legfem.commands.options import Jobs, optional
 from legfem.common import command_line
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
-
-
-def _option(text: str) -> Any:
-    return typer.Option(help=text, show_default=False)
 
 
 @app.command(cls=command_line.FiniteNumbers)
@@ -21,39 +17,39 @@ def cohort(
         Path, typer.Argument(help="Folder with the members' folders and, if you have one, cohort.csv or .xlsx.")
     ],
     do: Annotated[
-        Literal["identify", "diagnose", "stocking"], _option("What to do with each member; identify by default.")
+        Literal["identify", "diagnose", "stocking"], optional("What to do with each member; identify by default.")
     ] = "identify",
     layout: Annotated[
         str,
-        _option(
+        optional(
             "Pattern of the members' folders, such as 'P*/leg-*'; by default every folder below that has a "
             "subject.toml or specimen.toml (for stockings, a leg.toml)."
         ),
     ] = "",
-    table: Annotated[Path | None, _option("Table of the members, in place of FOLDER/cohort.csv.")] = None,
-    law: Annotated[str | None, _option("Strain energy, as for identify; both by default.")] = None,
-    identify: Annotated[list[str] | None, _option("Parameter to identify, as for identify; repeatable.")] = None,
-    prior: Annotated[list[str] | None, _option("What is known of a parameter, as for identify; repeatable.")] = None,
-    fix: Annotated[list[str] | None, _option("Value to hold, as for identify; repeatable.")] = None,
-    depth: Annotated[float | None, _option("Greatest depth to use (mm), as for identify.")] = None,
-    correction: Annotated[str | None, _option("3D correction, as for identify or diagnose.")] = None,
-    model: Annotated[Literal["2d", "3d"] | None, _option("Model of the leg, as for identify.")] = None,
+    table: Annotated[Path | None, optional("Table of the members, in place of FOLDER/cohort.csv.")] = None,
+    law: Annotated[str | None, optional("Strain energy, as for identify; both by default.")] = None,
+    identify: Annotated[list[str] | None, optional("Parameter to identify, as for identify; repeatable.")] = None,
+    prior: Annotated[list[str] | None, optional("What is known of a parameter, as for identify; repeatable.")] = None,
+    fix: Annotated[list[str] | None, optional("Value to hold, as for identify; repeatable.")] = None,
+    depth: Annotated[float | None, optional("Greatest depth to use (mm), as for identify.")] = None,
+    correction: Annotated[str | None, optional("3D correction, as for identify or diagnose.")] = None,
+    model: Annotated[Literal["2d", "3d"] | None, optional("Model of the leg, as for identify.")] = None,
     mesh: Annotated[
-        Literal["coarse"] | None, _option("A coarse mesh, for a quick look at all legs; do not rely on its results.")
+        Literal["coarse"] | None, optional("A coarse mesh, for a quick look at all legs; do not rely on its results.")
     ] = None,
-    library: Annotated[Path | None, _option("Folder of the legs' responses, as for diagnose.")] = None,
-    cells: Annotated[int | None, _option("About how many tetrahedra, as for stocking.")] = None,
-    seed: Annotated[int | None, _option("Seed, as for identify or diagnose.")] = None,
+    library: Annotated[Path | None, optional("Folder of the legs' responses, as for diagnose.")] = None,
+    cells: Annotated[int | None, optional("About how many tetrahedra, as for stocking.")] = None,
+    seed: Annotated[int | None, optional("Seed, as for identify or diagnose.")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for results; results/cohort-NAME by default.")] = None,
     on: Annotated[
         Literal["local", "mpi", "dask"],
-        _option(
+        optional(
             "Where several members run at once: in processes here (the default), on ranks of mpirun, or on a dask "
             "scheduler's workers."
         ),
     ] = "local",
     scheduler: Annotated[
-        str | None, _option("Address of the dask scheduler, the file that it writes, or a TOML of a queue ([slurm]).")
+        str | None, optional("Address of the dask scheduler, the file that it writes, or a TOML of a queue ([slurm]).")
     ] = None,
     jobs: Jobs = None,
     population: Annotated[

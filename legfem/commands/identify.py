@@ -3,20 +3,15 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import typer
 
-from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir, finish, results_folder
+from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir, finish, optional, results_folder
 from legfem.common.command_line import AsJson, FiniteNumbers, Quiet, command_context, parallel_context, process_count
 from legfem.common.errors import InputError, UnsolvedError
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
-
-
-def _option(text: str) -> Any:
-    # typer escapes the brackets around defaults that it shows for rich even when it isn't used.
-    return typer.Option(help=text, show_default=False)
 
 
 @app.command(name="identify", cls=FiniteNumbers)
@@ -26,18 +21,18 @@ def run(
     site: Site = None,
     specimen_dir: SpecimenDir = None,
     leave_out: Annotated[
-        list[str] | None, _option("Recording, specimen or test to predict instead of fitting it; repeatable.")
+        list[str] | None, optional("Recording, specimen or test to predict instead of fitting it; repeatable.")
     ] = None,
     law: Annotated[
         Literal["neo-hookean", "reduced-polynomial", "yeoh", "exponential", "both"] | None,
-        _option(
+        optional(
             "Strain energy of the deep tissue; both by default, with --identify the neo-Hookean one unless deep.C20 is "
             "among the names or given; yeoh and exponential are for specimens."
         ),
     ] = None,
     identify: Annotated[
         list[str] | None,
-        _option(
+        optional(
             "Full name of a parameter to identify, in place of the law's own: deep.C10, deep.C20, "
             "deep.D1, superficial.C10, fascia.C10, instrument.gain, ..., with --model 3d "
             "deep.fibre_ratio, of specimens LAYER.C10 and deep.fibre_ratio; may be given again."
@@ -45,29 +40,29 @@ def run(
     ] = None,
     prior: Annotated[
         list[str] | None,
-        _option(
+        optional(
             "What is known of a parameter before the test: 'superficial.C10=2±1 kPa' (+- may be written for ±), or "
             "'superficial.C10=2 x/ 1.5 kPa' for a factor, or 'superficial.C10=population' (also deep.C10) for that of "
             "people's calves; one that isn't to be identified may deviate by it; may be given again."
         ),
     ] = None,
     fix: Annotated[
-        list[str] | None, _option("Value to hold in place of the folder's: 'deep.D1=28 1/MPa'; may be given again.")
+        list[str] | None, optional("Value to hold in place of the folder's: 'deep.D1=28 1/MPa'; may be given again.")
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for results; results/identify-ID by default.")] = None,
     jobs: Jobs = None,
-    seed: Annotated[int, _option("Seed of the genetic algorithm; 1 by default.")] = 1,
+    seed: Annotated[int, optional("Seed of the genetic algorithm; 1 by default.")] = 1,
     depth: Annotated[float | None, typer.Option(help="Use the recordings down to this depth only, mm.")] = None,
     correction: Annotated[
         str,
-        _option(
+        optional(
             "Of 3D effects: own (the leg's, from legfem's table), none, or a file; own by "
             "default, none for recordings simulated in plane strain."
         ),
     ] = "auto",
     model: Annotated[
         Literal["2d", "3d"],
-        _option(
+        optional(
             "2d (the default): a section in plane strain, corrected from a table; 3d: some full solves of the leg "
             "itself confirm the correction and take the table's place (tens of minutes). With several [[site]], "
             "deep.fibre_ratio, or what doesn't lie along the leg, the search goes on solves in 3D alone."
@@ -75,19 +70,19 @@ def run(
     ] = "2d",
     weighting: Annotated[
         Literal["paper", "covariance"] | None,
-        _option(
+        optional(
             "covariance (the default): loading, hold and unloading of every trial, weighted by their errors; "
             "paper: the plain sum of squares over the loading (Eq. 12)."
         ),
     ] = None,
     c10_bounds: Annotated[
-        tuple[float, float] | None, _option("Bounds of the search for deep.C10 (kPa); 0.02 30 by default.")
+        tuple[float, float] | None, optional("Bounds of the search for deep.C10 (kPa); 0.02 30 by default.")
     ] = None,
     c20_bounds: Annotated[
-        tuple[float, float] | None, _option("Bounds of the search for deep.C20 (kPa); 0 50 by default.")
+        tuple[float, float] | None, optional("Bounds of the search for deep.C20 (kPa); 0 50 by default.")
     ] = None,
     emulator: Annotated[
-        bool, _option("Search on an emulator (the default), or call the full model each time (slow).")
+        bool, optional("Search on an emulator (the default), or call the full model each time (slow).")
     ] = True,
     quiet: Quiet = False,
     as_json: AsJson = False,

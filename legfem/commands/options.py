@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -16,6 +16,12 @@ SubjectDir = Annotated[Path | None, typer.Option(help="Folder of your own subjec
 Site = Annotated[str | None, typer.Option(help="Site to use, if the leg has several [[site]].", show_default=False)]
 SpecimenDir = Annotated[Path | None, typer.Option(help="Folder of specimens in a lab's test, in place of a leg.")]
 Jobs = Annotated[int | None, typer.Option(help="Processes; all cores by default.")]
+
+
+def optional(text: str) -> Any:
+    """Return an option whose default its help names, where it has one."""
+    # typer escapes the brackets around defaults that it shows for rich even when it isn't used.
+    return typer.Option(help=text, show_default=False)
 
 
 def results_folder(out: Path | None, command: str, name: str) -> Path:

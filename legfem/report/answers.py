@@ -10,7 +10,7 @@ from legfem.report import page as web
 from legfem.report.estimates import held_text, words_of
 from legfem.report.stocking_pressures import sentence_at_ankle, share_of
 from legfem.report.style import LAW_NAMES
-from legfem.report.words import MODULI, capital, moduli_text, number, share, spaced
+from legfem.report.words import MODULI, between, capital, moduli_text, number, share, spaced
 from legfem.stockings.assessment import TISSUES
 
 
@@ -68,23 +68,18 @@ def _of_specimens(answer: Answer) -> str:
     )
 
 
-def _ends(known: Value) -> tuple[str, str]:
-    low, high = known.ci95 or (math.nan, math.nan)
-    return number(low, (high - low) / 4), number(high, (high - low) / 4)
-
-
 def _reported(answer: Answer) -> str:
     """Say what number to write down of a diagnosis, or why none."""
     why = answer.parameters["why_none"]
     if why:
         return _NONE[why]
     (known,) = answer.values.values()
-    low, high = _ends(known)
+    first, last = known.ci95 or (math.nan, math.nan)
+    low, high = between(first, last)
     if not known.range_only:
         moduli = moduli_text(known.value or math.nan, known.standard_error)
         return f"Report: C10 = {_value(known)} kPa ({low} to {high}), {moduli}."
     only = "" if known.value is None else f" ({_value(known)} if no hidden effect is present)"
-    first, last = known.ci95 or (math.nan, math.nan)
     spread = (last - first) / 4
     shear, young = (" and ".join(number(times * end, times * spread) for end in (first, last)) for times in MODULI)
     return (

@@ -62,7 +62,12 @@ def chapter(found: Statistics) -> web.Chapter:
     if repeated := [(one, each) for one in some for each in one.repeated]:
         blocks.append(_agreement(repeated))
         blocks.append(_limits(repeated))
-        blocks += [plot for one, each in repeated[:2] for plot in _plots(one, each)]
+        blocks += [
+            _plot(one, each.by, pair)
+            for one, each in repeated[:2]
+            for pair in each.pairs[:1]
+            if len(pair.mean) <= _MOST_POINTS
+        ]
     if any(one.effects for one in some):
         blocks.append(_effects(some))
     if any(one.fitted for one in some):
@@ -132,10 +137,6 @@ def _limits(repeated: Sequence[tuple[Analysed, Repeated]]) -> web.WebTable:
     return web.WebTable(
         "Bland and Altman's limits of agreement, between which 95 % of the differences lie", header, rows
     )
-
-
-def _plots(one: Analysed, each: Repeated) -> list[Curves]:
-    return [_plot(one, each.by, pair) for pair in each.pairs[:1] if len(pair.mean) <= _MOST_POINTS]
 
 
 def _plot(one: Analysed, by: str, pair: Pair) -> Curves:

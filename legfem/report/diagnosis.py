@@ -374,10 +374,6 @@ def _solutions(found: Diagnosis) -> str:
     if math.isnan(found.emulator_error):
         return made + "a solution of the base model stopped, so the interpolation could not be checked."
     return made + (
-        f"the interpolation differed from the base model's solution by at most {_share_of_force(found.emulator_error)} "
-        "of the largest force."
+        "the interpolation differed from the base model's solution by at most "
+        f"{100 * max(found.emulator_error, 1e-4):.2g} % of the largest force."
     )
-
-
-def _share_of_force(error: float) -> str:
-    return "0.01 %" if error < 1e-4 else f"{100 * error:.2g} %"

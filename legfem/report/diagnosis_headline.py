@@ -28,7 +28,7 @@ from legfem.report.diagnosis_sentences import (
 )
 from legfem.report.estimates import high_or_low
 from legfem.report.plan import chance_text
-from legfem.report.words import capital, number, share
+from legfem.report.words import between, capital, number, share
 
 TITLE = "Can the stiffness of {kind} ‘{id}’ be trusted?"
 _MOST_CAUSES = 2
@@ -198,8 +198,7 @@ def _high_or_low(found: Diagnosis, tissue: str) -> list[tuple[str, str]]:
     if found.withheld or DEEP_C10 not in found.base_model.fit.free:
         return []
     if causes_differ(found):
-        low, high = map(mpa_to_kpa, ends(found))
-        return high_or_low(tissue, *(float(number(end, (high - low) / 4)) for end in (low, high)))
+        return high_or_low(tissue, *map(float, between(*map(mpa_to_kpa, ends(found)))))
     model = best(found)
     return high_or_low(tissue, mpa_to_kpa(model.value(DEEP_C10))) if model.determined(DEEP_C10) else []
 

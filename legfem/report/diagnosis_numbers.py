@@ -16,7 +16,7 @@ from legfem.report import diagnosis_curves
 from legfem.report.diagnosis_document import Recorded
 from legfem.report.estimates import wave_rows
 from legfem.report.page import Bars, Known, LabelledBar, Provenance
-from legfem.report.words import moduli_text, number, short_probability, spaced
+from legfem.report.words import between, moduli_text, number, short_probability, spaced
 
 _WRONG = "DO NOT RELY ON IT: the model does not fit, and the interval does not include what was left out"
 
@@ -288,19 +288,14 @@ def interval(model: Explanation, name: str) -> str:
     """Return a parameter's 95 % interval."""
     if not model.determined(name):
         return "not narrowed by this test"
-    return _between(model.shown(name).ci95)
+    return " to ".join(between(*model.shown(name).ci95))
 
 
 def averaged(found: Diagnosis, name: str) -> str:
     """Return a stiffness's 95 % interval (kPa) over all explanations; nothing where there is none."""
     if name not in found.intervals:
         return ""
-    return _between(found.shown_interval(name))
-
-
-def _between(ends: tuple[float, float]) -> str:
-    low, high = ends
-    return f"{number(low, (high - low) / 4)} to {number(high, (high - low) / 4)}"
+    return " to ".join(between(*found.shown_interval(name)))
 
 
 def flag(model: Explanation, name: str, null: float | None) -> str:

@@ -53,7 +53,7 @@ def write_specimen_diagnoses(
     for one in found:
         made.append(one)
         if one.diagnosis is not None:
-            where = out if alone else out / _folder_name(one.id)
+            where = out if alone else out / one.id.replace(" ", "_").replace("/", "_")
             content = diagnosis_document.document(one.diagnosis, one, seed, one.seconds)
             content["recordings_not_used"] = _not_used(one, folder)
             keep_another(where, command, DOCUMENT)
@@ -85,10 +85,6 @@ def write_specimen_diagnoses(
     with made_in_place(out) as hidden:
         (hidden / REPORT).write_text(specimens_page(made, folder), encoding="utf-8")
     return path, out / REPORT
-
-
-def _folder_name(name: str) -> str:
-    return name.replace(" ", "_").replace("/", "_")
 
 
 def _not_used(one: DiagnosedSpecimen, folder: SpecimenFolder) -> list[dict[str, Any]]:

@@ -74,6 +74,11 @@ MODULI = (2.0, 6.0)
 """Shear modulus, and Young's of what hardly changes its volume, at small strain, over C10."""
 
 
+def between(low: float, high: float) -> tuple[str, str]:
+    """Return the ends of a 95 % interval with the digits that its width leaves."""
+    return number(low, (high - low) / 4), number(high, (high - low) / 4)
+
+
 def spaced(unit: str) -> str:
     """Return a unit as it follows a number; nothing of what has none."""
     return "" if unit == "-" else f" {unit}"

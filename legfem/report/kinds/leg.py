@@ -224,7 +224,11 @@ def _headline(chosen: LegFit) -> web.Headline:
                 "say by how much.",
             ),
             ("What to do", _next(chosen)[0]),
-            *([] if no_number else _high_or_low(chosen)),
+            *(
+                []
+                if no_number or DEEP_C10 not in chosen.estimates
+                else estimates.high_or_low("deep", chosen.estimates[DEEP_C10].shown.value)
+            ),
         ],
     )
 
@@ -249,12 +253,7 @@ def _c10_value(chosen: LegFit) -> str:
     found = chosen.estimates.get(DEEP_C10)
     if found is not None:
         return estimates.value_text(found)
-    return estimates.held_text(DEEP_C10, {**chosen.assumed, **chosen.values}[DEEP_C10])
-
-
-def _high_or_low(chosen: LegFit) -> list[tuple[str, str]]:
-    found = chosen.estimates.get(DEEP_C10)
-    return [] if found is None else estimates.high_or_low("deep", found.shown.value)
+    return estimates.held_text(DEEP_C10, chosen.answer.parameters["C10_given"])
 
 
 def _leg_itself(fits: Sequence[LegFit], chosen: LegFit, pressed: PressedSection | None, note: str) -> list[web.Chapter]:
