@@ -56,13 +56,11 @@ from legfem.report.cohort import cohort_web_page
 from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_document import versions
 from legfem.report.instrument_file import Looked, look_web_page, recordings_toml
-from legfem.report.kinds.leg import leg_page
+from legfem.report.kinds import page_of
 from legfem.report.page import PressedSection, WebPage
 from legfem.report.plan import plan_web_page
 from legfem.report.pressed_section import Film, pressed_section
 from legfem.report.render import rendered
-from legfem.report.specimen_page import specimen_page
-from legfem.report.stocking_page import stocking_web_page
 from legfem.solve.path import ForceCurve
 from legfem.specimens.details import SpecimenDetails, SpecimenNotice
 from legfem.specimens.folder import load_specimen
@@ -102,7 +100,7 @@ def pressed(subject: Subject) -> PressedSection | None:
 def identified(folder: Path) -> WebPage:
     subject, measured = subject_in(folder), measured_curve(depth=DEPTH)
     results = [result(law, measured, subject) for law in ("neo-hookean", "reduced-polynomial")]
-    return leg_page(results, pressed(subject), COMMAND)
+    return page_of(results, pressed(subject), COMMAND)
 
 
 def pressed_in_3d() -> PressedLeg:
@@ -129,7 +127,7 @@ def identified_in_3d(folder: Path) -> WebPage:
         "contours of one section, extruded", True, 120.0, (confirmed,), 1, 2, {"mesh": 0.01}, None, pressed_in_3d()
     )
     found = result("reduced-polynomial", measured_curve(depth=DEPTH), subject_in(folder), evidence)
-    return leg_page([found], None, COMMAND)
+    return page_of([found], None, COMMAND)
 
 
 def diagnosis(folder: Path) -> WebPage:
@@ -250,7 +248,7 @@ def stocking(mesh: SolidMeshSettings = COARSE) -> StockingFit:
 
 
 def dressed(folder: Path) -> WebPage:
-    return stocking_web_page(stocking(), COMMAND)
+    return page_of([stocking()], command=COMMAND)
 
 
 def looked(folder: Path) -> WebPage:
@@ -275,7 +273,7 @@ PAGES = {
     "plan": planned,
     "doe": lambda folder: study_web_page(studied(folder), 1, COMMAND),
     "correction": corrected,
-    "specimen": lambda folder: specimen_page(specimens(folder), COMMAND),
+    "specimen": lambda folder: page_of(specimens(folder), command=COMMAND),
     "stocking": dressed,
     "cohort": lambda folder: cohort_web_page(*fabricated(6), "identify", COMMAND),
 }

@@ -10,7 +10,7 @@ from legfem.inverse.comparison import total_of
 from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.estimates import main_source, reasons, shares_of_error
 from legfem.inverse.intervals import Estimated
-from legfem.report.kinds.leg import leg_page
+from legfem.report.kinds import page_of
 from legfem.specimens.course import relaxation_parameters
 
 DEEPER, LONGER = "press deeper", "use a longer cylinder, or solve this leg in 3D (--model 3d)"
@@ -48,7 +48,7 @@ def test_advice_is_what_narrows_the_interval(tmp_path, noise, ends_sd, said, uns
     assert found.identifiability == "weakly identifiable"
     assert main_source(found.error_shares) == source
     assert sum(found.error_shares.values()) == pytest.approx(1.0)
-    advice = dict(leg_page(results).headline.answers)["What to do"]
+    advice = dict(page_of(results).headline.answers)["What to do"]
     assert said in advice and unsaid not in advice
     # What is advised against leaves the interval nearly as it was; what rules it, doesn't.
     better = {"ends": (noise / 3, ends_sd), "recordings": (noise, ends_sd / 3)}[source]

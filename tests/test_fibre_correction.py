@@ -19,7 +19,7 @@ from legfem.legs.correction_of_leg import choose_correction, correction_of, why_
 from legfem.legs.loading import load_subject
 from legfem.legs.solver_3d import fibre_errors
 from legfem.mechanisms import mechanism_named
-from legfem.report.kinds.leg import leg_page
+from legfem.report.kinds import page_of
 from legfem.report.notices import sentences_of
 from legfem.report.render import plain_page
 from legfem.solve.path import ForceCurve
@@ -162,7 +162,7 @@ def test_a_known_ratio_takes_its_part_of_the_force_out_of_c10(tmp_path: Path):
         "in_correction": True,
     }
     assert law_document(without)["fibres"] is None
-    page = " ".join(plain_page(leg_page([found]), []).split())
+    page = " ".join(plain_page(page_of([found]), []).split())
     assert "shear moduli along the leg over across: 2.5 ± 0.4" in page
 
 

@@ -26,8 +26,7 @@ from legfem.inverse.parameter import Parameter, Prior
 from legfem.inverse.parse_parameters import ParameterTexts, read_prior, read_value
 from legfem.inverse.population import CALF, population
 from legfem.inverse.settings import IdentificationSettings
-from legfem.report.kinds import kind_of
-from legfem.report.kinds.leg import leg_page
+from legfem.report.kinds import kind_of, page_of
 from legfem.report.render import plain_page
 
 NOMINAL = AnalyticLeg().nominal
@@ -41,7 +40,7 @@ def free(*names: str, **priors: Prior) -> list[Parameter]:
 
 def said_of(found, subject) -> str:
     """Return the report of one law, its lines joined."""
-    return " ".join(plain_page(leg_page([found]), []).split())
+    return " ".join(plain_page(page_of([found]), []).split())
 
 
 THREE = ("deep.C10", "deep.C20", "superficial.C10")

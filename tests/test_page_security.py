@@ -15,6 +15,7 @@ from making_stocking import COARSEST, short_leg, write_shape
 from legfem.common.progress import Silent
 from legfem.inverse.elastography import ShearModulus
 from legfem.report.curves import Curves, Line
+from legfem.report.kinds import page_of
 from legfem.report.page import (
     Bars,
     Bullets,
@@ -37,7 +38,6 @@ from legfem.report.page import (
     WebTable,
 )
 from legfem.report.render import embed, markdown_page, rendered, write_tables
-from legfem.report.stocking_page import stocking_web_page
 from legfem.stockings.assessment import assessed
 from legfem.stockings.details import StockingFit
 from legfem.stockings.identification import StockingSettings, identify_in_stocking
@@ -77,7 +77,7 @@ class Elements(HTMLParser):
         self.comments.append(data)
 
 
-def page_of(text: str) -> WebPage:
+def page_saying(text: str) -> WebPage:
     """Every block there is, with a text in each of its fields."""
     x = np.linspace(0.0, 1.0, 5)
     surface = ResponseSurface(
@@ -113,14 +113,14 @@ def page_of(text: str) -> WebPage:
 @pytest.fixture(scope="module")
 def plain() -> Elements:
     read = Elements()
-    read.feed(rendered(page_of("words")))
+    read.feed(rendered(page_saying("words")))
     return read
 
 
 @pytest.mark.parametrize("text", PLANTED)
 def test_markup_in_any_text_of_a_page_is_text(text, plain):
     read = Elements()
-    read.feed(rendered(page_of(text)))
+    read.feed(rendered(page_saying(text)))
     assert read.tags == plain.tags, "no element more or less"
     assert read.attributes == plain.attributes
     assert read.comments == plain.comments
@@ -129,7 +129,7 @@ def test_markup_in_any_text_of_a_page_is_text(text, plain):
 @pytest.mark.parametrize("text", PLANTED)
 def test_data_in_a_script_is_what_it_was(text):
     read = Elements()
-    read.feed(rendered(page_of(text)))
+    read.feed(rendered(page_saying(text)))
     data = ["".join(content) for attributes, content in read.scripts if attributes.get("type") == "application/json"]
     own = [json.loads(one) for one in data if '"roots"' not in one]
     assert {text: [text]} in own
@@ -143,14 +143,14 @@ def test_embedded_data_refuses_what_json_cannot_say():
 
 
 def test_markdown_shows_markup_as_text():
-    text = markdown_page(page_of("<b>*a* | `b` [c](d)"))
+    text = markdown_page(page_saying("<b>*a* | `b` [c](d)"))
     outside = "".join(text.split("```")[::2])
     assert "<b>" not in outside and r"\<b\>" in outside
     assert r"\| \`b\` \[c\](d)" in text
 
 
 def test_a_spreadsheet_takes_no_name_for_a_formula(tmp_path):
-    write_tables(page_of("=HYPERLINK(1)"), tmp_path)
+    write_tables(page_saying("=HYPERLINK(1)"), tmp_path)
     with (tmp_path / "numbers.csv").open(newline="") as file:
         (row,) = csv.DictReader(file)
     assert row["name"] == row["subject"] == "'=HYPERLINK(1)"
@@ -178,7 +178,7 @@ sensor = [{{name = {quoted}, position_mm = [0.0, 55.0, 80.0], pressure_mmHg = 20
     else:
         found = assessed(replace(solved.details, leg=leg), solved.log, solved.settings)
     page = Elements()
-    page.feed(rendered(stocking_web_page(found, f"run {text}")))
+    page.feed(rendered(page_of([found], command=f"run {text}")))
     return found, page
 
 

@@ -30,7 +30,7 @@ from legfem.legs.subject import LegAccuracy, Subject
 from legfem.mechanisms import Stiffness, TissueMechanism, Values
 from legfem.report.further_channels import channel_chapter
 from legfem.report.instrument_file import draw_look
-from legfem.report.kinds.leg import leg_page
+from legfem.report.kinds import page_of
 from legfem.report.render import rendered
 
 BOTH = ("deep.C10", "superficial.C10")
@@ -248,7 +248,7 @@ def test_a_solution_s_derivatives_are_no_channels():
 
 def test_pages_and_looks_draw_what_is_read_at_places(subject, both, tmp_path):
     """The page of a fit has the channel's panel, and a look at a trial its readings."""
-    page = rendered(leg_page([both]))
+    page = rendered(page_of([both]))
     assert "section displacement (mm)" in page and "contact pressure (kPa)" in page
     trial = subject.trials[0]
     (one, _) = trial.recording.channels

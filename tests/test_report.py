@@ -21,8 +21,7 @@ from legfem.legs.notices import of_ends
 from legfem.meshing.section import SectionMeshSettings
 from legfem.report.estimates import comparison
 from legfem.report.folder import keep_another, made_in_place
-from legfem.report.kinds import kind_of
-from legfem.report.kinds.leg import leg_page
+from legfem.report.kinds import kind_of, page_of
 from legfem.report.notices import sentence_of
 from legfem.report.render import brief, plain_page
 from legfem.report.results import write_report
@@ -44,7 +43,7 @@ def subject(tmp_path_factory):
 
 def text_of(results, subject) -> str:
     """Return ``report.txt``, its lines joined."""
-    return " ".join(plain_page(leg_page(results), []).split())
+    return " ".join(plain_page(page_of(results), []).split())
 
 
 def test_report_states_values_errors_and_units(both, subject):
@@ -96,14 +95,14 @@ def test_who_reads_a_corrected_c10_is_told_what_fibres_would_do_to_it(tmp_path):
 @pytest.mark.parametrize("origin", ["reconstructed", "simulated", "measured"])
 def test_origin_of_the_data_comes_first(both, subject, origin):
     other = result("reduced-polynomial", subject=replace(subject, origin=origin))
-    page = leg_page([other])
+    page = page_of([other])
     for text in (plain_page(page, []), brief(page)):
         assert text.index(f"*** {origin.upper()} DATA ***") < text.index(page.headline.sentence[:20])
     assert f"{origin} data" in kind_of([other]).figure([other]).get_suptitle()
 
 
 def test_terminal_is_told_how_the_laws_compare(both, subject):
-    text = " ".join(brief(leg_page(both)).split())
+    text = " ".join(brief(page_of(both)).split())
     ratio = both[0].cost.value / both[1].cost.value
     assert f"its cost is smaller by a factor of {ratio:.3g}" in text
     assert "The neo-Hookean law does not fit within the noise" in text

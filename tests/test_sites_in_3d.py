@@ -37,7 +37,7 @@ from legfem.legs.identification import fit_in_3d
 from legfem.legs.model_3d import SOLVES
 from legfem.legs.solver_3d import ways_of_pressing
 from legfem.legs.subject import SitedLeg
-from legfem.report.kinds.leg import leg_page
+from legfem.report.kinds import page_of
 from legfem.report.notices import sentences_of
 from legfem.report.render import rendered
 
@@ -185,7 +185,7 @@ def test_cylinders_that_lie_unlike_and_other_shapes_are_ways_of_pressing(tmp_pat
 
 def test_report_and_document_say_that_the_leg_was_solved_in_3d(tmp_path):
     found = identified(leg_of(tmp_path, ("along",)))
-    page = rendered(leg_page([found]))
+    page = rendered(page_of([found]))
     for text in ("of subject leg?", "in 3D", "larger elements", "across the leg: axis_deg"):
         assert text in page
     for text in ("All sites", "These sites", "by themselves", "departs most", "site by site"):
@@ -197,8 +197,8 @@ def test_report_and_document_say_that_the_leg_was_solved_in_3d(tmp_path):
 
 def test_what_a_diagnosis_cant_take_is_not_sent_to_one(tmp_path):
     along, across = (identified(leg_of(tmp_path, (way,)), (DEEP_C10,)) for way in RISES)
-    assert "legfem diagnose" in rendered(leg_page([along]))
-    assert "legfem diagnose" not in rendered(leg_page([across]))
+    assert "legfem diagnose" in rendered(page_of([along]))
+    assert "legfem diagnose" not in rendered(page_of([across]))
 
 
 def test_a_section_in_plane_strain_knows_no_fibres(tmp_path):

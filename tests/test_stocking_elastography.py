@@ -14,8 +14,8 @@ from legfem.experiments.compression import CompressionSettings
 from legfem.geometry.slices import calf_levels
 from legfem.inverse.elastography import ShearModulus
 from legfem.meshing.leg_sizes import SolidMeshSettings
+from legfem.report.kinds import page_of
 from legfem.report.render import plain_page
-from legfem.report.stocking_page import stocking_web_page
 from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.equilibrium import PARAMETERS, EquilibriumSolver, LegModel3D
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking
@@ -103,7 +103,7 @@ def test_known_fat_narrows_both_intervals_and_a_wrong_modulus_is_told(tmp_path):
     print(f"muscle's and fat's intervals over their widths without: {narrower}")
     assert narrower[1] < 0.5 and narrower[0] < 0.95
     # Six standard deviations of the prior's off the truth.
-    said = plain_page(stocking_web_page(found["wrong"]), [])
+    said = plain_page(page_of([found["wrong"]]), [])
     assert "Elastography finds a higher c10_deep than the fit of both scans does" in " ".join(said.split())
     priors = found["fat"].settings["priors"]
     assert set(priors) == {"c10_superficial"}

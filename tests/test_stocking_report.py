@@ -27,10 +27,10 @@ from legfem.inverse.intervals import quantile
 from legfem.inverse.notice import Notice
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.leg_sizes import SolidMeshSettings
+from legfem.report.kinds import page_of
 from legfem.report.notices import sentence_of, sentences_of
 from legfem.report.render import estimates_frame, plain_page, rendered
 from legfem.report.results import write_report
-from legfem.report.stocking_page import stocking_web_page
 from legfem.report.stocking_pressures import vein_interval
 from legfem.report.stocking_stiffness import stiffness_interval, verdict_sentence
 from legfem.report.words import Directions, angle_round, unwrapped
@@ -91,7 +91,7 @@ def folder(result, tmp_path_factory):
 
 def words_on(result) -> str:
     """What the report says, in one line."""
-    return " ".join(plain_page(stocking_web_page(result), []).split())
+    return " ".join(plain_page(page_of([result]), []).split())
 
 
 def changed(result, **details):
@@ -166,17 +166,17 @@ def test_a_page_of_a_state_that_was_not_found_or_a_scan_that_is_missed_says_so(r
     report = replace(result.details.equilibrium.state.report, complete=False, reason="step too small")
     state = replace(result.details.equilibrium.state, report=report)
     lost = changed(result, equilibrium=replace(result.details.equilibrium, state=state), pressures=None)
-    page = stocking_web_page(lost)
+    page = page_of([lost])
     assert page.headline.tone == "wrong" and "could not be computed" in page.headline.sentence
     read(rendered(page))
-    page = stocking_web_page(changed(result, best=missing(result)))
+    page = page_of([changed(result, best=missing(result))])
     assert page.headline.tone == "wrong"
     assert page.headline.answers[-1][1].startswith("Don't use the stiffness")
 
 
 def test_a_page_of_doubtful_input_does_not_say_that_its_pressures_can_be_used(result):
     doubt = Doubt("leg.toml", "bare", "40 mm of the leg are modelled", "give 100 mm or more")
-    page = stocking_web_page(changed(result, leg=replace(result.details.leg, doubts=(doubt,))))
+    page = page_of([changed(result, leg=replace(result.details.leg, doubts=(doubt,)))])
     assert page.headline.tone == "caution" and page.headline.heading.startswith("Check the doubtful input")
 
 

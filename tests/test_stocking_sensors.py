@@ -16,9 +16,9 @@ from legfem.experiments.compression import CompressionSettings
 from legfem.geometry.leg_shape import SKIN
 from legfem.geometry.slices import calf_levels
 from legfem.meshing.leg_sizes import SolidMeshSettings
+from legfem.report.kinds import page_of
 from legfem.report.notices import sentence_of
 from legfem.report.render import plain_page
-from legfem.report.stocking_page import stocking_web_page
 from legfem.report.stocking_pressures import sensor_rows
 from legfem.stockings.assessment import sensor_notices
 from legfem.stockings.contour_distances import ContourAccuracy
@@ -184,7 +184,7 @@ def test_two_sensors_of_4_percent_narrow_what_an_uncertain_fabric_leaves_open(tm
     along = result.pressure_along
     middle = len(along.levels) // 2
     assert 0.9 * SENSOR / np.sqrt(2) < along.sd[middle] / along.mean[middle] < 0.5 * TENSION
-    said = plain_page(stocking_web_page(fit), [])
+    said = plain_page(page_of([fit]), [])
     assert "tension of the fabric, relative to what was given" in said and "at 20" in said
     assert result.equilibrium.load.pressure.mean() == pytest.approx(worn.load.pressure.mean(), rel=0.06)
     assert all(abs(one.standardised_residual) < 3 for one in result.sensors)

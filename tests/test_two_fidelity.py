@@ -27,7 +27,7 @@ from legfem.legs.loading import load_subject
 from legfem.legs.model_3d import LegModels, SpatialForward, check_has_ends
 from legfem.legs.placement import spatial_leg
 from legfem.legs.subject import Subject
-from legfem.report.kinds.leg import leg_page
+from legfem.report.kinds import page_of
 from legfem.report.notices import sentences_of
 from legfem.report.render import plain_page
 
@@ -209,7 +209,7 @@ def test_a_leg_that_stops_short_is_a_search_error(tmp_path):
 def test_report_and_document_say_what_the_leg_itself_said(tmp_path):
     subject = recorded(tmp_path, 1.3)
     (result,) = identified(subject, table(0.3))
-    text = " ".join(plain_page(leg_page([result]), []).split())
+    text = " ".join(plain_page(page_of([result]), []).split())
     assert "extruded over 120 mm" in text and "the table of idealised legs" in text
     document = law_document(result)
     assert document["model"] == "3d"

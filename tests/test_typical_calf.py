@@ -17,7 +17,7 @@ from legfem.legs.schema import SUBJECTS
 from legfem.legs.site import site_test
 from legfem.legs.subject import TYPICAL_FORCE_SD
 from legfem.legs.unknowns import unknowns_at
-from legfem.report.kinds.leg import leg_page
+from legfem.report.kinds import page_of
 
 
 def described(folder: Path, section: str, indenter: str = "") -> Path:
@@ -43,7 +43,7 @@ def test_a_calf_has_the_girth_and_the_fat_that_were_measured(tmp_path: Path, aro
     assert fascia - skin == pytest.approx(fat, rel=0.02)
     assert subject.typical_shape
     found = result("neo-hookean", measured_curve(depth=4.0), subject)
-    (row,) = [one for one in leg_page([found]).known if "girth" in one.name]
+    (row,) = [one for one in page_of([found]).known if "girth" in one.name]
     assert (row.provenance, row.source, row.value) == ("assumed", "subject.toml", f"{around:.0f} mm")
 
 

@@ -32,7 +32,7 @@ from legfem.report.curves import Curves, Line, ways
 from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_headline import headline
 from legfem.report.estimates import QUESTION, high_or_low
-from legfem.report.kinds.leg import leg_page
+from legfem.report.kinds import page_of
 from legfem.report.pressed_section import DrawnSection, Film, pressed_section
 from legfem.report.render import rendered
 from legfem.report.words import number
@@ -69,7 +69,7 @@ def pressed(film):
 
 def test_the_page_of_an_identification_says_verdict_warnings_and_provenance(subject, both, pressed):
     command = "legfem identify --subject-dir 'my <leg>'"
-    html = rendered(leg_page(both, pressed, command))
+    html = rendered(page_of(both, pressed, command))
     page = read(html)
     assert len(html.encode()) < MOST_BYTES
     c10 = both[1].estimates["deep.C10"].shown
@@ -88,13 +88,13 @@ def test_the_page_of_an_identification_says_verdict_warnings_and_provenance(subj
 
 
 def test_a_law_that_does_not_fit_is_not_praised(subject, both):
-    page = leg_page(both[:1])
+    page = page_of(both[:1])
     assert page.headline.tone == "wrong"
     assert "don't rely on it" in dict(page.headline.answers)["Effect on C10"]
     assert "legfem diagnose" in dict(page.headline.answers)["What to do"]
     unsure = replace(both[1].estimates["deep.C20"], identifiability="weakly identifiable")
     poly = replace(both[1], estimates={**both[1].estimates, "deep.C20": unsure})
-    page = leg_page([both[0], poly])
+    page = page_of([both[0], poly])
     assert page.headline.tone == "caution"
     assert "C20" in dict(page.headline.answers)["What to do"]
 
@@ -103,8 +103,8 @@ def test_doubtful_input_is_said_in_the_verdict_not_below_it(subject, both):
     doubts = [Doubt("trial1.csv", "force_N", "reads +7 N more back where it began", "tare it")] * 2
     for fits in (both, both[:1]):
         usual, page = (
-            leg_page(fits).headline,
-            leg_page([replace(fit, notices=doubted(doubts)) for fit in fits]).headline,
+            page_of(fits).headline,
+            page_of([replace(fit, notices=doubted(doubts)) for fit in fits]).headline,
         )
         answers = dict(page.answers)
         assert answers["Problems found"].startswith("2 inputs are doubtful")
@@ -115,7 +115,7 @@ def test_doubtful_input_is_said_in_the_verdict_not_below_it(subject, both):
 def test_a_law_with_a_parameter_that_the_data_do_not_need_is_not_chosen(subject, both):
     neo, poly = both
     alike = replace(neo, goodness=replace(neo.goodness, chi_square=poly.goodness.chi_square + 0.5, p_value=0.3))
-    page = leg_page([alike, poly])
+    page = page_of([alike, poly])
     assert "The neo-Hookean law describes" in page.headline.sentence
 
 
@@ -268,14 +268,14 @@ def test_a_stiffness_is_set_beside_what_was_published_with_its_source(low, high,
 
 def test_where_nothing_was_published_nothing_is_said_of_high_or_low(subject, both):
     assert high_or_low("fascia", 100.0) == [] and high_or_low("", 1.0) == []
-    page = leg_page(both)
+    page = page_of(both)
     assert [q for q, _ in page.headline.answers].count(QUESTION) == 1
-    misses = leg_page(both[:1])
+    misses = page_of(both[:1])
     assert QUESTION not in dict(misses.headline.answers), "a wrong model's number isn't compared"
 
 
 def test_a_page_says_its_day_in_words(subject, both):
-    page = replace(leg_page(both), made=date(2026, 3, 9))
+    page = replace(page_of(both), made=date(2026, 3, 9))
     words = read(rendered(page)).words
     assert words.index("made on 9 March 2026") < words.index(page.headline.sentence)
 
@@ -286,7 +286,7 @@ in_browser = pytest.mark.skipif(browser.browser() is None, reason="no Chromium h
 @in_browser
 def test_a_browser_opens_the_page_without_fault_or_request_and_its_controls_work(subject, both, pressed, tmp_path):
     path = tmp_path / "report.html"
-    path.write_text(rendered(leg_page(both, pressed)), encoding="utf-8")
+    path.write_text(rendered(page_of(both, pressed)), encoding="utf-8")
     seen = browser.seen(path, browser.browser(), browser.axe())
     assert browser.faults(seen) == [] and "inaccessible" in seen
     assert set(seen["off"]) == {False} and set(seen["on"]) == {True}

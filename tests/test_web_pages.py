@@ -26,11 +26,12 @@ from legfem.geometry.motion import inward, stretch_round
 from legfem.report.curves import Curves, Line
 from legfem.report.dressed_leg import by_height
 from legfem.report.estimates import words_of
+from legfem.report.kinds import page_of
+from legfem.report.kinds.specimens import curves_of
 from legfem.report.leg_3d_view import Marked, SkinField, pressed_leg, turned_leg
 from legfem.report.page import Bars, LabelledBar, Slider, View
 from legfem.report.plan import plan_web_page
 from legfem.report.render import PAGE_FILES, embed, rendered
-from legfem.report.specimen_page import curves_of, specimen_page
 from legfem.report.specimen_sentences import procedure
 from legfem.specimens.laws import SpecimenTissue
 from legfem.study.correction.page import correction_web_page
@@ -167,7 +168,7 @@ def test_a_correction_says_how_large_it_is_and_in_which_direction():
 
 
 def test_specimens_say_how_stiff_what_was_left_out_and_when_not_to_trust(tmp_path):
-    page = specimen_page(pages.specimens(tmp_path), pages.COMMAND)
+    page = page_of(pages.specimens(tmp_path), command=pages.COMMAND)
     checked(
         page,
         "C10 of the tissue 5.00 kPa",
@@ -177,7 +178,7 @@ def test_specimens_say_how_stiff_what_was_left_out_and_when_not_to_trust(tmp_pat
         "a bar: length 10 mm, area 100 mm²",
     )
     assert page.headline.tone == "caution", "a recording was left out"
-    wrong = specimen_page(pages.specimens(tmp_path, p_value=1e-9))
+    wrong = page_of(pages.specimens(tmp_path, p_value=1e-9))
     assert wrong.headline.tone == "wrong" and " law misses the " in wrong.headline.sentence
     (fit, *_) = pages.specimens(tmp_path)
     tissues = SpecimenTissue("muscle", None, 0.49), SpecimenTissue("fat", "neo-hookean", 0.49, {"C10": 2e-3})
@@ -187,7 +188,7 @@ def test_specimens_say_how_stiff_what_was_left_out_and_when_not_to_trust(tmp_pat
     )
     own = {name.replace("deep.C10", "viscoelasticity.ratio"): one for name, one in fit.estimates.items()}
     relaxing = replace(fit, estimates=own)
-    sure = dict(specimen_page([relaxing]).headline.answers)["How sure"]
+    sure = dict(page_of([relaxing]).headline.answers)["How sure"]
     assert "relative to the part that stays is known to within" in sure and "viscoelasticity" not in sure
 
 
@@ -317,7 +318,7 @@ def test_a_solve_whose_states_were_not_kept_shows_the_section_alone(tmp_path):
     found = pages.result(
         "reduced-polynomial", pages.measured_curve(depth=pages.DEPTH), pages.subject_in(tmp_path / "other")
     )
-    plain = pages.leg_page([found])
+    plain = page_of([found])
     assert not any(b.kind == "turned" for c in plain.chapters for b in c.blocks)
 
 

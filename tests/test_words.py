@@ -16,6 +16,7 @@ from test_diagnosis_report import CASES
 from legfem.inverse.catalogue import parameter_of
 from legfem.inverse.plan import Design, DesignValue
 from legfem.report.diagnosis import diagnosis_web_page
+from legfem.report.kinds import page_of
 from legfem.report.page import WebPage
 from legfem.report.render import plain_page
 
@@ -97,7 +98,7 @@ def test_a_specimen_of_layers_has_each_stiffness_first_and_one_recording_is_no_s
     (found,) = fit.estimates.values()
     one = replace(fit.tests[0], fitted=False), *(replace(test, fitted=True) for test in fit.tests[-1:])
     layered = replace(fit, estimates={"muscle.C10": replace(found, parameter=MUSCLE)}, tests=one)
-    page = pages.specimen_page([layered], "")
+    page = page_of([layered])
     assert page.headline.sentence.startswith(
         "Muscle stiffness C10 = 5.00 kPa (4.80 to 5.20), shear modulus G = 10.0 kPa"
     )
@@ -111,7 +112,7 @@ def test_an_interval_that_is_all_that_was_searched_is_called_not_determined(tmp_
     (fit,) = pages.specimens(tmp_path)
     (found,) = fit.estimates.values()
     open_ = replace(found, ci95=found.parameter.bounds, identifiability="not identifiable")
-    text = plain_page(pages.specimen_page([replace(fit, estimates={"deep.C10": open_})], ""), [])
+    text = plain_page(page_of([replace(fit, estimates={"deep.C10": open_})]), [])
     text = " ".join(text.split())
     assert "C10 = 5.00 kPa (interval not determined)" in text and "No interval of C10 was found" in text
     assert f" to {1e3 * found.parameter.bounds[1]:g}" not in text
@@ -122,7 +123,7 @@ def test_an_interval_of_no_width_at_a_bound_is_no_precise_number(tmp_path: Path)
     (found,) = fit.estimates.values()
     bound = found.parameter.bounds[0]
     stuck = replace(found, value=bound, ci95=(bound, bound), identifiability="not identifiable")
-    sure = dict(pages.specimen_page([replace(fit, estimates={"deep.C10": stuck})], "").headline.answers)["How sure"]
+    sure = dict(page_of([replace(fit, estimates={"deep.C10": stuck})]).headline.answers)["How sure"]
     assert "cannot be determined from this test" in sure and "± 0 %" not in sure
 
 

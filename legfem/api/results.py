@@ -19,7 +19,7 @@ from legfem.inverse.fit import Fit
 from legfem.inverse.outcome import JointForward
 from legfem.legs.forward import PlaneStrainForward
 from legfem.legs.subject import SitedLeg, Subject
-from legfem.report.kinds import kind_of
+from legfem.report.kinds import kind_of, page_of
 from legfem.report.page import WebPage, command_line
 from legfem.report.render import brief, estimates_frame, rendered
 from legfem.report.results import pressed_section_of, write_report
@@ -98,7 +98,7 @@ class Identification(Result):
     def summary(self) -> str:
         """Values, intervals, which law fits better, whether sites agree, how well the rest is predicted, warnings."""
         kind = kind_of(self.fits)
-        return brief(kind.page(self.fits), kind.told)
+        return brief(page_of(self.fits), kind.told)
 
     def document(self) -> dict[str, Any]:
         """What ``result.json`` holds; its laws are members."""
@@ -131,4 +131,4 @@ class Identification(Result):
     def _page(self) -> WebPage:
         experiment = self._experiment
         pressed = None if experiment is None else pressed_section_of(self.fits, experiment)
-        return kind_of(self.fits).page(self.fits, pressed, "", "")
+        return page_of(self.fits, pressed)

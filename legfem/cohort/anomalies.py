@@ -40,9 +40,8 @@ def rig_steps(known: Mapping[str, Member], rows: Sequence[Row]) -> Iterator[tupl
         member, one = known[row.member], found.measures.get("c10_deep")
         when = day(member)
         if when is not None and one is not None and one.value > 0:
-            side, group = (str(member.given.get(name, "")) for name in ("side", "group"))
-            test = _Test(when.toordinal(), member.person, side, group, float(np.log(one.value)))
-            by_rig[str(member.given.get("rig", ""))].append(test)
+            side, rig = (str(member.given.get(name, "")) for name in ("side", "rig"))
+            by_rig[rig].append(_Test(when.toordinal(), member.person, side, member.group, float(np.log(one.value))))
     steps = {rig: _step_of(_visits(tests)) for rig, tests in by_rig.items()}
     seen = [(rig, step) for rig, step in steps.items() if step is not None]
     for rig, step in seen:
@@ -225,7 +224,7 @@ def _outliers(known: Mapping[str, Member], rows: Sequence[Row]) -> Iterator[Susp
     for row, found in measured(rows, cohort_model(rows)):
         for name, one in found.measures.items():
             if one.value > 0:
-                values[name, str(known[row.member].given.get("group", ""))].append((row.name, np.log(one.value)))
+                values[name, known[row.member].group].append((row.name, np.log(one.value)))
     for (name, group), given in values.items():
         every = np.array([value for _, value in given])
         middle = np.median(every)

@@ -60,6 +60,11 @@ class Member:
     problem: str = ""
 
     @property
+    def group(self) -> str:
+        """Group in the study; empty where none is given."""
+        return str(self.given.get("group", ""))
+
+    @property
     def place(self) -> str:
         """Path below a folder of results, that can be written whatever the name is."""
         parts = Path(self.name).parts

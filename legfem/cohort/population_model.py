@@ -40,6 +40,8 @@ LEVELS: Mapping[str, float] = {"person": 0.5, "leg": 0.2, "visit": 0.1, "rater":
 """Scales of the half-normal priors of standard deviations, of logarithms."""
 MEAN_SD = 3.0
 """Of the mean of the logarithm, of kPa: a factor of 400 at two standard deviations."""
+EXPONENT = "'s exponent"
+"""Ends the name of a covariate's effect."""
 EFFECT_SD = 0.5
 """Standard deviation of the priors of groups, exponents and steps."""
 
@@ -224,7 +226,7 @@ def hierarchy_of(members: Sequence[Member], rows: Sequence[Row], key: str) -> tu
     found = {level: of for level, of in shared.items() if level in kept_levels}
     several = {name: np.unique(text[name], return_inverse=True)[1] for name in ("rater", "rig")}
     found |= {name: of for name, of in several.items() if of.max() > 0}
-    names = tuple(text.replace(", by one more", "'s exponent") for text, _ in shown)
+    names = tuple(text.replace(", by one more", EXPONENT) for text, _ in shown)
     repeated = counts["leg"] < len(kept)
     given = Hierarchy(names, design[:, 1:], found, shared["leg"] if repeated else None)
     return given, Likelihoods.of(list(kept["measure"]), repeated), list(kept["row"])

@@ -47,9 +47,12 @@ def methods(members: Members, rows: Sequence[Row], task: str, model: str) -> lis
         Under which members are compared.
     """
     done = [row for row in rows if row.done]
-    people = len({one.person for one in members.every})
-    versions = _same([dict(row.versions) for row in done]) or versions_of("legfem", "dolfinx")
-    what = f"{_size(rows)} of {people} {'person' if people == 1 else 'people'}"
+    used: dict[str, set[str]] = {}
+    for row in done:
+        for name, version in row.versions.items():
+            used.setdefault(name, set()).add(version)
+    versions = {name: " and ".join(sorted(each)) for name, each in used.items()} or versions_of("legfem", "dolfinx")
+    what = f"{_size(rows)} of {_people(members.every)}"
     stands = ", ".join(f"{name} {version}" for name, version in versions.items() if name != "legfem")
     first = _DONE[task].format(what=what, legfem=versions.get("legfem", "unknown")) + f" ({stands})."
     texts = [first + (f" Results are compared under one law ({LAW_NAMES.get(model, model)})." if model else "")]
@@ -71,12 +74,6 @@ def methods(members: Members, rows: Sequence[Row], task: str, model: str) -> lis
     return texts
 
 
-def _same(given: Sequence[dict[str, str]]) -> dict[str, str]:
-    """Versions that were used; several where rows differ."""
-    names = dict.fromkeys(name for one in given for name in one)
-    return {name: " and ".join(sorted({one[name] for one in given if name in one})) for name in names}
-
-
 def _shown(values: Sequence[Any]) -> str:
     """One value, or from where to where they go."""
     flat = [one for value in values for one in (value if isinstance(value, list) else [value])]
@@ -91,23 +88,15 @@ def _shown(values: Sequence[Any]) -> str:
 ODD = "Unusual findings, and what is missing"
 """A chapter."""
 PAGE, TEXT = "cohort.html", "cohort.txt"
-_JUDGED: Mapping[str, str] = {
-    "": "no result",
-    "wrong": "model does not fit",
-    "open": "undecided",
-    "caution": "with caution",
-    "sound": "reliable",
+_JUDGED: Mapping[str, tuple[str, str, str]] = {
+    "": ("no result", "has no result", "have no result"),
+    "wrong": ("model does not fit", "does not fit the model", "do not fit the model"),
+    "open": ("undecided", "is undecided", "are undecided"),
+    "caution": ("with caution", "needs caution", "need caution"),
+    "sound": ("reliable", "is reliable", "are reliable"),
 }
-"""By the tone of a member's own page, the gravest first."""
-_COUNTED: Mapping[str, tuple[str, str]] = {
-    "": ("has no result", "have no result"),
-    "wrong": ("does not fit the model", "do not fit the model"),
-    "open": ("is undecided", "are undecided"),
-    "caution": ("needs caution", "need caution"),
-    "sound": ("is reliable", "are reliable"),
-}
-"""The same of one member, and of several."""
-_FITS = "model fits"
+"""By the tone of a member's own page, the gravest first: a judgement, the same of one member, and of several."""
+_FITS = ("model fits", "fits the model", "fit the model")
 """What an identification that shows nothing wrong is called: what looks like another stiffness does not show."""
 _MOST_KINDS = 12
 """Kinds of warnings that have a column of their own."""
@@ -117,6 +106,11 @@ _STATIONS = 25
 
 def _size(rows: Sequence[Row]) -> str:
     return f"{len(rows)} member{'s' * (len(rows) != 1)}"
+
+
+def _people(members: Sequence[Member]) -> str:
+    count = len({one.person for one in members})
+    return f"{count} {'person' if count == 1 else 'people'}"
 
 
 def cohort_web_page(
@@ -139,14 +133,22 @@ def cohort_web_page(
     """
     every, model = members.every, cohort_model(rows)
     odd = suspicions(every, rows)
-    found = dict((row.name, one) for row, one in measured(rows, model))
+    found = {row.name: one for row, one in measured(rows, model)}
+    judged = {**_JUDGED, "sound": _FITS} if task == "identify" else _JUDGED
     chapters = [
-        web.Chapter("Which results can be used", _believed(every, rows, task)),
+        web.Chapter("Which results can be used", _believed(every, rows, task, judged)),
         web.Chapter("What was found", _numbers(every, rows, model, found)),
         *([web.Chapter("Curves of all", [bundle])] if (bundle := _bundle(every, rows, found)) else []),
         cohort_statistics.chapter(statistics(every, rows)),
         *([cohort_statistics.population_chapter(population)] if population else []),
-        web.Chapter(ODD, _odd(odd, missing(every, rows))),
+        web.Chapter(
+            ODD,
+            [
+                web.Prose(_LOOKED),
+                web.Bullets([one.sentence for one in odd]) if odd else web.Prose("Nothing was found."),
+                *([web.Bullets(lacking)] if (lacking := missing(every, rows)) else []),
+            ],
+        ),
         web.Chapter("Methods", [web.Prose(text) for text in methods(members, rows, task, model)]),
     ]
     origins = Counter(row.origin for row in rows if row.done)
@@ -154,7 +156,7 @@ def cohort_web_page(
         f"Cohort {members.folder.resolve().name}: {_size(rows)}",
         f"legfem {task}, {_size(rows)}, {members.folder}",
         _origin(origins),
-        _headline(every, rows, odd, model, task, found),
+        _headline(every, rows, odd, model, judged, found),
         [one.sentence for one in odd if len(one.members) != 1] + list(members.notes),
         (),
         chapters,
@@ -184,18 +186,13 @@ def _data(origins: Counter[str]) -> str:
     return "data of several kinds: " + ", ".join(f"{count} {name}" for name, count in origins.items())
 
 
-def _judged_words(task: str) -> Mapping[str, str]:
-    """Return what results are called, by the tone of a member's own page."""
-    return {**_JUDGED, "sound": _FITS} if task == "identify" else _JUDGED
-
-
 def _answer(members: Sequence[Member], rows: Sequence[Row], found: Mapping[str, ModelResult]) -> str:
     """What members have in the median and from the least to the greatest, by group; empty without a number."""
     trusted = [row for row in rows if row.name in found and row.judged.tone != "wrong"]
     names = list(dict.fromkeys(name for row in trusted for name in found[row.name].measures))
     if not names:
         return ""
-    name, group = names[0], {one.name: str(one.given.get("group", "")) for one in members}
+    name, group = names[0], {one.name: one.group for one in members}
     values: dict[str, list[float]] = {}
     unit = ""
     for row in trusted:
@@ -216,22 +213,20 @@ def _headline(
     rows: Sequence[Row],
     odd: Sequence[Suspicion],
     model: str,
-    task: str,
+    judged: Mapping[str, tuple[str, str, str]],
     found: Mapping[str, ModelResult],
 ) -> web.Headline:
     counts = Counter(row.judged.tone for row in rows)
-    counted = {**_COUNTED, "sound": ("fits the model", "fit the model")} if task == "identify" else _COUNTED
     said = ", ".join(
-        f"{f'{counts[name]} ' * (len(rows) > 1)}{counted[name][counts[name] > 1]}"
-        for name in reversed(list(counted))
-        if counts[name]
+        f"{f'{counts[tone]} ' * (len(rows) > 1)}{several if counts[tone] > 1 else one}"
+        for tone, (_, one, several) in reversed(list(judged.items()))
+        if counts[tone]
     )
     good = counts["sound"] + counts["caution"]
     tone: Tone = "sound" if counts["sound"] == len(rows) and not odd else "caution" if good else "wrong"
     failed = [row.name for row in rows if not row.done]
-    people = len({one.person for one in members})
     answers = [
-        ("Members", f"{len(rows)}, of {people} {'person' if people == 1 else 'people'}."),
+        ("Members", f"{len(rows)}, of {_people(members)}."),
         ("Members without a result", listed(failed) if failed else "None."),
         ("Unusual findings", f"{len(odd)} to look into; they are listed below." if odd else "None."),
         *([("Law used for the comparison", f"The {LAW_NAMES.get(model, model)} law.")] if model else []),
@@ -241,32 +236,32 @@ def _headline(
     return web.Headline(tone, sentence, answers, f"{good} of {len(rows)} can be used")
 
 
-def _believed(members: Sequence[Member], rows: Sequence[Row], task: str) -> list[web.Block]:
+def _believed(
+    members: Sequence[Member], rows: Sequence[Row], task: str, judged: Mapping[str, tuple[str, str, str]]
+) -> list[web.Block]:
     """A matrix of verdicts and warnings, the gravest first."""
     kinds = {row.name: set(map(kind_of_notice, row.judged.notices)) for row in rows}
     counts = Counter(kind for found in kinds.values() for kind in found)
     named = [kind for kind, _ in counts.most_common(_MOST_KINDS)]
     letters = {kind: chr(ord("A") + k) for k, kind in enumerate(named)}
-    group = {one.name: str(one.given.get("group", "")) for one in members}
-    words, ranks = _judged_words(task), list(_JUDGED)
+    group, ranks = {one.name: one.group for one in members}, list(judged)
     verdict = ["verdict"] if any(row.verdict for row in rows) else []
 
     def line(row: Row) -> list[Cell]:
-        own = kinds[row.name]
-        others = len(own - set(named))
-        why = row.problem or row.judged.sentence
-        marks: list[Cell] = ["●" if kind in own else "" for kind in named]
-        judged: Cell = (float(ranks.index(row.judged.tone)), words[row.judged.tone])
-        own_verdict = [row.verdict] if verdict else []
-        return [row.name, group[row.member], judged, *own_verdict, *marks, float(others) if others else "", why]
+        warned, tone = kinds[row.name], row.judged.tone
+        others = len(warned - set(named))
+        marks: list[Cell] = ["●" if kind in warned else "" for kind in named]
+        first: list[Cell] = [row.name, group[row.member], (float(ranks.index(tone)), judged[tone][0])]
+        first += [row.verdict] if verdict else []
+        return [*first, *marks, float(others) if others else "", row.problem or row.judged.sentence]
 
     ordered = sorted(rows, key=lambda row: ranks.index(row.judged.tone))
     header = ["member", "group", "judgement", *verdict, *letters.values(), "others", "why"]
     legend = [f"{letters[kind]}: {kind} ({counts[kind]})" for kind in named]
     return [
         web.Prose(
-            f"The judgement is that of each member's own page: “{words['sound']}” if the recordings show nothing that "
-            "the model leaves out, and determine the stiffness; “with caution” if something limits the result; "
+            f"The judgement is that of each member's own page: “{judged['sound'][0]}” if the recordings show nothing "
+            "that the model leaves out, and determine the stiffness; “with caution” if something limits the result; "
             "“undecided” if several explanations remain."
             + (f" {BEYOND_A_FIT}" if task == "identify" and any(row.judged.tone == "sound" for row in rows) else "")
         ),
@@ -295,18 +290,15 @@ def _numbers(
     header += ["fit p", *(["fat (mm)", "girth (mm)"] if thick else []), "time (s)"]
 
     def line(row: Row) -> list[Cell]:
-        one, person = found.get(row.name), known[row.member]
+        one, person = found.get(row.name, ModelResult({})), known[row.member]
         cells: list[Cell] = [row.name, *(person.given.get(name) for name in given)]
         for name in names:
-            cells += _cells(None if one is None else one.measures.get(name))
-        p = None if one is None else one.p_value
-        cells.append(None if p is None else (p, short_probability(p)))
+            cells += _cells(one.measures.get(name))
+        cells.append(None if one.p_value is None else (one.p_value, short_probability(one.p_value)))
         cells += [row.shape.fat_mm, row.shape.girth_mm] if thick else []
         return [*cells, row.seconds or None]
 
-    blocks: list[web.Block] = []
-    if names:
-        blocks.append(_forest(members, rows, found, names, units))
+    blocks: list[web.Block] = [_forest(members, rows, found, units)] if names else []
     if model:
         others = [row.name for row in rows if row.done and row.judged.preferred != model]
         name = LAW_NAMES.get(model, model)
@@ -316,13 +308,8 @@ def _numbers(
         elif others:
             text += f" {len(others)} need another: {listed(others)}. The table in cohort.csv has both."
         blocks.append(web.Prose(text))
-    table = SortableTable(
-        "numbers",
-        "All members; click a column to sort, a member for its own report.",
-        header,
-        [line(row) for row in rows],
-        [row.report for row in rows],
-    )
+    caption = "All members; click a column to sort, a member for its own report."
+    table = SortableTable("numbers", caption, header, list(map(line, rows)), [row.report for row in rows])
     return [*blocks, table]
 
 
@@ -339,64 +326,52 @@ def _groups(members: Sequence[Member], rows: Sequence[Row]) -> tuple[list[Group]
     """Groups with their colours, and each row's."""
     colours = colours_of(members)
     places = {name: k for k, name in enumerate(colours)}
-    group = {one.name: str(one.given.get("group", "")) for one in members}
+    group = {one.name: one.group for one in members}
     shown = [Group(name or ("no group" if len(colours) > 1 else "all"), colour) for name, colour in colours.items()]
     return shown, [places[group[row.member]] for row in rows]
 
 
 def _forest(
-    members: Sequence[Member],
-    rows: Sequence[Row],
-    found: Mapping[str, ModelResult],
-    names: Sequence[str],
-    units: Mapping[str, str],
+    members: Sequence[Member], rows: Sequence[Row], found: Mapping[str, ModelResult], units: Mapping[str, str]
 ) -> Forest:
-    groups, group = _groups(members, rows)
+    def digits(value: float | None) -> float | None:
+        return None if value is None else float(f"{value:.5g}")
 
-    def metric(name: str) -> ForestMetric:
+    def metric(name: str, unit: str) -> ForestMetric:
         each = [found[row.name].measures.get(name) if row.name in found else None for row in rows]
-        return ForestMetric(
-            called(name),
-            units[name],
-            [None if one is None else float(f"{one.value:.5g}") for one in each],
-            [None if one is None or one.low is None else float(f"{one.low:.5g}") for one in each],
-            [None if one is None or one.high is None else float(f"{one.high:.5g}") for one in each],
-        )
+        ends = [(None, None, None) if one is None else (one.value, one.low, one.high) for one in each]
+        return ForestMetric(called(name), unit, *([digits(one[k]) for one in ends] for k in range(3)))
 
     caption = "Values of all members with their 95 % intervals, smallest first, coloured by group."
-    return Forest(caption, [row.name for row in rows], groups, group, [metric(name) for name in names])
+    return Forest(
+        caption, [row.name for row in rows], *_groups(members, rows), list(map(metric, units, units.values()))
+    )
 
 
 def _bundle(members: Sequence[Member], rows: Sequence[Row], found: Mapping[str, ModelResult]) -> Bundle | None:
-    drawn = [row for row in rows if row.name in found and found[row.name].curve is not None]
+    drawn = [(row, one) for row in rows if row.name in found and (one := found[row.name].curve) is not None]
     if not drawn:
         return None
-    groups, group = _groups(members, drawn)
-    curves = [found[row.name].curve for row in drawn]
-    deepest = max(one.displacement_mm[-1] for one in curves if one is not None)
-    x = np.linspace(0.0, deepest, _STATIONS)
-    values = np.full((len(drawn), _STATIONS), np.nan)
-    for k, one in enumerate(curves):
-        assert one is not None
+    x = np.linspace(0.0, max(one.displacement_mm[-1] for _, one in drawn), _STATIONS)
+    values = []
+    for _, one in drawn:
         force = np.array([np.nan if value is None else value for value in one.measured_N])
-        values[k] = np.interp(x, one.displacement_mm, force, left=np.nan, right=np.nan)
+        values.append(np.interp(x, one.displacement_mm, force, left=np.nan, right=np.nan))
+    shown = [row for row, _ in drawn]
+    caption = "Measured force of all members over displacement from first contact, coloured by group."
     return Bundle(
-        "Measured force of all members over displacement from first contact, coloured by group.",
-        [row.name for row in drawn],
-        groups,
-        group,
+        caption,
+        [row.name for row in shown],
+        *_groups(members, shown),
         x,
         "displacement (mm)",
         "force (N)",
-        values,
+        np.array(values),
     )
 
 
-def _odd(odd: Sequence[Suspicion], lacking: Sequence[str]) -> list[web.Block]:
-    looked = (
-        "legfem looked for recordings that two members share, for sides that contradict the outlines, for rigs whose "
-        "C10 changes suddenly at a date, and for values more than 3.5 robust standard deviations from the median of "
-        "their group."
-    )
-    found = web.Bullets([one.sentence for one in odd]) if odd else web.Prose("Nothing was found.")
-    return [web.Prose(looked), found, *([web.Bullets(lacking)] if lacking else [])]
+_LOOKED = (
+    "legfem looked for recordings that two members share, for sides that contradict the outlines, for rigs whose C10 "
+    "changes suddenly at a date, and for values more than 3.5 robust standard deviations from the median of their "
+    "group."
+)

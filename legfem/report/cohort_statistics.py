@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 import legfem.report.page as web
 from legfem.cohort.agreement import ICC_FORM
 from legfem.cohort.members import Member
-from legfem.cohort.population_model import LEVELS, PopulationFit
+from legfem.cohort.population_model import EXPONENT, LEVELS, PopulationFit
 from legfem.cohort.rows import Row, cohort_model, measured
 from legfem.cohort.statistics import LEVEL, POWER, Analysed, Pair, Repeated, Statistics
 from legfem.inverse.catalogue import called
@@ -28,7 +28,7 @@ GROUP_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9
 
 def colours_of(members: Sequence[Member]) -> dict[str, str]:
     """Colours of the groups, in the table's order; one for all where there are no groups."""
-    groups = dict.fromkeys(str(one.given.get("group", "")) for one in members)
+    groups = dict.fromkeys(one.group for one in members)
     return {group: GROUP_COLOURS[k % len(GROUP_COLOURS)] for k, group in enumerate(groups)}
 
 
@@ -36,7 +36,7 @@ def colours_of(members: Sequence[Member]) -> dict[str, str]:
 def forest_figure(members: Sequence[Member], rows: Sequence[Row]) -> Figure:
     """Every parameter of all members, sorted, with 95 % intervals, coloured by group."""
     model, colours = cohort_model(rows), colours_of(members)
-    group_of = {one.name: str(one.given.get("group", "")) for one in members}
+    group_of = {one.name: one.group for one in members}
     found = [(row, one.measures) for row, one in measured(rows, model)]
     names = list(dict.fromkeys(name for _, measures in found for name in measures))
     figure = new_figure(3.2 * max(len(names), 1), min(1.2 + 0.22 * len(found), 12.0))
@@ -56,24 +56,26 @@ def chapter(found: Statistics) -> web.Chapter:
     """Return what the cohort's table permits, parameter by parameter, and what it doesn't."""
     blocks: list[web.Block] = []
     some = found.parameters
-    if some and any(one.logarithmic for one in some):
-        texts = " and ".join(called(one.name) for one in some if one.logarithmic)
-        blocks.append(web.Prose(f"Logarithms of {texts} were compared, so differences are relative (%)."))
+    if texts := [called(one.name) for one in some if one.logarithmic]:
+        blocks.append(web.Prose(f"Logarithms of {' and '.join(texts)} were compared, so differences are relative (%)."))
     if repeated := [(one, each) for one in some for each in one.repeated]:
-        blocks.append(_agreement(repeated))
-        blocks.append(_limits(repeated))
-        blocks += [
-            _plot(one, each.by, pair)
-            for one, each in repeated[:2]
-            for pair in each.pairs[:1]
-            if len(pair.mean) <= _MOST_POINTS
-        ]
+        first = [(one, each.by, pair) for one, each in repeated[:2] for pair in each.pairs[:1]]
+        blocks += _agreement(repeated)
+        blocks += [_plot(one, by, pair) for one, by, pair in first if len(pair.mean) <= _MOST_POINTS]
     if any(one.effects for one in some):
         blocks.append(_effects(some))
     if any(one.fitted for one in some):
         blocks.append(_variances(some))
-    if any(one.needed for one in some):
-        blocks.append(_needed(some))
+    if needed := [one for one in some if one.needed]:
+        caption = (
+            f"People in each of two groups that a next study needs (power {100 * POWER:.0f} %, level {100 * LEVEL:.0f} "
+            "%, two-sided t test of people's means), with these spreads and as many tests a person"
+        )
+        rows = [
+            {"to find a difference of": called(one.name), **{f"{100 * size:.0f} %": f"{n}" for size, n in one.needed}}
+            for one in needed
+        ]
+        blocks.append(web.WebTable.of(caption, rows))
     if found.not_done:
         blocks += [web.Prose("Not computed:"), web.Bullets(found.not_done)]
     return web.Chapter(TITLE, blocks or [web.Prose("There is nothing to compare.")])
@@ -91,52 +93,38 @@ def _between(one: Analysed, ends: tuple[float, float]) -> str:
     return f"{_difference(one, ends[0])} to {_difference(one, ends[1])}"
 
 
-def _agreement(repeated: Sequence[tuple[Analysed, Repeated]]) -> web.WebTable:
+def _agreement(repeated: Sequence[tuple[Analysed, Repeated]]) -> list[web.WebTable]:
+    """Return how well repeated tests agree, and between which limits they differ."""
     rows = [
-        [
-            f"{called(one.name)}, {each.by}s",
-            str(each.agreement.targets),
-            str(each.agreement.levels),
-            f"{each.agreement.icc:.2f} ({each.agreement.icc95[0]:.2f} to {each.agreement.icc95[1]:.2f})",
-            _spread(one, each.agreement.sem),
-            _spread(one, each.own),
-            _spread(one, each.agreement.detectable),
-        ]
+        {
+            "what": f"{called(one.name)}, {each.by}s",
+            "legs": str(each.agreement.targets),
+            "tests each": str(each.agreement.levels),
+            "ICC (95 %)": "{:.2f} ({:.2f} to {:.2f})".format(each.agreement.icc, *each.agreement.icc95),
+            "SEM": _spread(one, each.agreement.sem),
+            "part from the tests' own errors": _spread(one, each.own),
+            "minimal detectable change": _spread(one, each.agreement.detectable),
+        }
         for one, each in repeated
-    ]
-    header = [
-        "what",
-        "legs",
-        "tests each",
-        "ICC (95 %)",
-        "SEM",
-        "part from the tests' own errors",
-        "minimal detectable change",
     ]
     caption = (
         f"Agreement of repeated tests: {ICC_FORM}; standard error of measurement (SEM); minimal detectable change "
         "(95 %) between two tests. The intervals are based on the number of people, because the legs of one person are "
         "not independent."
     )
-    return web.WebTable(caption, header, rows)
-
-
-def _limits(repeated: Sequence[tuple[Analysed, Repeated]]) -> web.WebTable:
-    rows = [
-        [
-            f"{called(one.name)}, {each.by} {pair.levels[1]} minus {each.by} {pair.levels[0]}",
-            str(len(pair.difference)),
-            f"{_difference(one, pair.limits.bias)} ({_between(one, pair.limits.bias95)})",
-            f"{_difference(one, pair.limits.low)} ({_between(one, pair.limits.low95)})",
-            f"{_difference(one, pair.limits.high)} ({_between(one, pair.limits.high95)})",
-        ]
+    differ = [
+        {
+            "what": f"{called(one.name)}, {each.by} {pair.levels[1]} minus {each.by} {pair.levels[0]}",
+            "legs": str(len(pair.difference)),
+            "bias (95 %)": f"{_difference(one, pair.limits.bias)} ({_between(one, pair.limits.bias95)})",
+            "lower limit (95 %)": f"{_difference(one, pair.limits.low)} ({_between(one, pair.limits.low95)})",
+            "upper limit (95 %)": f"{_difference(one, pair.limits.high)} ({_between(one, pair.limits.high95)})",
+        }
         for one, each in repeated
         for pair in each.pairs
     ]
-    header = ["what", "legs", "bias (95 %)", "lower limit (95 %)", "upper limit (95 %)"]
-    return web.WebTable(
-        "Bland and Altman's limits of agreement, between which 95 % of the differences lie", header, rows
-    )
+    limits = "Bland and Altman's limits of agreement, between which 95 % of the differences lie"
+    return [web.WebTable.of(caption, rows), web.WebTable.of(limits, differ)]
 
 
 def _plot(one: Analysed, by: str, pair: Pair) -> Curves:
@@ -156,29 +144,27 @@ def _plot(one: Analysed, by: str, pair: Pair) -> Curves:
     unit = "%" if one.logarithmic else one.unit
     levels = f"{by} {pair.levels[1]} minus {by} {pair.levels[0]}"
     caption = f"{called(one.name)}: {levels} over their mean, leg by leg."
-    name = f"agreement-{one.name}-{by}"
-    return Curves(name, caption, x, f"mean ({one.unit})", f"difference ({unit})", "", lines)
+    return Curves(f"agreement-{one.name}-{by}", caption, x, f"mean ({one.unit})", f"difference ({unit})", "", lines)
 
 
 def _effects(some: Sequence[Analysed]) -> web.WebTable:
     rows = [
-        [
-            f"{called(one.name)}: {effect.name}",
-            _difference(one, effect.value),
-            _between(one, (effect.low, effect.high)),
-            short_probability(effect.p_value),
-            short_probability(effect.adjusted) if effect.of_group else "–",
-        ]
+        {
+            "what": f"{called(one.name)}: {effect.name}",
+            "difference": _difference(one, effect.value),
+            "95 % interval": _between(one, (effect.low, effect.high)),
+            "p": short_probability(effect.p_value),
+            "p, Holm": short_probability(effect.adjusted) if effect.of_group else "–",
+        }
         for one in some
         for effect in one.effects
     ]
-    header = ["what", "difference", "95 % interval", "p", "p, Holm"]
     caption = (
         "Differences by a linear mixed model (restricted maximum likelihood; random effects of person and leg; members "
         "are weighted by their own errors), with t tests whose degrees of freedom are the number of people minus the "
         "number of effects, and with Holm's correction over all groups and parameters"
     )
-    return web.WebTable(caption, header, rows)
+    return web.WebTable.of(caption, rows)
 
 
 def _variances(some: Sequence[Analysed]) -> web.WebTable:
@@ -199,17 +185,6 @@ def _variances(some: Sequence[Analysed]) -> web.WebTable:
     return web.WebTable(caption, header, rows)
 
 
-def _needed(some: Sequence[Analysed]) -> web.WebTable:
-    sizes = next(one.needed for one in some if one.needed)
-    header = ["to find a difference of", *(f"{100 * size:.0f} %" for size, _ in sizes)]
-    rows = [[called(one.name), *(f"{count}" for _, count in one.needed)] for one in some if one.needed]
-    caption = (
-        f"People in each of two groups that a next study needs (power {100 * POWER:.0f} %, level {100 * LEVEL:.0f} %, "
-        "two-sided t test of people's means), with these spreads and as many tests a person"
-    )
-    return web.WebTable(caption, header, rows)
-
-
 def population_chapter(found: Sequence[PopulationFit]) -> web.Chapter:
     """Return what people are like: a prior for new legs."""
     words = {"person": "people", "leg": "legs of a person", "visit": "visits", "test": "what is left"}
@@ -218,6 +193,10 @@ def population_chapter(found: Sequence[PopulationFit]) -> web.Chapter:
     def share(values: np.ndarray) -> str:
         low, middle, high = 100 * np.expm1(np.quantile(values, (0.025, 0.5, 0.975)))
         return f"{middle:.1f} % ({low:.1f} to {high:.1f} %)"
+
+    def exponent(values: np.ndarray) -> str:
+        low, middle, high = np.quantile(values, (0.025, 0.5, 0.975))
+        return f"{middle:.2f} ({low:.2f} to {high:.2f})"
 
     rows = []
     for one in found:
@@ -235,18 +214,12 @@ def population_chapter(found: Sequence[PopulationFit]) -> web.Chapter:
         web.WebTable(caption, header, rows),
     ]
     effects = [
-        [f"{called(one.key)}: {name}", share(one.draws.effects[:, k]) if "exponent" not in name else _exponent(one, k)]
+        [f"{called(one.key)}: {name}", exponent(values) if name.endswith(EXPONENT) else share(values)]
         for one in found
-        for k, name in enumerate(one.given.names)
+        for name, values in zip(one.given.names, one.draws.effects.T, strict=True)
     ]
     if effects:
         blocks.append(web.WebTable("Differences, exponents of covariates and steps of rigs", ["what", "95 %"], effects))
-    doubtful = [called(one.key) for one in found if not one.converged]
-    if doubtful:
+    if doubtful := [called(one.key) for one in found if not one.converged]:
         blocks.append(web.Prose(f"The draws of {', '.join(doubtful)} have not settled: do not rely on them."))
     return web.Chapter("What people are like", blocks)
-
-
-def _exponent(one: PopulationFit, k: int) -> str:
-    low, middle, high = np.quantile(one.draws.effects[:, k], (0.025, 0.5, 0.975))
-    return f"{middle:.2f} ({low:.2f} to {high:.2f})"

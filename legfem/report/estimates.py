@@ -35,6 +35,12 @@ def held_text(name: str, value: float) -> str:
     return f"{factor * value:.4g}{spaced(unit)}"
 
 
+def held_of(fits: Sequence[Fit[Any]]) -> dict[str, float]:
+    """Return what was held with each law, by full name, but what was free with another."""
+    free = {name for fit in fits for name in fit.estimates}
+    return {name: value for fit in fits for name, value in fit.assumed.items() if name not in free}
+
+
 def interval_text(found: Estimate, named: str = "") -> str:
     """Return an estimate's 95 % interval, with a name before its numbers."""
     if found.undetermined:

@@ -2,12 +2,13 @@
 
 import shlex
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import date
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
+from legfem.common.documents import row_cells
 from legfem.inverse.answer import Tone
 from legfem.report.curves import Bundle, Curves, Forest, SortableTable
 from legfem.report.folder import ReportFile
@@ -127,6 +128,11 @@ class WebTable:
     rows: Sequence[Sequence[str]]
     folded: bool = False
     """Whether it opens only when asked for."""
+
+    @classmethod
+    def of(cls, caption: str, rows: Iterable[Mapping[str, str]], folded: bool = False) -> "WebTable":
+        """Return the table of rows, one at least, that name their columns alike."""
+        return cls(caption, *row_cells(rows), folded)
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_curves import recording_figure
 from legfem.report.diagnosis_signatures import signatures_of
 from legfem.report.folder import NUMBERS, REPORT, RESULT, ReportFile, keep_another, made_in_place
-from legfem.report.kinds import kind_of
+from legfem.report.kinds import kind_of, page_of
 from legfem.report.leg_figure import SECTION_SHOWS, placement_figure
 from legfem.report.page import PressedSection
 from legfem.report.pressed_section import filmed
@@ -83,7 +83,7 @@ def write_report(
         if experiment is not None:
             solved = _deformed_state(fits, experiment, folder)
         if comm.rank == 0:
-            page = kind.page(fits, solved.pressed, command, solved.note)
+            page = page_of(fits, solved.pressed, command, solved.note)
             entries = [*kind.files(fits, folder), *solved.files, RESULT]
             write_page(page, folder, kind.explore, entries, estimates_frame(fits))
     return out / REPORT

@@ -15,8 +15,10 @@ from mpi4py import MPI
 from legfem.common.registry import made_in, registered
 from legfem.inverse.document import KindDocument
 from legfem.inverse.fit import Fit
+from legfem.report.answers import headline_of
 from legfem.report.folder import ReportFile
-from legfem.report.page import TESTED, PressedSection, WebPage
+from legfem.report.notices import sentences_of
+from legfem.report.page import TESTED, Chapter, Known, PressedSection, Repeat, WebPage
 
 
 class ReportKind(ABC):
@@ -32,18 +34,35 @@ class ReportKind(ABC):
         What there is to explore on the page for a browser, in words.
     told : tuple of str
         Chapters of the page that a summary has.
+    seeded : bool
+        Whether draws have a part in the result, which hangs on the seed.
     """
 
     kind: ClassVar[str]
     document: ClassVar[KindDocument]
     explore: ClassVar[str] = "curves"
     told: ClassVar[tuple[str, ...]] = (TESTED,)
+    seeded: ClassVar[bool] = True
 
     @abstractmethod
-    def page(
-        self, fits: Sequence[Fit[Any]], pressed: PressedSection | None = None, command: str = "", note: str = ""
-    ) -> WebPage:
-        """Return the page of fits, with the section pressed, the command, and a note on the solve that pressed it."""
+    def question(self, chosen: Fit[Any]) -> str:
+        """Return the question that the page of the law that the data ask for answers: its title."""
+
+    @abstractmethod
+    def answers(self, chosen: Fit[Any]) -> list[tuple[str, str]]:
+        """Return further questions of someone who knows no statistics, each with its answer."""
+
+    @abstractmethod
+    def known(self, fits: Sequence[Fit[Any]]) -> list[Known]:
+        """Return the numbers in the result, or that it depends on, and where each comes from."""
+
+    @abstractmethod
+    def chapters(self, fits: Sequence[Fit[Any]], pressed: PressedSection | None, note: str) -> list[Chapter]:
+        """Return the chapters."""
+
+    def data(self, chosen: Fit[Any]) -> str:
+        """Return what kind of data they are, in words; nothing where the origin says it."""
+        return ""
 
     @abstractmethod
     def figure(self, fits: Sequence[Fit[Any]]) -> Figure:
@@ -73,3 +92,34 @@ def _named(kind: str) -> ReportKind:
 def kind_of(fits: Sequence[Fit[Any]]) -> ReportKind:
     """Return how fits are shown, by their kind: a file here is called as its kind is, and the others aren't loaded."""
     return _named(fits[0].kind)
+
+
+def page_of(
+    fits: Sequence[Fit[Any]], pressed: PressedSection | None = None, command: str = "", note: str = ""
+) -> WebPage:
+    """Return the page of fits.
+
+    Parameters
+    ----------
+    fits
+        One a law, of one problem.
+    pressed
+        The section of a leg's only site, to be pressed; as it is unpressed without it.
+    command
+        That was given; empty where there was none.
+    note
+        On the solve that pressed it.
+    """
+    kind = kind_of(fits)
+    chosen = kind.document.chosen(fits)
+    return WebPage(
+        kind.question(chosen),
+        chosen.subject.title,
+        chosen.subject.origin,
+        headline_of(chosen.answer, kind.answers(chosen)),
+        sentences_of((chosen, *fits)),
+        kind.known(fits),
+        kind.chapters(fits, pressed, note),
+        Repeat(command, chosen.versions, {"seed": f"{chosen.log.seed}"} if kind.seeded else {}),
+        kind.data(chosen),
+    )

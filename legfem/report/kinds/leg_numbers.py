@@ -16,7 +16,7 @@ from legfem.legs.forward import values_of
 from legfem.legs.site import curve_of
 from legfem.legs.subject import Subject
 from legfem.mechanics.materials import Hyperelastic
-from legfem.report.estimates import estimated, held_text, how_found, wave_rows, words_of
+from legfem.report.estimates import estimated, held_of, held_text, how_found, wave_rows, words_of
 from legfem.report.further_channels import channel_name
 from legfem.report.page import Block, Known, Prose, Provenance, WebTable
 from legfem.report.style import LAW_NAMES
@@ -45,9 +45,7 @@ def known_of(fits: Sequence[LegFit]) -> list[Known]:
         for name, found in fit.estimates.items()
     ]
     given = values_of(tissues_of(subject))
-    free = {name for fit in fits for name in fit.estimates}
-    held = {name: value for fit in fits for name, value in fit.assumed.items() if name not in free}
-    for name, value in held.items():
+    for name, value in held_of(fits).items():
         stated = np.isclose(given.get(name, math.nan), value)
         source = "subject.toml" if stated else "the command, or the law's default"
         rows.append(Known(words_of(name), held_text(name, value), "assumed", source, remark=_moved(name, fits)))

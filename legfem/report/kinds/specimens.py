@@ -1,23 +1,39 @@
-"""What is shown of specimens: page, document, and the figure of their recordings beside the laws."""
+"""What is shown of specimens: one tissue's law from all their recordings."""
 
 from collections.abc import Sequence
 from pathlib import Path
 from typing import ClassVar
 
+import numpy as np
 from matplotlib.figure import Figure
 
+from legfem.common.units import FloatArray, percent
+from legfem.inverse.catalogue import RATIO, is_ratio, symbol_of
+from legfem.inverse.chosen import least_akaike
 from legfem.inverse.document import KindDocument
-from legfem.inverse.fit import Fit
-from legfem.report.curves import curves_figure
+from legfem.inverse.readings import RELAXATION
+from legfem.report import estimates
+from legfem.report import page as web
+from legfem.report.curves import Curves, Dash, Line, curves_figure
 from legfem.report.folder import ReportFile
 from legfem.report.further_channels import SHOWS, channels_figure, drawn
 from legfem.report.kinds import ReportKind
-from legfem.report.page import PressedSection, WebPage
-from legfem.report.specimen_page import curves_of, specimen_page
-from legfem.report.style import save
-from legfem.specimens.details import SpecimenDetails, SpecimenDocument, compared
+from legfem.report.page import Bars, LabelledBar
+from legfem.report.specimen_sentences import SpecimenFit, followed, origin_text, procedure, tested
+from legfem.report.style import DATA_COLOUR, LAW_COLOURS, LAW_NAMES, save
+from legfem.report.words import capital, fit_probability
+from legfem.specimens.artefacts import KNOW_THE_RIG
+from legfem.specimens.details import SampleFit, SpecimenDocument, compared
+from legfem.specimens.sizes import sizes_text
 
-type SpecimenFits = Sequence[Fit[SpecimenDetails]]
+_MOST_CURVES = 6
+_DASHES: tuple[Dash, ...] = ("solid", "dashed", "dotdash", "dotted")
+_NOT_TESTED = (
+    "A constant factor on the force (the load cell's gain, the specimen's size) looks like a "
+    "change of stiffness, and changes the result without any sign of it.",
+    "Whether the tissue is equally stiff in all directions (or across its fibres, where these are stated), "
+    "and whether it is the same in the body.",
+)
 
 
 class SpecimenReport(ReportKind):
@@ -26,22 +42,249 @@ class SpecimenReport(ReportKind):
     kind: ClassVar[str] = "specimens"
     document: ClassVar[KindDocument] = SpecimenDocument()
 
-    def page(
-        self, fits: SpecimenFits, pressed: PressedSection | None = None, command: str = "", note: str = ""
-    ) -> WebPage:
-        """Return the page."""
-        return specimen_page(fits, command)
+    def question(self, chosen: SpecimenFit) -> str:
+        """Return the title."""
+        return f"How stiff is the tissue of specimen {chosen.subject.id}?"
 
-    def figure(self, fits: SpecimenFits) -> Figure:
+    def answers(self, chosen: SpecimenFit) -> list[tuple[str, str]]:
+        """Return what is wrong, how stiff the tissue is, how sure that is and what to do."""
+        values = "; ".join(
+            f"{_words(name)}: no value, since the search stopped at its {found.at_bound} bound"
+            if found.at_bound and found.parameter.scale == "log"
+            else f"{_words(name)} {estimates.value_text(found)} ({estimates.interval_text(found, '95 % ')})"
+            for name, found in chosen.estimates.items()
+            if found.parameter.role == "identified"
+        )
+        agreement, unused = chosen.details.agreement, len(chosen.details.left_out)
+        if finding := chosen.details.thickness or (agreement if agreement and agreement.disagree else None):
+            wrong = finding.text
+        elif chosen.goodness.fits:
+            wrong = "None that these recordings can show."
+            if unused:
+                were = "s were" if unused > 1 else " was"
+                wrong += f" {unused} recording{were} not used: the warnings say why."
+        else:
+            chance = fit_probability(chosen.goodness.p_value)
+            wrong = f"The recordings show an effect that the law leaves out ({chance})."
+        return [
+            ("Problems found", wrong),
+            ("How stiff", f"{capital(values)}."),
+            ("How sure", estimates.how_sure(chosen.estimates, _words)),
+            ("What to do", _next(chosen)[0]),
+        ]
+
+    def known(self, fits: Sequence[SpecimenFit]) -> list[web.Known]:
+        """Return what was found with each law, what was held, and the specimens' sizes."""
+        rows = []
+        for fit in fits:
+            fitted, isotropic = sum(one.fitted for one in fit.tests), not any(map(is_ratio, fit.values))
+            for name, found in fit.estimates.items():
+                rows.append(estimates.estimated(f"{_words(name)}, {LAW_NAMES[fit.law]} law", found, fitted, isotropic))
+        source = "specimen.toml, the command, or the law's default"
+        for name, value in estimates.held_of(fits).items():
+            rows.append(web.Known(_words(name), estimates.held_text(name, value), "assumed", source))
+        # A law that misses all recordings alike makes more of how they differ.
+        first = least_akaike(fits)
+        factor, source = f"{100 * first.details.gain_sd:.3g} % (sd)", "the recordings' forces; the intervals include it"
+        rows.append(web.Known("factor by which recordings differ", factor, "estimated", source))
+        for fit in fits:
+            for one in fit.details.alternatives:
+                name = f"{one.words}, {LAW_NAMES[fit.law]} law"
+                rows.append(web.Known(name, percent(one.probability), "estimated", "their curves"))
+        source = "specimen.toml; the intervals include their errors ([accuracy])"
+        for sizes in dict.fromkeys(one.sizes for one in first.details.folder.recordings):
+            rows.append(web.Known("sizes", sizes_text(sizes), "assumed", source))
+        return rows
+
+    def chapters(self, fits: Sequence[SpecimenFit], pressed: web.PressedSection | None, note: str) -> list[web.Chapter]:
+        """Return recordings, what was tested and what not, what to do and how it was done."""
+        chosen = least_akaike(fits)
+        untested = [*estimates.rests_on(chosen.estimates, followed(chosen)), *_NOT_TESTED]
+        if not chosen.details.folder.returns:
+            untested.append("Unloading, and everything after the first return, was not used.")
+        return [
+            web.Chapter("Recordings and model", _recordings(fits)),
+            web.Chapter(web.TESTED, [web.Bullets(tested(fits))]),
+            web.Chapter("What could not be tested", [web.Bullets(untested)]),
+            web.Chapter("What to do next", [web.Bullets(_next(chosen))]),
+            web.Chapter("How it was done", [web.Prose(procedure(chosen)), *estimates.how_found(fits)]),
+        ]
+
+    def data(self, chosen: SpecimenFit) -> str:
+        """Return what kind of data they are: no leg was measured."""
+        return origin_text(chosen)
+
+    def figure(self, fits: Sequence[SpecimenFit]) -> Figure:
         """Return recordings beside the laws, those with the poorest fit."""
-        folder = fits[0].details.folder
         what = f"Measured and simulated {compared(fits[0])[0].axes.load}"
-        return curves_figure(curves_of(fits), what, folder.title, folder.origin)
+        return curves_figure(curves_of(fits), what, fits[0].subject.title, fits[0].subject.origin)
 
-    def files(self, fits: SpecimenFits, folder: Path) -> list[ReportFile]:
-        """Write the figure."""
+    def files(self, fits: Sequence[SpecimenFit], folder: Path) -> list[ReportFile]:
+        """Write the figures."""
         shows = "recordings beside the model over displacement and time, and their differences"
         found = [ReportFile(save(self.figure(fits), folder, "fit", svg=True), shows)]
         if drawn(fits):
             found.append(ReportFile(save(channels_figure(fits), folder, "channels", svg=True), SHOWS))
         return found
+
+
+_RELAXATION_WORDS = {
+    "ratio": "part of the stress that relaxes, relative to the part that stays",
+    "relaxation_time": "middle of the relaxation times",
+    "spread": "spread of the relaxation times (sd of their logarithm)",
+    "quickening": "speed-up of relaxation at the largest strain (logarithm)",
+}
+
+
+def _words(name: str) -> str:
+    """Return a parameter's full name in words: the specimen is one tissue."""
+    term, _, field = name.rpartition(".")
+    if term == "deep":
+        words = f"{symbol_of(name)} of the tissue"
+    elif name in RELAXATION:
+        words = _RELAXATION_WORDS[field]
+    else:
+        words = estimates.words_of(name)
+    return words.replace(RATIO, "fibre ratio")
+
+
+_REMEDIES = estimates.Remedies(
+    "strain it further, add rates or holds",
+    "how the test was done is not stated, so find out whether the ends stick, and state it ([plates] ends)",
+)
+
+
+def _next(best: SpecimenFit) -> list[str]:
+    details = best.details
+    if details.thickness:
+        lines = [KNOW_THE_RIG]
+    elif details.agreement and details.agreement.disagree:
+        lines = [details.agreement.remedy]
+    elif not best.goodness.fits:
+        lines = [
+            "Try the other laws (--law yeoh, --law exponential); if none fits, use the numbers "
+            "only to compare specimens of this test."
+        ]
+    elif details.ratio_undetermined:
+        lines = [details.ratio_undetermined]
+    else:
+        lines = estimates.how_to_narrow(best.estimates, _REMEDIES) or [
+            f"Use these numbers together with the {LAW_NAMES[best.law]} law and within the strains of the test."
+        ]
+    if all(one.fitted for one in best.tests):
+        lines.append("Test the law on a recording that it has not seen: --leave-out NAME.")
+    return lines
+
+
+def curves_of(results: Sequence[SpecimenFit]) -> list[Curves]:
+    """Recordings beside the laws, over displacement and where one holds over time, those with the poorest fit first."""
+    worst = sorted(compared(least_akaike(results)), key=lambda one: one.r_squared)
+    # Of each of several tests one at least.
+    first = {one.test: one for one in reversed(worst)}.values()
+    worst = sorted(worst, key=lambda one: one not in first)[: max(_MOST_CURVES, len(first))]
+    blocks = []
+    for number, one in enumerate(worst):
+        axes = one.axes
+        blocks.append(_curves(results, one, number, axes.ways * one.course.displacement, axes.way, axes.way_unit))
+        if one.course.holds:
+            blocks.append(_curves(results, one, number, one.course.time, "time", "s"))
+    return blocks
+
+
+def _recordings(results: Sequence[SpecimenFit]) -> list[web.Block]:
+    first = least_akaike(results)
+    every = compared(first)
+    blocks: list[web.Block] = []
+    if len(every) > _MOST_CURVES:
+        blocks.append(web.Prose(f"The {_MOST_CURVES} of {len(every)} recordings with the poorest fit are drawn."))
+    bars = [
+        LabelledBar(
+            f"{one.name}{'' if one.fitted else ' (left out, predicted)'}",
+            max(one.r_squared, 0.0),
+            f"{one.r_squared:.4f}, {one.axes.load_text(one.rmse)} of {one.axes.load_text(one.course.peak)}",
+        )
+        for one in every
+    ]
+    explains = f"How much of each recording the {LAW_NAMES[first.law]} law explains (R²)"
+    blocks += [*curves_of(results), Bars(explains, ("recording", "R², error"), bars, greatest=1.0)]
+    blocks += [*drawn(results), *_face_profile(results)]
+    for result in results:
+        samples, law = compared(result), LAW_NAMES[result.law]
+        for test in dict.fromkeys(one.test for one in samples):
+            blocks.append(_test_in_numbers([one for one in samples if one.test == test], law, test))
+        if result.details.stiffness:
+            rows = [{"specimen": name, "times as stiff": f"{x:.3f}"} for name, x in result.details.stiffness.items()]
+            caption = f"Stiffness of each specimen relative to a typical one, {law} law"
+            blocks.append(web.WebTable.of(caption, rows, folded=True))
+    return blocks
+
+
+def _face_profile(fits: Sequence[SpecimenFit]) -> list[Curves]:
+    """Return how the face is strained across along its height: the barrel of a pressed one."""
+    faces = [(fit.law, fit.details.face.profile) for fit in fits if fit.details.face is not None]
+    if not faces:
+        return []
+    heights, seen, _ = faces[0][1]
+    lines = [Line("recorded", seen, None, DATA_COLOUR, points=True)]
+    for law, (_, recorded, model) in faces:
+        lines.append(Line(f"model, {LAW_NAMES[law]}", model, model - recorded, LAW_COLOURS[law]))
+    caption = (
+        "Strain across of the specimen's face at the deepest readings, from its middle (0) towards its end (1), the "
+        "mean over recordings; beneath, the model less the recording. Ends that stick make a barrel of it."
+    )
+    label = "height from the middle, over half the specimen's"
+    return [Curves("face-profile", caption, heights, label, "strain across (-)", "model − recorded (-)", lines)]
+
+
+def _test_in_numbers(samples: Sequence[SampleFit], law: str, test: str) -> web.WebTable:
+    axes = samples[0].axes
+    rows = [
+        {
+            "recording": one.name,
+            f"{axes.way_unit}/s": f"{axes.ways * one.course.rate:.3g}" if one.course.samples.timed else "no time",
+            axes.way_unit: f"{axes.ways * one.course.depth:.3g}",
+            f"peak {axes.load_unit}": f"{axes.loads * one.course.peak:.4g}",
+            f"rmse {axes.load_unit}": f"{axes.loads * one.rmse:.3g}",
+            "R²": f"{one.r_squared:.4f}",
+            "own/joint": f"{one.scale:.3f}",
+            "": "" if one.fitted else "left out",
+        }
+        for one in samples
+    ]
+    caption = (
+        f"Recordings{f' of {test}' if test else ''} and the {law} law; own/joint: the factor by which the law's force "
+        "fits that one best"
+    )
+    return web.WebTable.of(caption, rows, folded=True)
+
+
+def _curves(
+    results: Sequence[SpecimenFit], one: SampleFit, number: int, x: FloatArray, along: str, unit: str
+) -> Curves:
+    axes, when = one.axes, one.course.begun + one.course.time
+    lines = [Line("recorded", axes.loads * one.course.force, None, DATA_COLOUR, points=True)]
+    for k, result in enumerate(results):
+        same = next((r for r in compared(result) if r.name == one.name), None)
+        if same is not None:
+            # Each law has first contact, and so stations, of its own.
+            own, differs = same.course.begun + same.course.time, same.predicted - same.course.force
+            lines.append(
+                Line(
+                    f"model, {LAW_NAMES[result.law]}",
+                    axes.loads * np.interp(when, own, same.predicted),
+                    axes.loads * np.interp(when, own, differs),
+                    LAW_COLOURS[result.law],
+                    _DASHES[k % 4],
+                )
+            )
+    after = " after first contact" if one.course.samples.timed else ""
+    return Curves(
+        f"{along.split()[0]}{number}",
+        f"{one.name}{'' if one.fitted else ' (left out, predicted)'}: {axes.load} over {along}{after}, recorded and of "
+        "the model; beneath, the model less the recording.",
+        x,
+        f"{along} ({unit})" if unit != "-" else along,
+        f"{axes.load} ({axes.load_unit})",
+        f"model − recorded ({axes.load_unit})",
+        lines,
+    )

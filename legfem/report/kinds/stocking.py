@@ -1,27 +1,30 @@
-"""What is shown of a leg in its stocking: page, document, figures of pressures and contours, and fields."""
+"""What is shown of a leg in its stocking: page, figures of pressures and contours, and fields."""
 
 from collections.abc import Sequence
 from pathlib import Path
 from typing import ClassVar
 
+import numpy as np
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
+from legfem.common.units import mpa_to_kpa, mpa_to_mmhg
 from legfem.fem.field_files import write_fields
 from legfem.fem.fields import fields_of
+from legfem.inverse.answer import Finding
 from legfem.inverse.document import KindDocument
+from legfem.report import page as web
+from legfem.report import stocking_pressures, stocking_stiffness
 from legfem.report.curves import curves_figure
+from legfem.report.dressed_leg import dressed_leg
+from legfem.report.estimates import modulus_rows
 from legfem.report.folder import ReportFile
 from legfem.report.kinds import ReportKind
-from legfem.report.page import PressedSection, WebPage
 from legfem.report.stocking_figures import stocking_pressure_figure, stocking_section_figure
-from legfem.report.stocking_page import stocking_web_page
-from legfem.report.stocking_pressures import PRESSURES, fat_curves
-from legfem.report.stocking_stiffness import STIFFNESS, contour_curves
 from legfem.report.style import save
-from legfem.report.words import capital
-from legfem.stockings.assessment import KIND
-from legfem.stockings.details import StockingDocument, StockingFit
+from legfem.report.words import capital, moduli_text
+from legfem.stockings.assessment import KIND, TISSUES
+from legfem.stockings.details import StockingDetails, StockingDocument, StockingFit
 
 
 class StockingReport(ReportKind):
@@ -30,13 +33,72 @@ class StockingReport(ReportKind):
     kind: ClassVar[str] = KIND
     document: ClassVar[KindDocument] = StockingDocument()
     explore: ClassVar[str] = "the leg to turn"
-    told: ClassVar[tuple[str, ...]] = (STIFFNESS, PRESSURES)
+    told: ClassVar[tuple[str, ...]] = (stocking_stiffness.STIFFNESS, stocking_pressures.PRESSURES)
+    seeded: ClassVar[bool] = False
 
-    def page(
-        self, fits: Sequence[StockingFit], pressed: PressedSection | None = None, command: str = "", note: str = ""
-    ) -> WebPage:
-        """Return the page."""
-        return stocking_web_page(fits[0], command)
+    def question(self, chosen: StockingFit) -> str:
+        """Return the title."""
+        return f"What does the compression stocking do to leg {chosen.subject.id}?"
+
+    def answers(self, chosen: StockingFit) -> list[tuple[str, str]]:
+        """Return what is wrong, how sure it is, what it means and what to do."""
+        details, found = chosen.details, chosen.details.pressures
+        parts = [stocking_stiffness.verdict_sentence(known) for known in chosen.estimates.values()]
+        comfort = "Unknown."
+        if found is not None:
+            parts += ["The pressures are those of the stiffness that was given."] if details.leg.known else []
+            ends = [stocking_pressures.vein_interval(details, k) for k in range(len(details.leg.veins))]
+            if spreads := [high - low for low, high in ends if np.isfinite(high)]:
+                parts.append(
+                    "If the model and the fabric are right, pressures at the veins are known within "
+                    f"{0.5 * max(spreads):.1f} mmHg (95 %)."
+                )
+            where = stocking_pressures.place_in_fat(details.leg.bare, found.greatest_in_fat_at)
+            comfort = (
+                "The greatest pressure in the fat, where the pain receptors are, is "
+                f"{stocking_pressures.both_units(found.greatest_in_fat)}, {where}. "
+                f"It is {stocking_pressures.low_in_fat(details)}."
+            )
+        return [
+            ("Problems found", _wrong(details)),
+            ("How sure", " ".join(parts) or "Unknown: there is nothing to compare with."),
+            ("What it means for comfort", comfort),
+            ("What to do", _next(chosen)[0]),
+        ]
+
+    def known(self, fits: Sequence[StockingFit]) -> list[web.Known]:
+        """Return the stiffness, the pressures, and what they rest on."""
+        return [
+            *_stiffness(fits[0]),
+            *_pressures(fits[0].details),
+            *_stocking(fits[0].details),
+            *_given(fits[0].details),
+        ]
+
+    def chapters(self, fits: Sequence[StockingFit], pressed: web.PressedSection | None, note: str) -> list[web.Chapter]:
+        """Return the leg to turn, pressures, stiffness, where model and scan differ, and how it was computed."""
+        (fit,) = fits
+        details, differ = fit.details, fit.details.discrepancy
+        chapters = []
+        if details.pressures is not None and details.moved is not None:
+            chapters.append(web.Chapter("The leg, bare and dressed", [dressed_leg(details, details.moved)]))
+        if details.equilibrium.state.report.complete:
+            chapters.append(web.Chapter(stocking_pressures.ALONG, stocking_pressures.level_blocks(details)))
+        where = [web.Prose(_wrong(details))] if differ is None else stocking_stiffness.discrepancy_blocks(differ)
+        return [
+            *chapters,
+            web.Chapter(stocking_pressures.PRESSURES, stocking_pressures.pressure_blocks(details)),
+            web.Chapter(stocking_stiffness.STIFFNESS, stocking_stiffness.stiffness_blocks(fit)),
+            web.Chapter("Where model and scan differ", [*where, *stocking_stiffness.contour_curves(details)]),
+            web.Chapter("What could not be tested", [web.Bullets(_NOT_TESTED)]),
+            web.Chapter("What to do next", [web.Bullets(_next(fit))]),
+            web.Chapter("What was scanned", _scanned(details)),
+            web.Chapter("How it was computed", [_computed(fit)]),
+        ]
+
+    def data(self, chosen: StockingFit) -> str:
+        """Return what kind of data they are: scans."""
+        return stocking_pressures.ORIGINS[chosen.details.leg.origin]
 
     def figure(self, fits: Sequence[StockingFit]) -> Figure:
         """Return the pressure of the stocking on the skin, unrolled and on the leg."""
@@ -44,27 +106,21 @@ class StockingReport(ReportKind):
 
     def files(self, fits: Sequence[StockingFit], folder: Path) -> list[ReportFile]:
         """Write pressures on the skin, in a section and in the fat, and the contours that were compared."""
-        details, entries = fits[0].details, []
+        details, leg = fits[0].details, fits[0].details.leg
+        drawn: list[tuple[str, Figure, str]] = []
         if details.section is not None:
-            entries = [
-                ReportFile(
-                    save(stocking_pressure_figure(details), folder, "interface-pressure"),
-                    "pressure of the stocking on the skin, unrolled and on the leg (the second paper's Fig. 4)",
-                ),
-                ReportFile(
-                    save(stocking_section_figure(details, details.section), folder, "mid-calf"),
-                    "hydrostatic pressure in the section at mid calf, with the veins (Figs. 5 and 6); "
-                    "the outlines before and in the stocking",
-                ),
-            ]
-        for name, curves, what in (
-            ("fat", fat_curves(details), "fat thickness round the leg, and the pressures over it and in it"),
-            ("contours", contour_curves(details), "the contours that were compared: distances of model and bare leg"),
-        ):
-            if curves:
-                figure = curves_figure(curves, capital(what), details.leg.title, details.leg.origin)
-                entries.append(ReportFile(save(figure, folder, name), what))
-        return entries
+            shows = "pressure of the stocking on the skin, unrolled and on the leg (the second paper's Fig. 4)"
+            drawn.append(("interface-pressure", self.figure(fits), shows))
+            shows = "hydrostatic pressure in the section at mid calf, with the veins (Figs. 5 and 6); "
+            shows += "the outlines before and in the stocking"
+            drawn.append(("mid-calf", stocking_section_figure(details, details.section), shows))
+        if curves := stocking_pressures.fat_curves(details):
+            shows = "fat thickness round the leg, and the pressures over it and in it"
+            drawn.append(("fat", curves_figure(curves, capital(shows), leg.title, leg.origin), shows))
+        if curves := stocking_stiffness.contour_curves(details):
+            shows = "the contours that were compared: distances of model and bare leg"
+            drawn.append(("contours", curves_figure(curves, capital(shows), leg.title, leg.origin), shows))
+        return [ReportFile(save(figure, folder, name), shows) for name, figure, shows in drawn]
 
     def comm(self, fits: Sequence[StockingFit]) -> MPI.Intracomm:
         """Return the ranks that share the leg's mesh."""
@@ -82,3 +138,185 @@ class StockingReport(ReportKind):
             "the skin (kPa)"
         )
         return [ReportFile(write_fields(fields_of(details.model.compression.system), folder), shows)]
+
+
+def _stiffness(fit: StockingFit) -> list[web.Known]:
+    rows = []
+    for name, known in fit.estimates.items():
+        bound = f"; at the {known.at_bound} bound of the search" if known.at_bound else ""
+        c10 = mpa_to_kpa(known.value)
+        rows.append(
+            web.Known(
+                f"C10 of the {TISSUES[name]}",
+                f"{c10:.3g} kPa",
+                "estimated",
+                "both scans",
+                stocking_stiffness.stiffness_interval(known.ci95),
+                f"{known.identifiability}{bound}; {moduli_text(c10, c10 * known.relative_half_width / 2)}",
+            )
+        )
+    given = fit.details.parameters if fit.details.leg.known else {}
+    for name, value in given.items():
+        used = f"C10 of the {TISSUES[name]}, used for the pressures"
+        rows.append(web.Known(used, f"{mpa_to_kpa(value):.3g} kPa", "assumed", "leg.toml"))
+    return rows
+
+
+def _given(details: StockingDetails) -> list[web.Known]:
+    """Return what was given of the tissues, the scans and the instruments, and how far the fit moved it."""
+    leg, accuracy = details.leg, details.leg.accuracy
+    data: web.Provenance = leg.origin
+    usual, both = "leg.toml, or legfem's usual", "both scans"
+    rows = [
+        web.Known(f"D1 of the {TISSUES[f'{name}.C10']}", f"{law.D1:g} 1/MPa", "assumed", "leg.toml")
+        for name, law in leg.tissues.items()
+    ]
+    if leg.compressed is not None:
+        error, over = f"{accuracy.sd:.2g} mm (sd)", f"correlated over {accuracy.correlation:g} mm"
+        rows.append(web.Known("error of a scan's outline", error, "prior", usual, remark=over))
+    error = f"{100 * accuracy.pressure_sd:g} % (sd)"
+    rows.append(web.Known("error of the stocking's pressure round the leg", error, "prior", usual))
+    if (text := stocking_pressures.tension_text(details)) is not None:
+        source = both + (" and the sensors" if details.sensors else "")
+        rows.append(web.Known("tension of the fabric, relative to what was given", text, "estimated", source))
+    for name, text in stocking_pressures.sensor_rows(details):
+        rows.append(web.Known(f"pressure on the skin at the sensor {name!r}", text, data, "leg.toml"))
+    rows += modulus_rows(leg.elastography, leg.origin)
+    if leg.registration is not None:
+        residual = f"{leg.registration.residual:.2f} mm (rms)"
+        rows.append(web.Known("bones of both scans, apart after registration", residual, data, both))
+    rows.append(web.Known("length of leg that was modelled", f"{leg.bare.length:.0f} mm", data, "scan of the bare leg"))
+    return rows
+
+
+def _pressures(details: StockingDetails) -> list[web.Known]:
+    found, both_units = details.pressures, stocking_pressures.both_units
+    if found is None:
+        return []
+    source = "the model in equilibrium with its stocking"
+    mean, low_by = both_units(found.mean_interface), stocking_pressures.low_in_fat(details)
+    rows = [web.Known("pressure on the skin, mean", mean, "computed", "Laplace's law on the dressed leg")]
+    for k, (vein, pressure) in enumerate(zip(details.leg.veins, found.at_veins, strict=True)):
+        if np.isfinite(pressure):
+            low, high = stocking_pressures.vein_interval(details, k)
+            interval = f"{low:.1f} to {high:.1f} mmHg" if np.isfinite(high) else ""
+            share = f"{100 * pressure / found.mean_interface:.0f} % of the mean on the skin"
+            name = f"pressure at the {vein.name} vein"
+            rows.append(web.Known(name, both_units(pressure), "computed", source, interval, share))
+    greatest, in_muscle = both_units(found.greatest_in_fat), both_units(found.mean_in_muscle)
+    return [
+        *rows,
+        web.Known("pressure in the fat, greatest", greatest, "computed", source, remark=low_by),
+        web.Known("pressure in the muscle, mean", in_muscle, "computed", source),
+    ]
+
+
+def _stocking(details: StockingDetails) -> list[web.Known]:
+    stocking, load = details.leg.stocking, details.equilibrium.load
+    low, high = stocking.unstretched.min(), stocking.unstretched.max()
+    girths = f"{low:.0f} mm" if high - low < 0.5 else f"{low:.0f} to {high:.0f} mm"
+    strain = f"{100 * load.strain.min():.0f} to {100 * load.strain.max():.0f} %"
+    rows = [
+        web.Known("stiffness of the fabric", f"{stocking.stiffness:g} N/mm per unit of strain", "assumed", "leg.toml"),
+        web.Known("girth of the unstretched stocking", girths, "assumed", "leg.toml, or its class"),
+        web.Known("strain of the worn fabric", strain, "computed", "the dressed leg's girth"),
+    ]
+    if details.scan_load is not None:
+        mean, source = f"{mpa_to_mmhg(details.scan_load.mean_pressure):.1f} mmHg (mean)", "scan in the stocking, "
+        name = "pressure on the skin by the scanned shape"
+        rows.append(web.Known(name, mean, details.leg.origin, f"{source}Laplace's law"))
+    return rows
+
+
+_NOT_TESTED = (
+    "A fabric whose stiffness or size is wrong: a pressure 10 % higher everywhere makes both "
+    "tissues about 10 % stiffer, and raises every pressure here by about as much.",
+    "Muscle that is tensed, and a leg that stands or walks: the scans are of a leg at rest.",
+    "The veins themselves: pressures are those of tissue without a vein in it.",
+)
+
+
+def _wrong(details: StockingDetails) -> str:
+    if details.discrepancy is not None:
+        if details.discrepancy.verdict == "consistent":
+            return "None: model and scan differ by no more than the errors of contours, registration and pressure."
+        return stocking_stiffness.discrepancy_verdict(details.discrepancy)
+    if details.problem:
+        return "No state of the leg could be compared with its scan: see the warnings."
+    return "Nothing could be tested: the leg was not scanned in its stocking."
+
+
+def _next(fit: StockingFit) -> list[str]:
+    details = fit.details
+    if fit.answer.finding is Finding.NOT_COMPUTED:
+        return ["Run it again with a finer mesh (--cells), and look at the warnings."]
+    if fit.answer.finding is Finding.MISFIT:
+        return [
+            "Don't use the stiffness. Look at the contours where model and scan differ: at the "
+            "segmentation, the registration, and the stocking's size."
+        ]
+    lines = []
+    unsure = [TISSUES[name] for name in fit.answer.parameters["unsure"]]
+    if unsure:
+        lines.append(
+            f"Do not rely on the stiffness of the {' and the '.join(unsure)}: these scans do not "
+            "determine it well enough. The pressures hardly depend on it."
+        )
+    if details.leg.compressed is None:
+        lines.append("Scan the leg in its stocking, too: then the stiffness can be found.")
+    lines.append(
+        "Compare the pressure on the skin with the stocking's class, or measure it at one place: "
+        "all pressures inside follow it."
+    )
+    return lines
+
+
+def _scanned(details: StockingDetails) -> list[web.Block]:
+    leg = details.leg
+    made = "Simulated scans" if leg.origin == "simulated" else "Scans"
+    which = "without" if leg.compressed is None else "without and with"
+    lines = [
+        f"{made} of {leg.bare.length:.0f} mm of the leg, z = {leg.bare.levels[0]:.0f} to {leg.bare.levels[-1]:.0f} mm, "
+        f"{which} the stocking. Bones: {', '.join(leg.bare.bones)}. Coordinates are taken as DICOM's: x to the "
+        "patient's left, y to the back, z upwards."
+    ]
+    registration = leg.registration
+    if registration is not None:
+        error = registration.standard_error
+        lines.append(
+            f"The scan in the stocking was laid on the bare one by the bones: what is left between "
+            f"them is {registration.residual:.3f} mm (root mean square of {registration.pairs} "
+            f"patches, {registration.left_out} left out); standard error of the shift "
+            f"{error[0]:.3f}, {error[1]:.3f} and {error[2]:.3f} mm in x, y and z."
+        )
+    elif leg.compressed is not None:
+        lines.append("The two were given in one system of coordinates: nothing was registered.")
+    accuracy = leg.accuracy
+    if leg.compressed is not None:
+        lines.append(
+            f"Each scan's segmentation is taken to be {accuracy.sd:.2g} mm off (standard deviation, correlated over "
+            f"{accuracy.correlation:g} mm), which leaves {accuracy.smoothed_sd:.2g} mm in its contours, and the "
+            f"stocking's pressure to be {100 * accuracy.pressure_sd:g} % off over an eighth of the girth; the "
+            "intervals of the stiffness rest on that."
+        )
+    return [web.Prose(line) for line in lines]
+
+
+def _computed(fit: StockingFit) -> web.WebTable:
+    details = fit.details
+    spaces, solves = details.model.compression.spaces, fit.log.forward_solves
+    settings = details.model.compression.settings
+    rows = [
+        ("mesh", f"{details.tetrahedra} tetrahedra, {spaces.unknowns} unknowns"),
+        (
+            "elements",
+            f"displacements of degree {settings.degree}, "
+            + ("pressures of their own" if settings.formulation == "continuous" else "no pressures"),
+        ),
+        ("load", "follows the deformed skin" if settings.follower else "dead load"),
+        ("ends of the segment", "held in their planes" if settings.ends == "held" else "free"),
+        ("bones", "rigid and fixed"),
+        ("solved states", f"{details.states}, for {solves} equilibria to identify and one in the end"),
+        ("wall time", f"{fit.log.wall_s:.0f} s"),
+    ]
+    return web.WebTable("Model and run", ["what", "how"], rows)
