@@ -44,7 +44,7 @@ def _values(found: Diagnosis) -> tuple[dict[str, Value], str]:
     """Return C10, or why there is none."""
     if found.withheld:
         return {}, "model_wrong"
-    if DEEP_C10 not in found.base.fit.free:
+    if DEEP_C10 not in found.base_model.fit.free:
         return {}, "given"
     model, differ = best(found), causes_differ(found)
     if not differ and not model.determined(DEEP_C10):
@@ -57,12 +57,12 @@ def _values(found: Diagnosis) -> tuple[dict[str, Value], str]:
 
 def best(found: Diagnosis) -> Explanation:
     """Return the explanation that is listed first, else the base model."""
-    return found.models[0] if found.models else found.base
+    return found.models[0] if found.models else found.base_model
 
 
 def widest_error(found: Diagnosis) -> float:
     """Return the widest of the explanations' standard errors of C10 (kPa), by which its digits are chosen."""
-    each = [one.shown(DEEP_C10).ci95 for one in (found.base, *found.models)]
+    each = [one.shown(DEEP_C10).ci95 for one in (found.base_model, *found.models)]
     return max(high - low for low, high in each) / 4
 
 
@@ -73,7 +73,7 @@ def ends(found: Diagnosis) -> tuple[float, float]:
 
 def same_value(found: Diagnosis) -> bool:
     """Return whether C10 is the same for all causes, as far as it is known."""
-    if DEEP_C10 not in found.base.fit.free:
+    if DEEP_C10 not in found.base_model.fit.free:
         return False
     digits = decimals(widest_error(found))
     return len({round(mpa_to_kpa(one.value(DEEP_C10)), digits) for one in found.models}) == 1

@@ -71,7 +71,7 @@ def measured_of(subject: Recorded) -> tuple[MeasuredEffect, ...]:
 
 def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> dict[str, Any]:
     """Return the diagnosis as JSON types; what isn't finite is null."""
-    posterior, (identity, kind) = found.base.posterior, _identity_of(subject)
+    posterior, (identity, kind) = found.base_model.posterior, _identity_of(subject)
     notices = notices_of(found, subject)
     base, best = base_fit(found, identity, kind, seed), best_fit(found, identity, kind, seed)
     return json_types(

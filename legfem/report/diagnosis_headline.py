@@ -161,7 +161,7 @@ def _stiffness(found: Diagnosis) -> str:
         return f"{_C10}, is {before} kPa; no correction is needed."
     after = [_value(found, model) for model in found.models]
     if found.verdict == "named" or same_value(found):
-        change = relative_change(found.base.value(DEEP_C10), found.models[0].value(DEEP_C10)).lstrip("+")
+        change = relative_change(found.base_model.value(DEEP_C10), found.models[0].value(DEEP_C10)).lstrip("+")
         way = "lower" if change.startswith("-") else "higher"
         causes = "" if found.verdict == "named" else ", whichever cause it is"
         return (
