@@ -105,9 +105,10 @@ class LegReport(ReportKind):
         chosen = preferred(fits)
         several = len(chosen.tests) > 1
         leg = [] if several else _leg_itself(fits, chosen, pressed, note)
+        sites = [_site_table(chosen)] if several else []
         rests = estimates.rests_on(chosen.estimates, _LIKEWISE)
         return [
-            web.Chapter("Recordings and model", [*_site_table(chosen), *_curves(fits, chosen), *drawn(fits)]),
+            web.Chapter("Recordings and model", [*sites, *_curves(fits, chosen), *drawn(fits)]),
             *([web.Chapter("The leg, pressed", leg)] if leg else []),
             web.Chapter(web.TESTED, [web.Bullets(_tested(fits))]),
             web.Chapter(
@@ -198,7 +199,7 @@ def _leg_itself(fits: Sequence[LegFit], chosen: LegFit, pressed: PressedSection 
     return [*blocks, web.Prose(note)] if note else blocks
 
 
-def _site_table(chosen: LegFit) -> list[web.WebTable]:
+def _site_table(chosen: LegFit) -> web.WebTable:
     """Return what each of several sites says by itself."""
     caption = (
         f"Values that each site gives by itself, {LAW_NAMES[chosen.law]} law (± one standard error; in brackets, the "
@@ -216,7 +217,7 @@ def _site_table(chosen: LegFit) -> list[web.WebTable]:
         }
         for one in chosen.tests
     ]
-    return [web.WebTable.of(caption, rows)] if len(rows) > 1 else []
+    return web.WebTable.of(caption, rows)
 
 
 def _tested(fits: Sequence[LegFit]) -> list[str]:
