@@ -17,7 +17,7 @@ from legfem.inverse.explain import explain
 from legfem.inverse.explanation import Explained
 from legfem.inverse.predictive import checks_by_phase
 from legfem.mechanisms import mechanism_named
-from legfem.report.diagnosis_numbers import occurrence_cells, phase_cells
+from legfem.report.diagnosis_numbers import occurrence_table, phase_table
 from legfem.report.diagnosis_sentences import kin_sentence
 
 SLOW = [one for one in two_rates() if "rate0.4" in one.trial]
@@ -45,8 +45,8 @@ def test_a_phase_that_a_model_does_not_describe_stands_out_alone():
     found = diagnosed_with(0.6)
     share = {check.phase: check.p_value for check in checks_by_phase(found.weighted_base)}
     assert share["unloading"] < 1e-6 < 1e-3 < min(share["loading"], share["hold"])
-    header, rows = phase_cells(found)
-    assert len(header) == len(rows[0])
+    table = phase_table(found)
+    assert len(table.header) == len(table.rows[0])
 
 
 def test_readings_that_are_set_aside_are_in_no_check():
@@ -88,9 +88,9 @@ def test_an_interval_with_a_mechanism_three_times_as_common_is_the_mixture_by_ha
 
 
 def test_what_nobody_has_counted_is_called_judgement():
-    header, rows = occurrence_cells(diagnosed_with(0.0))
-    assert rows and all(len(row) == len(header) for row in rows)
-    assert {row[3] for row in rows} == {"judgement"}
+    table = occurrence_table(diagnosed_with(0.0))
+    assert table is not None and all(len(row) == len(table.header) for row in table.rows)
+    assert {row[3] for row in table.rows} == {"judgement"}
 
 
 def test_it_relaxes_is_said_where_every_explanation_does():

@@ -16,9 +16,8 @@ from legfem.legs.subject import Subject
 from legfem.report import diagnosis_headline, diagnosis_sentences, estimates
 from legfem.report import diagnosis_numbers as tables
 from legfem.report import page as web
-from legfem.report.diagnosis_curves import curves_of, model_name, plain
+from legfem.report.diagnosis_curves import curves_of, model_name, places_of, plain
 from legfem.report.diagnosis_document import Recorded, base_fit_of, kind_of, r_squared_of, versions
-from legfem.report.diagnosis_numbers import known_of
 from legfem.report.diagnosis_signatures import signatures_of
 from legfem.report.further_channels import channel_chapter, misfit_in_section
 from legfem.report.notices import sentence_of
@@ -40,41 +39,36 @@ def next_blocks(found: Diagnosis, plan: Sequence[DesignValue]) -> list[web.Block
         Tests whose chance was calculated, the best first.
     """
     wanted = [capital(line) for line in diagnosis_sentences.next_experiments(found)]
-    if plan:
-        planned = [f"{capital(one.design.name)}: {chance_text(one)}" for one in plan]
-        left = [line for line in wanted if not any(line in one for one in planned)]
-        blocks: list[web.Block] = [
-            web.Prose(
-                "These tests would help; the chances were calculated for each candidate cause, and the best "
-                "test is first:"
-            ),
-            web.Bullets(planned),
-        ]
-        if left:
-            blocks += [web.Prose("Tests whose chance was not calculated:"), web.Bullets(left)]
-        how = _to_state(found)
-        return [*blocks, how] if how.rows else blocks
-    if not wanted:
-        return [web.Prose(diagnosis_headline.to_do(found, plan))]
-    why = {"ambiguous": "To distinguish the candidates:", "named": "To confirm the cause that was found:"}
-    before = [web.Prose(why[found.verdict])] if found.verdict in why else []
-    return [*before, web.Bullets(wanted)]
-
-
-def _to_state(found: Diagnosis) -> web.WebTable:
-    """Return how to tell a diagnosis of effects that were measured by themselves."""
-    asked = dict.fromkeys(m for model in found.models for m in model.fit.mechanisms)
-    return web.WebTable(
-        "If you measure one of these effects separately, add a [[measured]] table to subject.toml with its "
-        "value, sd and source, and diagnose again",
-        ["effect =", "value =", "unit", "value without it"],
-        [
-            [f'"{m.name}"', f"{first.name.replace('_', ' ')}, {first.statement}", first.unit, f"{null_of(first):g}"]
-            for m in asked
-            for first in m.parameters[:1]
-            if m.measured_sd is not None
-        ],
+    if not plan:
+        if not wanted:
+            return [web.Prose(diagnosis_headline.to_do(found, plan))]
+        why = {"ambiguous": "To distinguish the candidates:", "named": "To confirm the cause that was found:"}
+        before = [web.Prose(why[found.verdict])] if found.verdict in why else []
+        return [*before, web.Bullets(wanted)]
+    planned = [f"{capital(one.design.name)}: {chance_text(one)}" for one in plan]
+    calculated = (
+        "These tests would help; the chances were calculated for each candidate cause, and the best test is first:"
     )
+    blocks: list[web.Block] = [web.Prose(calculated), web.Bullets(planned)]
+    names = {capital(one.design.name) for one in plan}
+    if left := [line for line in wanted if line not in names]:
+        blocks += [web.Prose("Tests whose chance was not calculated:"), web.Bullets(left)]
+    stated = [
+        {
+            "effect =": f'"{m.name}"',
+            "value =": f"{first.name.replace('_', ' ')}, {first.statement}",
+            "unit": first.unit,
+            "value without it": f"{null_of(first):g}",
+        }
+        for m in dict.fromkeys(m for model in found.models for m in model.fit.mechanisms)
+        for first in m.parameters[:1]
+        if m.measured_sd is not None
+    ]
+    caption = (
+        "If you measure one of these effects separately, add a [[measured]] table to subject.toml with its value, sd "
+        "and source, and diagnose again"
+    )
+    return [*blocks, web.WebTable.of(caption, stated)] if stated else blocks
 
 
 def diagnosis_web_page(
@@ -99,63 +93,58 @@ def diagnosis_web_page(
     pressed
         The section for the reader to press; as it is unpressed without it.
     """
-    located = misfit_in_section(found, subject) if isinstance(subject, Subject) else []
+    leg = subject if isinstance(subject, Subject) else None
+    located = misfit_in_section(found, leg) if leg else []
     each = _each_recording(base_fit_of(found, subject))
-    chapters = [
-        web.Chapter(
-            "Recordings and model",
-            [block for k in range(len(found.observed.protocols)) for block in curves_of(found, k)],
-        ),
-        *channel_chapter(found),
-        web.Chapter("Where the model is wrong", [*_where(found), *signatures_of(found), *located, *each]),
-        web.Chapter("Which physics, and how sure", _physics(found)),
-        web.Chapter("What was tested", _tested(found)),
-        web.Chapter("What could not be tested", [web.Bullets([*_untested(found), *_alike(found)])]),
-        web.Chapter("What to do next", next_blocks(found, plan)),
-        web.Chapter("Noise and accuracy", [web.Prose(_noise(found))]),
-    ]
-    if isinstance(subject, Subject):
-        chapters.insert(1, web.Chapter("The leg", [pressed or still_section(subject)]))
+    curves = [block for k in range(len(found.observed.protocols)) for block in curves_of(found, k)]
     notices = notices_of(found, subject)
     doubts = sum(one.code == FitNotice.DOUBTFUL for one in notices)
     return web.WebPage(
-        title=diagnosis_headline.TITLE.format(kind=kind_of(subject).lower(), id=subject.id),
-        subject=subject.title,
-        origin=subject.origin,
-        headline=diagnosis_headline.headline(found, plan, "deep" if isinstance(subject, Subject) else "", doubts),
-        warnings=list(map(sentence_of, notices)),
-        warned=" for the person who recorded and described the test",
-        known=known_of(found, subject),
-        chapters=chapters,
-        repeat=web.Repeat(command, versions()),
-        data="" if isinstance(subject, Subject) else f"{subject.origin} data",
+        f"Can the stiffness of {kind_of(subject).lower()} ‘{subject.id}’ be trusted?",
+        subject.title,
+        subject.origin,
+        diagnosis_headline.headline(found, plan, "deep" if leg else "", doubts),
+        list(map(sentence_of, notices)),
+        tables.known_of(found, subject),
+        [
+            web.Chapter("Recordings and model", curves),
+            *([web.Chapter("The leg", [pressed or still_section(leg)])] if leg else []),
+            *channel_chapter(found),
+            web.Chapter("Where the model is wrong", [*_where(found), *signatures_of(found), *located, *each]),
+            web.Chapter("Which physics, and how sure", _physics(found)),
+            web.Chapter("What was tested", _tested(found)),
+            web.Chapter("What could not be tested", [web.Bullets([*_untested(found), *_alike(found)])]),
+            web.Chapter("What to do next", next_blocks(found, plan)),
+            web.Chapter("Noise and accuracy", [web.Prose(_noise(found))]),
+        ],
+        web.Repeat(command, versions()),
+        "" if leg else f"{subject.origin} data",
+        " for the person who recorded and described the test",
     )
 
 
 def _where(found: Diagnosis) -> list[web.Block]:
     if not found.located.any():
+        none = "The difference is spread over the recordings; no single interval stands out."
         if any(window.channel != "force" for window in found.assessment.windows):
-            return [web.Prose("No interval of the force stands out, but channels beside the force do.")]
-        return [
-            web.Prose(
-                "No interval stands out from the noise."
-                if found.verdict == "consistent"
-                else "The difference is spread over the recordings; no single interval stands out."
-            )
-        ]
+            none = "No interval of the force stands out, but channels beside the force do."
+        elif found.verdict == "consistent":
+            none = "No interval stands out from the noise."
+        return [web.Prose(none)]
     how = (
         "The table lists intervals in which the repaired model differs from the base model by more than a trial's noise"
         if found.models
         else "The table lists intervals that stand out from the noise (chosen among all intervals)"
     )
-    more = tables.places_left_out(found)
+    places = places_of(found)
+    more = len(places) - tables.PLACES_SHOWN
     return [
         web.Prose(
             f"{how}. The size is the model's force minus the recorded one, on average: where it is negative, the leg "
             "resisted more than the model. The noise is the standard deviation of one trial's value. The p-value is "
             "family-wise, over all intervals; '-' means that the interval by itself is not significant."
         ),
-        web.WebTable("Intervals in which the model is wrong", *tables.places_cells(found)),
+        tables.places_table(places, found),
         *([web.Prose(f"{more} smaller ones are in diagnosis.json.")] if more > 0 else []),
     ]
 
@@ -186,49 +175,34 @@ def _physics(found: Diagnosis) -> list[web.Block]:
         web.Prose(f"Verdict: {found.verdict.upper()}. {diagnosis_sentences.verdict_sentence(found)}"),
         web.Prose(_looks(found)),
         tables.explanation_bars(found),
-    ]
-    blocks += _checks(found)
-    if found.verdict == "consistent":
-        return [*blocks, *_hidden(found), *_how_common(found)]
-    if not found.models:
-        return [*blocks, web.Prose(_closest(found))]
-    return [
-        *blocks,
-        web.WebTable("What the reported explanations explain", *tables.evidence_cells(found)),
-        web.Prose(
-            f"{tables.held_out_note(found.base_held_out)} The ln Bayes factor says how much more probable "
-            "the recordings are with the mechanism than without it; 5 is strong. “In part” means that a difference "
-            "without a known cause remains, because no real effect has exactly the form of a model."
-        ),
-        *_how_common(found),
-    ]
-
-
-def _checks(found: Diagnosis) -> list[web.Block]:
-    """Return what the base model and the first explanation leave in each phase."""
-    return [
         web.Prose(
             "The next table compares the misfit in each phase (root mean square) with the misfit that errors of "
             "gain and zero, noise, and numbers that are not known exactly would cause. It gives the share of tests "
             "in which a correct model would miss by as much. A share below 1 % means that the model's form is wrong "
             "in that phase, however probable it is among the models that were tried."
         ),
-        web.WebTable("Misfit of the models in each phase", *tables.phase_cells(found), folded=True),
+        tables.phase_table(found),
     ]
-
-
-def _how_common(found: Diagnosis) -> list[web.Block]:
-    """Return how common effects are taken to be, from where that is known, and what of C10's range hangs on it."""
-    rows = tables.occurrence_cells(found)
-    if not rows[1]:
-        return []
-    return [
-        web.Prose(
+    if found.verdict == "consistent":
+        blocks += _hidden(found)
+    elif not found.models:
+        return [*blocks, web.Prose(_closest(found))]
+    else:
+        held = found.base_held_out
+        evidence = (
+            f"The held-out error is the error of predicting {held.how}, from a fit to the other trials. The noise of a "
+            f"trial alone accounts for {held.noise:.3f} N. The ln Bayes factor says how much more probable the "
+            "recordings are with the mechanism than without it; 5 is strong. “In part” means that a difference without "
+            "a known cause remains, because no real effect has exactly the form of a model."
+        )
+        blocks += [tables.evidence_table(found), web.Prose(evidence)]
+    if (common := tables.occurrence_table(found)) is not None:
+        how_common = (
             "C10's range depends on how common each effect is assumed to be. “Judgement” means that nobody has counted "
             f"it. The last two columns give C10's range if the effect were {TIMES:g} times rarer, or more common."
-        ),
-        web.WebTable("How common effects are assumed to be, and C10's range", *rows, folded=True),
-    ]
+        )
+        blocks += [web.Prose(how_common), common]
+    return blocks
 
 
 def _hidden(found: Diagnosis) -> list[web.Block]:
@@ -238,19 +212,12 @@ def _hidden(found: Diagnosis) -> list[web.Block]:
         "else was fitted again each time. “Open” means that even that strength agrees with the recordings. C10 and "
         "the largest change of the force are given for the ends of each range."
     )
-    limit = f"{100 * TRUSTED:.0f} %"
-    table = web.WebTable(
-        "How strong each mechanism may be without being detected", *tables.limit_cells(found), folded=True
-    )
+    change = f"change C10 by more than {100 * TRUSTED:.0f} % without being detected"
+    table = tables.limit_table(found)
     if not found.hidden:
-        return [web.Prose(f"{how} None of them can change C10 by more than {limit} without being detected."), table]
-    return [
-        web.Prose(
-            f"{how} The following could change C10 by more than {limit} without being detected, the largest first:"
-        ),
-        web.Bullets([diagnosis_sentences.hidden_sentence(found, *one) for one in found.hidden]),
-        table,
-    ]
+        return [web.Prose(f"{how} None of them can {change}."), table]
+    listed = web.Bullets([diagnosis_sentences.hidden_sentence(found, *one) for one in found.hidden])
+    return [web.Prose(f"{how} The following could {change}, the largest first:"), listed, table]
 
 
 def _looks(found: Diagnosis) -> str:
@@ -305,15 +272,11 @@ def _closest(found: Diagnosis) -> str:
 def _tested(found: Diagnosis) -> list[web.Block]:
     if not found.assessment.scores:
         return [web.Prose("Nothing was tested: these recordings cannot show any of the mechanisms.")]
-    return [
-        web.Prose(
-            "Each effect was tested for by itself. Among many tests some p-values are small by "
-            "chance, and different effects can look alike; the verdict allows for both."
-        ),
-        web.WebTable(
-            "Tests for each mechanism in the difference between model and recordings", *tables.score_cells(found)
-        ),
-    ]
+    said = (
+        "Each effect was tested for by itself. Among many tests some p-values are small by chance, and different "
+        "effects can look alike; the verdict allows for both."
+    )
+    return [web.Prose(said), tables.score_table(found)]
 
 
 def _untested(found: Diagnosis) -> list[str]:
@@ -352,6 +315,18 @@ def _alike(found: Diagnosis) -> list[str]:
 
 def _noise(found: Diagnosis) -> str:
     noise, posterior = found.errors.noise, found.best.posterior
+    if not (found.solutions or found.emulator_error > 0):
+        solved = "No full finite-element solution confirmed the interpolated forces."
+    else:
+        were = " was" if found.solutions == 1 else "s were"
+        solved = f"{found.solutions or 'No'} finite-element solution{were} computed in this run, beside those from "
+        solved += "earlier runs; "
+        solved += (
+            "a solution of the base model stopped, so the interpolation could not be checked."
+            if math.isnan(found.emulator_error)
+            else "the interpolation differed from the base model's solution by at most "
+            f"{100 * max(found.emulator_error, 1e-4):.2g} % of the largest force."
+        )
     return (
         f"Standard deviations: {noise.force_sd:.3g} N of a force reading within its trial "
         f"({noise.white_sd:.2g} N from reading to reading, and {noise.slow_sd:.2g} N slowly, over "
@@ -359,21 +334,6 @@ def _noise(found: Diagnosis) -> str:
         f"{100 * posterior.gain_sd:.2g} % of its gain, and {noise.wander_sd:.2g} mm of the displacement. They come "
         f"from {noise.source}. The {len(found.observed.values)} values compared carry as much "
         f"information as {found.errors.effective_samples:.0f} independent ones, because neighbours have similar "
-        f"errors. {_solutions(found)} What is not "
-        "known exactly (the geometry and the assumed tissue parameters) may vary within "
+        f"errors. {solved} What is not known exactly (the geometry and the assumed tissue parameters) may vary within "
         "its stated accuracy; the table of numbers says how far each was moved."
-    )
-
-
-def _solutions(found: Diagnosis) -> str:
-    if not (found.solutions or found.emulator_error > 0):
-        return "No full finite-element solution confirmed the interpolated forces."
-    one = found.solutions == 1
-    made = f"{found.solutions or 'No'} finite-element solution{'' if one else 's'} {'was' if one else 'were'} computed "
-    made += "in this run, beside those from earlier runs; "
-    if math.isnan(found.emulator_error):
-        return made + "a solution of the base model stopped, so the interpolation could not be checked."
-    return made + (
-        "the interpolation differed from the base model's solution by at most "
-        f"{100 * max(found.emulator_error, 1e-4):.2g} % of the largest force."
     )

@@ -30,7 +30,6 @@ from legfem.report.estimates import high_or_low
 from legfem.report.plan import chance_text
 from legfem.report.words import between, capital, number, share
 
-TITLE = "Can the stiffness of {kind} ‘{id}’ be trusted?"
 _MOST_CAUSES = 2
 """That find room on the first screen of a phone."""
 

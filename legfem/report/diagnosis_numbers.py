@@ -1,21 +1,29 @@
 """Tables of a diagnosis' page."""
 
+from collections.abc import Sequence
+
 from legfem.common.units import mpa_to_kpa, percent
-from legfem.data.recording import Origin
 from legfem.geometry.section import girth
-from legfem.inverse.accuracy import MeasuredEffect
 from legfem.inverse.averaging import sensitivities
 from legfem.inverse.catalogue import DEEP_C10, symbol_of
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.mechanism import null_of
-from legfem.inverse.predictive import HeldOut, checks_by_phase
+from legfem.inverse.predictive import checks_by_phase
 from legfem.inverse.verdict import Diagnosis, explained_share
 from legfem.legs.subject import Subject
 from legfem.mechanisms import mechanism_named
-from legfem.report import diagnosis_curves
+from legfem.report.diagnosis_curves import (
+    BASE_NAME,
+    Place,
+    model_name,
+    plain,
+    relative_change,
+    shown_models,
+    statement_name,
+)
 from legfem.report.diagnosis_document import Recorded
 from legfem.report.estimates import wave_rows
-from legfem.report.page import Bars, Known, LabelledBar, Provenance
+from legfem.report.page import Bars, Known, LabelledBar, Provenance, WebTable
 from legfem.report.words import between, moduli_text, number, short_probability, spaced
 
 _WRONG = "DO NOT RELY ON IT: the model does not fit, and the interval does not include what was left out"
@@ -23,259 +31,177 @@ _WRONG = "DO NOT RELY ON IT: the model does not fit, and the interval does not i
 
 def known_of(found: Diagnosis, subject: Recorded) -> list[Known]:
     """Return the stiffness with each model, the mechanisms' parameters, and what was assumed."""
-    trials = len(found.observed.trials)
+    trials, base, leg = len(found.observed.trials), found.base_model, isinstance(subject, Subject)
     recordings = f"{trials} recording{'s' * (trials > 1)}"
     data: Provenance = subject.origin
     rows = []
+
+    def fitted(model: Explanation, name: str, words: str, unit: str, *remarks: str) -> None:
+        value, remark = estimate(model, name) + unit, "; ".join(filter(None, remarks))
+        rows.append(Known(words, value, "estimated", recordings, interval(model, name), remark))
+
     wrong = _WRONG if found.withheld else ""
-    for name in found.base_model.fit.stiffness:
-        shown = [(found.base_model, diagnosis_curves.BASE_NAME)]
-        shown += [(s.model, f"with {s.name}" if s.suits else s.name) for s in diagnosis_curves.shown_models(found)]
-        for model, which in shown:
-            change = diagnosis_curves.relative_change(found.base_model.value(name), model.value(name))
-            shown_c10 = model.shown(name)
-            error = (shown_c10.ci95[1] - shown_c10.ci95[0]) / 4
-            moduli = moduli_text(shown_c10.value, error) if model is found.base_model and name == DEEP_C10 else ""
-            remark = [wrong, flag(model, name, 0.0), moduli if model is found.base_model else change]
-            rows.append(
-                Known(
-                    f"{symbol_of(name)}, {which}",
-                    f"{estimate(model, name)} kPa",
-                    "estimated",
-                    recordings,
-                    interval(model, name),
-                    "; ".join(filter(None, remark)),
-                )
-            )
-        if over := averaged(found, name):
-            row = Known(f"{symbol_of(name)}, {OVER_ALL}", "", "estimated", recordings, over, wrong)
-            rows.append(row)
+    for name in base.fit.stiffness:
+        symbol, (low, high) = symbol_of(name), base.shown(name).ci95
+        moduli = moduli_text(base.shown(name).value, (high - low) / 4) if name == DEEP_C10 else ""
+        fitted(base, name, f"{symbol}, {BASE_NAME}", " kPa", wrong, flag(base, name, 0.0), moduli)
+        for shown in shown_models(found):
+            words = f"{symbol}, {f'with {shown.name}' if shown.suits else shown.name}"
+            change = relative_change(base.value(name), shown.model.value(name))
+            fitted(shown.model, name, words, " kPa", wrong, flag(shown.model, name, 0.0), change)
+        if name in found.intervals:
+            over_all = " to ".join(between(*found.shown_interval(name)))
+            rows.append(Known(f"{symbol}, over all explanations", "", "estimated", recordings, over_all, wrong))
     for model in found.models:
         for mechanism in model.fit.mechanisms:
             for k, p in enumerate(mechanism.parameters):
-                full = f"{mechanism.name}.{p.name}"
-                remark = [
-                    flag(model, full, null_of(p) if k == 0 else None),
-                    f"model with {diagnosis_curves.model_name(model)}",
-                ]
-                rows.append(
-                    Known(
-                        f"{diagnosis_curves.plain(mechanism.name)}: {p.statement or diagnosis_curves.plain(p.name)}",
-                        estimate(model, full) + spaced(p.unit),
-                        "estimated",
-                        recordings,
-                        interval(model, full),
-                        "; ".join(filter(None, remark)),
-                    )
-                )
+                full, words = f"{mechanism.name}.{p.name}", f"{plain(mechanism.name)}: {p.statement or plain(p.name)}"
+                like_none = flag(model, full, null_of(p) if k == 0 else None)
+                fitted(model, full, words, spaced(p.unit), like_none, f"model with {model_name(model)}")
     for k, trial in enumerate(found.observed.trials):
-        at, (low, high) = found.first_contact(k)
-        rows.append(
-            Known(
-                f"first contact of {trial}",
-                f"{_hundredths(at)} mm",
-                "estimated",
-                "its recording",
-                f"{_hundredths(low)} to {_hundredths(high)}",
-            )
-        )
+        at, ends = found.first_contact(k)
+        contact, first, last = (f"{round(value, 2) + 0.0:.2f}" for value in (at, *ends))
+        name = f"first contact of {trial}"
+        rows.append(Known(name, f"{contact} mm", "estimated", "its recording", f"{first} to {last}"))
     noise = found.errors.noise
     rows += [
         Known("noise of a force reading", f"{noise.force_sd:.3g} N (sd)", data, noise.source),
         Known("error of the displacement", f"{noise.wander_sd:.2g} mm (sd)", data, noise.source),
     ]
-    accuracy = "usual accuracy"
-    if isinstance(subject, Subject):
-        accuracy += ", or subject.toml"
-    rows += [Known(name, moved, "prior", accuracy) for name, moved in _assumed(found)]
+    # Modes of one outline together.
+    moved: dict[str, list[float]] = {}
+    for name, z in zip(found.errors.names, found.best.posterior.effects, strict=True):
+        moved.setdefault(name.partition(", mode ")[0], []).append(round(float(z), 1) + 0.0)
+    accuracy = "usual accuracy, or subject.toml" if leg else "usual accuracy"
+    for name, every in moved.items():
+        by = f"{every[0]:+.1f}" if len(every) == 1 else f"{min(every):+.1f} to {max(every):+.1f}"
+        words = name if len(every) == 1 else f"{name}, {len(every)} modes"
+        rows.append(Known(words, f"moved by {by} sd", "prior", accuracy))
     if isinstance(subject, Subject):
         rows += wave_rows(subject)
-        rows += [_measured(one, subject.origin) for one in subject.measured]
+        for one in subject.measured:
+            strength = mechanism_named(one.effect).parameters[0]
+            name = f"{plain(one.effect)}, measured by itself: {strength.statement}"
+            rows.append(Known(name, f"{one.value:.3g} ± {one.sd:.2g}{spaced(strength.unit)} (sd)", data, one.source))
         rows.append(Known("girth of the section", f"{girth(subject.section):.0f} mm", data, "contours"))
     return rows
 
 
-def _measured(one: MeasuredEffect, origin: Origin) -> Known:
-    """Return an effect's strength that was measured by itself."""
-    strength = mechanism_named(one.effect).parameters[0]
-    return Known(
-        f"{diagnosis_curves.plain(one.effect)}, measured by itself: {strength.statement}",
-        f"{one.value:.3g} ± {one.sd:.2g}{spaced(strength.unit)} (sd)",
-        origin,
-        one.source,
-    )
-
-
-def _assumed(found: Diagnosis) -> list[tuple[str, str]]:
-    """Return how far the fit moved what was assumed; modes of one outline together."""
-    moved: dict[str, list[float]] = {}
-    for name, z in zip(found.errors.names, found.best.posterior.effects, strict=True):
-        moved.setdefault(name.partition(", mode ")[0], []).append(round(float(z), 1) + 0.0)
-    return [
-        (
-            name if len(every) == 1 else f"{name}, {len(every)} modes",
-            f"moved by {every[0]:+.1f} sd"
-            if len(every) == 1
-            else f"moved by {min(every):+.1f} to {max(every):+.1f} sd",
-        )
-        for name, every in moved.items()
-    ]
-
-
-def _hundredths(value: float) -> str:
-    return f"{round(value, 2) + 0.0:.2f}"
-
-
 PLACES_SHOWN = 12
 
-type Cells = tuple[list[str], list[list[str]]]
-"""A table's header and rows."""
 
-OVER_ALL = "over all explanations"
-
-
-def phase_cells(found: Diagnosis) -> Cells:
+def phase_table(found: Diagnosis) -> WebTable:
     """Return what the base model and the first explanation leave in each phase."""
-    shown = [
-        (diagnosis_curves.BASE_NAME, found.weighted_base),
-        *((f"with {diagnosis_curves.model_name(m)}", m) for m in found.models[:1]),
-    ]
+    shown = [(BASE_NAME, found.weighted_base), *((f"with {model_name(m)}", m) for m in found.models[:1])]
     rows = [
-        [which, check.phase, f"{check.left:.3f}", f"{check.errors:.3f}", short_probability(check.p_value)]
+        {
+            "model": which,
+            "phase": check.phase,
+            "misfit (N)": f"{check.left:.3f}",
+            "by errors (N)": f"{check.errors:.3f}",
+            "share of tests": short_probability(check.p_value),
+        }
         for which, model in shown
         for check in checks_by_phase(model)
     ]
-    return ["model", "phase", "misfit (N)", "by errors (N)", "share of tests"], rows
+    return WebTable.of("Misfit of the models in each phase", rows, folded=True)
 
 
-def occurrence_cells(found: Diagnosis) -> Cells:
-    """Return how common the effects are taken to be that weigh most in C10's interval."""
+def occurrence_table(found: Diagnosis) -> WebTable | None:
+    """Return how common the effects are taken to be that weigh most in C10's interval; None where none weighs."""
     possible = found.weighted_base.problem.possible
     mechanisms = {m.name: m for e in found.explained.every for m in e.fit.mechanisms}
     rows = []
     for one in sensitivities(found.explained, DEEP_C10) if DEEP_C10 in found.base_model.fit.free else ():
-        mechanism, own = mechanisms[one.mechanism], possible.get(one.mechanism)
-        low, high = mechanism.parameters[0].bounds if own is None else (own.low, own.high)
+        mechanism, stated = mechanisms[one.mechanism], possible.get(one.mechanism)
         first = mechanism.parameters[0]
+        low, high = first.bounds if stated is None else (stated.low, stated.high)
+        rarer, commoner = (f"{mpa_to_kpa(a):.3g} to {mpa_to_kpa(b):.3g} kPa" for a, b in (one.rarer, one.commoner))
         rows.append(
-            [
-                diagnosis_curves.plain(one.mechanism),
-                f"{first.name.replace('_', ' ')} {low:.3g} to {high:.3g}{spaced(first.unit)}",
-                f"{mechanism.expected:g}",
-                (own.source if own is not None else "") or "judgement",
-                *(f"{mpa_to_kpa(a):.3g} to {mpa_to_kpa(b):.3g} kPa" for a, b in (one.rarer, one.commoner)),
-            ]
+            {
+                "effect": plain(one.mechanism),
+                "strengths that are possible": f"{first.name.replace('_', ' ')} {low:.3g} to {high:.3g}"
+                f"{spaced(first.unit)}",
+                "times as common as any other (judgement)": f"{mechanism.expected:g}",
+                "source of the strengths": (stated.source if stated is not None else "") or "judgement",
+                "C10 if rarer": rarer,
+                "C10 if commoner": commoner,
+            }
         )
-    how = "times as common as any other (judgement)"
-    return [
-        "effect",
-        "strengths that are possible",
-        how,
-        "source of the strengths",
-        "C10 if rarer",
-        "C10 if commoner",
-    ], rows
+    caption = "How common effects are assumed to be, and C10's range"
+    return WebTable.of(caption, rows, folded=True) if rows else None
 
 
-def places_left_out(found: Diagnosis) -> int:
-    """Return how many smaller places `places_cells` leaves out."""
-    return max(len(diagnosis_curves.places_of(found)) - PLACES_SHOWN, 0)
-
-
-def places_cells(found: Diagnosis) -> Cells:
+def places_table(places: Sequence[Place], found: Diagnosis) -> WebTable:
     """Return where the base model is wrong, by how much, against the noise; the gravest ones."""
-    places = diagnosis_curves.places_of(found)
     kept = sorted(places, key=lambda place: -place.weight)[:PLACES_SHOWN]
-    rows = [
-        [
-            place.phase,
-            f"{place.displacement[0]:.1f}" + (f" to {place.displacement[1]:.1f}" if len(place.stations) > 1 else ""),
-            f"{place.time[0]:.1f}" + (f" to {place.time[1]:.1f}" if len(place.stations) > 1 else ""),
-            f"{-place.size:+.3f}",
-            f"{place.noise:.3f}",
-            "-" if place.p_value is None else short_probability(place.p_value),
-            trials_of(found, place),
-        ]
-        for place in places
-        if place in kept
-    ]
-    header = ["phase", "displacement (mm)", "time (s)", "size (N)", "noise (N)", "p", "trials"]
-    return header, rows
+    rows = []
+    for place in places:
+        if place in kept:
+            displacement, time = ([f"{end:.1f}" for end in ends] for ends in (place.displacement, place.time))
+            ends = None if len(place.stations) > 1 else 1
+            rows.append(
+                {
+                    "phase": place.phase,
+                    "displacement (mm)": " to ".join(displacement[:ends]),
+                    "time (s)": " to ".join(time[:ends]),
+                    "size (N)": f"{-place.size:+.3f}",
+                    "noise (N)": f"{place.noise:.3f}",
+                    "p": "-" if place.p_value is None else short_probability(place.p_value),
+                    "trials": _trials_of(found, place),
+                }
+            )
+    return WebTable.of("Intervals in which the model is wrong", rows)
 
 
-def trials_of(found: Diagnosis, place: diagnosis_curves.Place) -> str:
-    """Return the trials of a place, briefly."""
+def _trials_of(found: Diagnosis, place: Place) -> str:
     observed = found.observed
     alike = observed.trials_of(place.protocol)
-    if len(place.trials) == len(alike):
-        if len(alike) == 1:
-            return observed.trials[alike[0]]
-        rate = observed.protocols[place.protocol].label.split(" to ")[0]
-        return f"all {len(alike)} at {rate}"
+    if len(place.trials) == len(alike) > 1:
+        return f"all {len(alike)} at {observed.protocols[place.protocol].protocol.segments[0].rate:.2g} mm/s"
     return ", ".join(observed.trials[k] for k in place.trials)
 
 
-def evidence_cells(found: Diagnosis) -> Cells:
+def evidence_table(found: Diagnosis) -> WebTable:
     """Return how probable each reported explanation is, and what it leaves."""
     base = found.weighted_base
-    rows = [
-        [
-            diagnosis_curves.BASE_NAME,
-            percent(found.explained.adequacy),
-            "-",
-            "-",
-            f"{found.base_held_out.rmse:.3f}",
-            "-",
-        ],
-        *(
-            [
-                f"with {diagnosis_curves.model_name(model)}",
-                percent(model.probability),
-                f"{model.posterior.log_evidence - base.posterior.log_evidence:.1f}",
-                percent(explained_share(found, model)) + (" (in part)" if model.in_part else ""),
-                f"{held.rmse:.3f}",
-                "confirm it" if model.confirmed else "NOT confirmed",
-            ]
-            for model, held in zip(found.models, found.held_out, strict=True)
-        ),
-    ]
+    rows = [(BASE_NAME, found.explained.adequacy, "-", "-", found.base_held_out, "-")]
+    for model, held in zip(found.models, found.held_out, strict=True):
+        gain = f"{model.posterior.log_evidence - base.posterior.log_evidence:.1f}"
+        explained = percent(explained_share(found, model)) + (" (in part)" if model.in_part else "")
+        confirmed = "confirm it" if model.confirmed else "NOT confirmed"
+        rows.append((f"with {model_name(model)}", model.probability, gain, explained, held, confirmed))
     header = ["explanation", "probability", "ln Bayes factor", "explained", "held-out error (N)", "full solutions"]
-    return header, rows
+    cells = [[name, percent(p), gain, part, f"{held.rmse:.3f}", whole] for name, p, gain, part, held, whole in rows]
+    return WebTable("What the reported explanations explain", header, cells)
 
 
 def explanation_bars(found: Diagnosis) -> Bars:
     """Return the eight most probable things that may have been left out; nothing that shows, too."""
     bars = [
-        LabelledBar(diagnosis_curves.statement_name(one), 100 * one.probability, percent(one.probability))
+        LabelledBar(statement_name(one), 100 * one.probability, percent(one.probability))
         for one in found.explained.statements()[:8]
     ]
     return Bars("How probable each explanation is", ("left out", "probability"), bars, greatest=100.0)
 
 
-def limit_cells(found: Diagnosis) -> Cells:
+def limit_table(found: Diagnosis) -> WebTable:
     """Return how strong each mechanism may be unseen, and C10 then, what moves that most first."""
     ends = {(True, True): "on both sides", (True, False): "downwards", (False, True): "upwards"}
     rows = []
     for limit in found.limits:
-        stiffness = limit.stiffness.get(DEEP_C10)
+        stiffness = map(mpa_to_kpa, limit.stiffness.get(DEEP_C10, ()))
         rows.append(
             [
-                diagnosis_curves.plain(limit.name),
+                plain(limit.name),
                 f"{limit.parameter.replace('_', ' ')} {limit.low:.3g} to {limit.high:.3g}{spaced(limit.unit)}",
                 ends.get((limit.open_low, limit.open_high), "no"),
-                "-" if stiffness is None else f"{mpa_to_kpa(stiffness[0]):.3g} to {mpa_to_kpa(stiffness[1]):.3g}",
+                " to ".join(f"{end:.3g}" for end in stiffness) or "-",
                 f"{limit.effect:.2g}",
             ]
         )
-    return ["mechanism", "range (95 %)", "open", "C10 (kPa)", "force (N)"], rows
-
-
-def held_out_note(held: HeldOut) -> str:
-    """Return what was held out, and what error noise alone makes."""
-    return (
-        f"The held-out error is the error of predicting {held.how}, from a fit to the other trials. The noise of a "
-        f"trial alone accounts for {held.noise:.3f} N."
-    )
+    caption = "How strong each mechanism may be without being detected"
+    return WebTable(caption, ["mechanism", "range (95 %)", "open", "C10 (kPa)", "force (N)"], rows, folded=True)
 
 
 def estimate(model: Explanation, name: str) -> str:
@@ -291,13 +217,6 @@ def interval(model: Explanation, name: str) -> str:
     return " to ".join(between(*model.shown(name).ci95))
 
 
-def averaged(found: Diagnosis, name: str) -> str:
-    """Return a stiffness's 95 % interval (kPa) over all explanations; nothing where there is none."""
-    if name not in found.intervals:
-        return ""
-    return " to ".join(between(*found.shown_interval(name)))
-
-
 def flag(model: Explanation, name: str, null: float | None) -> str:
     """Return a warning on a parameter, or nothing."""
     if name in model.fit.at_bound:
@@ -310,14 +229,15 @@ def flag(model: Explanation, name: str, null: float | None) -> str:
     return ""
 
 
-def score_cells(found: Diagnosis) -> Cells:
+def score_table(found: Diagnosis) -> WebTable:
     """Return the score tests of the base model, the strongest first."""
     rows = [
-        [
-            diagnosis_curves.plain(score.name),
-            short_probability(score.p_value),
-            f"{100 * score.concealed:.1f} %" + (" (nearly all)" if score.concealed > 0.95 else ""),
-        ]
+        {
+            "mechanism": plain(score.name),
+            "p by itself": short_probability(score.p_value),
+            "share hidden by fitting the stiffness": f"{100 * score.concealed:.1f} %"
+            + (" (nearly all)" if score.concealed > 0.95 else ""),
+        }
         for score in found.assessment.scores
     ]
-    return ["mechanism", "p by itself", "share hidden by fitting the stiffness"], rows
+    return WebTable.of("Tests for each mechanism in the difference between model and recordings", rows)
