@@ -268,7 +268,11 @@ def test_numbers_have_the_digits_that_their_errors_leave():
 def test_a_model_that_explains_a_part_is_not_said_to_fit(monkeypatch, missing, in_part, heading):
     monkeypatch.setattr(diagnosed_answer, "wide", lambda found: True)
     model = SimpleNamespace(missing=missing, in_part=in_part, names=("fibres",), probability=0.9)
-    given = {"misfit": SimpleNamespace(size=0.0), "aside": None, "base": SimpleNamespace(fit=SimpleNamespace(free=()))}
+    given = {
+        "misfit": SimpleNamespace(size=0.0),
+        "aside": None,
+        "base_model": SimpleNamespace(fit=SimpleNamespace(free=())),
+    }
     found = SimpleNamespace(withheld=False, verdict="named", models=[model], may_be_off=0.19, **given)
     worded = headline_of(diagnosed_answer.answer_of(found))
     assert (worded.tone, worded.heading) == ("caution", heading)
