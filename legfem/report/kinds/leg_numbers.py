@@ -14,7 +14,6 @@ from legfem.legs.details import AppliedCorrection, LegDetails, SpatialEvidence, 
 from legfem.legs.finite_element_models import tissues_of
 from legfem.legs.forward import values_of
 from legfem.legs.site import curve_of
-from legfem.legs.subject import Subject
 from legfem.mechanics.materials import Hyperelastic
 from legfem.report.estimates import estimated, held_of, held_text, how_found, wave_rows, words_of
 from legfem.report.further_channels import channel_name
@@ -48,7 +47,15 @@ def known_of(fits: Sequence[LegFit]) -> list[Known]:
     for name, value in held_of(fits).items():
         stated = np.isclose(given.get(name, math.nan), value)
         source = "subject.toml" if stated else "the command, or the law's default"
-        rows.append(Known(words_of(name), held_text(name, value), "assumed", source, remark=_moved(name, fits)))
+        # Of what was found off its bounds.
+        moved = ", ".join(
+            f"{symbol_of(found)} {100 * estimate.moves[name]:+.1f} % ({LAW_NAMES[fit.law]})"
+            for fit in reversed(fits)
+            for found, estimate in fit.estimates.items()
+            if math.isfinite(estimate.moves.get(name, math.nan))
+        )
+        remark = f"if it were 10 % higher: {moved}" if moved else ""
+        rows.append(Known(words_of(name), held_text(name, value), "assumed", source, remark=remark))
     rows.append(Known("thickness of the fascia", f"{subject.section.fascia_thickness:g} mm", "assumed", "subject.toml"))
     rows += [
         Known(f"{symbol_of(name)} of each site", f"± {sd:.3g} (sd)", "prior", "--prior")
@@ -57,14 +64,8 @@ def known_of(fits: Sequence[LegFit]) -> list[Known]:
     rows += wave_rows(subject)
     if isinstance(details.spatial, SpatialEvidence):
         rows += _confirmed_rows(details.spatial, float(curve_of(first.tests[0]).displacement[-1]))
-    rows.append(
-        Known(
-            "error of the numerical model",
-            f"{100 * NUMERICAL_ERROR:g} % of the force (sd)",
-            "prior",
-            "convergence study",
-        )
-    )
+    numerical = f"{100 * NUMERICAL_ERROR:g} % of the force (sd)"
+    rows.append(Known("error of the numerical model", numerical, "prior", "convergence study"))
     for number in range(len(first.tests)):
         rows += _site_rows(first, number)
     return rows
@@ -74,74 +75,44 @@ def _site_rows(fit: LegFit, number: int) -> list[Known]:
     """What was measured, stated and corrected at one site."""
     details, one = fit.details, fit.tests[number]
     subject, curve, applied = details.leg.sites[number], curve_of(one), details.corrections[number]
-    at = f"{one.name}: " if len(fit.tests) > 1 else ""
-    data = subject.origin
+    at, data, depth = f"{one.name}: " if len(fit.tests) > 1 else "", subject.origin, curve.displacement[-1]
     rows = []
     if isinstance(details.spatial, SpatialSites):
         source: Provenance = "assumed" if details.spatial.extruded else "measured"
         rows.append(Known(f"{at}leg in 3D", details.spatial.shapes[number], source, "subject.toml, [section]"))
         if applied is not None:
-            rows.append(
-                Known(
-                    f"{at}error of the leg's force in 3D at {curve.displacement[-1]:.3g} mm",
-                    f"{100 * applied.sd[-1]:.2g} % (sd)",
-                    "prior",
-                    "larger elements, a shorter leg, and fibres' part",
-                )
-            )
+            name, by = f"{at}error of the leg's force in 3D at {depth:.3g} mm", f"{100 * applied.sd[-1]:.2g} % (sd)"
+            rows.append(Known(name, by, "prior", "larger elements, a shorter leg, and fibres' part"))
     elif applied is not None:
         P, sd = applied.P[-1], applied.sd[-1]
-        rows.append(
-            Known(
-                f"{at}3D correction P at {curve.displacement[-1]:.3g} mm",
-                f"{P:+.3f}",
-                "prior",
-                applied.name,
-                f"{P - 2 * sd:+.3f} to {P + 2 * sd:+.3f}",
-                "its error is shared by all sites" if at else "",
-            )
-        )
+        ends, shared = f"{P - 2 * sd:+.3f} to {P + 2 * sd:+.3f}", "its error is shared by all sites" if at else ""
+        name = f"{at}3D correction P at {depth:.3g} mm"
+        rows.append(Known(name, f"{P:+.3f}", "prior", applied.name, ends, shared))
+    rows.append(Known(f"{at}noise of a force reading", f"{curve.white_sd:.3g} N (sd)", data, "from sample to sample"))
+    for beside in one.channels[1:]:
+        shown, station, count = beside.channel.values, beside.channel.station, len(beside.channel)
+        ends = f"{shown[np.argmin(station)]:.3g} and {shown[np.argmax(station)]:.3g} {beside.channel.unit}"
+        rows.append(Known(f"{at}{channel_name(beside)}, first and deepest reading", ends, data, f"{count} readings"))
     trials = f"{curve.n_trials} recording{'s' * (curve.n_trials > 1)}, from first contact"
+    name, value = f"{at}girth of the section", f"{girth(subject.section):.0f} mm"
     return [
         *rows,
-        Known(f"{at}noise of a force reading", f"{curve.white_sd:.3g} N (sd)", data, "from sample to sample"),
-        *(
-            Known(
-                f"{at}{channel_name(beside)}, first and deepest reading",
-                f"{shown[np.argmin(beside.channel.station)]:.3g} and "
-                f"{shown[np.argmax(beside.channel.station)]:.3g} {beside.channel.unit}",
-                data,
-                f"{len(beside.channel)} readings",
-            )
-            for beside in one.channels[1:]
-            for shown in (beside.channel.values,)
-        ),
-        Known(f"{at}greatest displacement used", f"{curve.displacement[-1]:.4g} mm", data, trials),
-        _girth(f"{at}girth of the section", subject),
+        Known(f"{at}greatest displacement used", f"{depth:.4g} mm", data, trials),
+        Known(name, value, "assumed", "subject.toml", remark="a typical calf was scaled to it")
+        if subject.typical_shape
+        else Known(name, value, subject.origin, "contours of the skin"),
         Known(f"{at}what presses", f"{subject.indenter}", "assumed", "subject.toml"),
     ]
-
-
-def _girth(name: str, subject: Subject) -> Known:
-    """The section's girth, which a typical calf has from a tape and others from their outlines."""
-    value = f"{girth(subject.section):.0f} mm"
-    if subject.typical_shape:
-        return Known(name, value, "assumed", "subject.toml", remark="a typical calf was scaled to it")
-    return Known(name, value, subject.origin, "contours of the skin")
 
 
 def _confirmed_rows(found: SpatialEvidence, depth: float) -> list[Known]:
     """What the leg's own solves in 3D say of its correction."""
     source: Provenance = "assumed" if found.extruded else "measured"
+    solves = f"{found.full_solves} on the chosen mesh, {found.rough_solves} on coarser ones"
+    errors = ", then ".join(f"{100 * one.error:.2g} %" for one in found.confirmations)
     rows = [
         Known("leg in 3D", f"{found.length:.4g} mm long", source, found.shape),
-        Known(
-            "full solves in 3D",
-            f"{found.full_solves} on the chosen mesh, {found.rough_solves} on coarser ones",
-            "computed",
-            "the force differed from the predicted one by "
-            + ", then ".join(f"{100 * one.error:.2g} %" for one in found.confirmations),
-        ),
+        Known("full solves in 3D", solves, "computed", f"the force differed from the predicted one by {errors}"),
     ]
     if found.table_P is not None:
         name = f"P at {depth:.3g} mm of the table's idealised legs"
@@ -149,39 +120,33 @@ def _confirmed_rows(found: SpatialEvidence, depth: float) -> list[Known]:
     return rows
 
 
-def _moved(name: str, fits: Sequence[LegFit]) -> str:
-    """What 10 % more of an assumed number would do to what was found off its bounds."""
-    moved = [
-        f"{symbol_of(found)} {100 * estimate.moves[name]:+.1f} % ({LAW_NAMES[fit.law]})"
-        for fit in reversed(fits)
-        for found, estimate in fit.estimates.items()
-        if math.isfinite(estimate.moves.get(name, math.nan))
-    ]
-    return f"if it were 10 % higher: {', '.join(moved)}" if moved else ""
-
-
 def how_done(fits: Sequence[LegFit]) -> list[Block]:
     """What was done: each law's search and fit, the tissues, what corrected the force."""
     first = fits[0]
+    statistics = {LAW_NAMES[fit.law]: _statistics(fit) for fit in fits}
+    how_well = [{"": name, **{law: each[name] for law, each in statistics.items()}} for name in _statistics(first)]
     blocks: list[Block] = [
         Prose(_procedure(first)),
         *how_found(fits),
-        WebTable(
-            f"How well each law fits; E is the {first.cost.definition}",
-            ["", *(LAW_NAMES[fit.law] for fit in fits)],
-            [[name, *(_statistics(fit)[name] for fit in fits)] for name in _statistics(first)],
-        ),
-        WebTable("Tissues at the optimum", *_tissues(fits)),
+        WebTable.of(f"How well each law fits; E is the {first.cost.definition}", how_well),
+        _tissues(fits),
     ]
     every = [_tissue(name, fit) for name in _TISSUES for fit in fits]
     if any(found is not None and found[0].poisson_ratio < 0 for found in every):
-        blocks.append(
-            Prose(
-                "A Poisson's ratio below zero follows from the given C10 and D1, as it does from the published "
-                "values for fascia."
-            )
-        )
-    return blocks + [block for fit in fits for block in _corrected(fit)]
+        below = "A Poisson's ratio below zero follows from the given C10 and D1, as it does from the published values "
+        blocks.append(Prose(f"{below}for fascia."))
+    for fit in fits:
+        spatial, several = fit.details.spatial, len(fit.tests) > 1
+        if isinstance(spatial, SpatialSites):
+            continue
+        for one, applied in zip(fit.tests, fit.details.corrections, strict=True):
+            if applied is not None:
+                at = f"{one.name}: " if several else ""
+                blocks.append(_correction_table(fit, at, one.force.channel.station, applied))
+        if spatial is not None:
+            errors = ", ".join(f"{name} {value:.3f}" for name, value in spatial.errors.items())
+            blocks += [_confirmed(spatial), Prose(f"Greatest error of P by cause: {errors}.")]
+    return blocks
 
 
 def _procedure(fit: LegFit) -> str:
@@ -206,9 +171,13 @@ def _procedure(fit: LegFit) -> str:
         sizes = ", ".join(f"{symbol_of(name)} {sd:.3g} (sd)" for name, sd in details.own_errors.items())
         own = f" Errors of the sites' instruments are independent: {sizes}."
     together = "All sites were fitted together by one set of tissues. " if several else ""
+    minimiser = fit.settings.get("genetic", {}).get("minimiser")
+    searcher = "A genetic algorithm (pygad)" if minimiser is None else f"A search of the user's ({minimiser})"
+    deep = all(name.startswith("deep.") for name in fit.estimates)
+    sought = "the deep tissue's parameters" if deep else ", ".join(fit.estimates)
     return (
         f"The recordings ({trials} trial{'s' * (trials > 1)}) are of {pressed}. At stations along {weighed} every "
-        f"trial they are compared with the model. {together}{_model(fit)} {_searcher(fit)} searched for {_sought(fit)} "
+        f"trial they are compared with the model. {together}{_model(fit)} {searcher} searched for {sought} "
         f"on {searched}; {_WEIGHTINGS[fit.weighting]}.{own}"
     )
 
@@ -237,17 +206,6 @@ def _model(fit: LegFit) -> str:
     )
 
 
-def _sought(fit: LegFit) -> str:
-    if all(name.startswith("deep.") for name in fit.estimates):
-        return "the deep tissue's parameters"
-    return ", ".join(fit.estimates)
-
-
-def _searcher(fit: LegFit) -> str:
-    own = fit.settings.get("genetic", {}).get("minimiser")
-    return "A genetic algorithm (pygad)" if own is None else f"A search of the user's ({own})"
-
-
 def _statistics(fit: LegFit) -> dict[str, str]:
     cost, good, error = fit.cost, fit.goodness, fit.log.emulator_error
     return {
@@ -264,28 +222,25 @@ def _statistics(fit: LegFit) -> dict[str, str]:
     }
 
 
-def _tissues(fits: Sequence[LegFit]) -> tuple[list[str], list[list[str]]]:
-    header = ["tissue", "law", "C10 (kPa)", "C10 is", "D1 (1/MPa)", "bulk over shear modulus", "Poisson's ratio"]
-    rows = []
+def _tissues(fits: Sequence[LegFit]) -> WebTable:
+    rows: list[dict[str, str]] = []
     for name in _TISSUES:
         for fit in fits:
-            found = _tissue(name, fit)
-            if found is None:
+            if (found := _tissue(name, fit)) is None:
                 continue
             tissue, known = found
             law = fit.law if name == "deep" else fit.details.subject.tissues[name].law
-            row = [
-                name,
-                LAW_NAMES[law],
-                f"{mpa_to_kpa(tissue.C10):.3g}",
-                known,
-                f"{tissue.D1:.4g}",
-                f"{tissue.bulk_modulus / tissue.shear_modulus:.3g}",
-                f"{tissue.poisson_ratio:.2f}",
-            ]
-            if row not in rows:
-                rows.append(row)
-    return header, rows
+            row = {
+                "tissue": name,
+                "law": LAW_NAMES[law],
+                "C10 (kPa)": f"{mpa_to_kpa(tissue.C10):.3g}",
+                "C10 is": known,
+                "D1 (1/MPa)": f"{tissue.D1:.4g}",
+                "bulk over shear modulus": f"{tissue.bulk_modulus / tissue.shear_modulus:.3g}",
+                "Poisson's ratio": f"{tissue.poisson_ratio:.2f}",
+            }
+            rows += [row] if row not in rows else []
+    return WebTable.of("Tissues at the optimum", rows)
 
 
 def _tissue(name: str, fit: LegFit) -> tuple[Hyperelastic, str] | None:
@@ -298,59 +253,27 @@ def _tissue(name: str, fit: LegFit) -> tuple[Hyperelastic, str] | None:
     return Hyperelastic(C10=every[f"{name}.C10"], D1=every[f"{name}.D1"]), known
 
 
-def _corrected(fit: LegFit) -> list[Block]:
-    """What corrected a law's force at each site, how well that is known, and what confirmed it."""
-    spatial = fit.details.spatial
-    if isinstance(spatial, SpatialSites):
-        return []
-    blocks: list[Block] = []
-    for one, applied in zip(fit.tests, fit.details.corrections, strict=True):
-        if applied is not None:
-            at = f"{one.name}: " if len(fit.tests) > 1 else ""
-            blocks.append(_correction_table(fit, at, one.force.channel.station, applied))
-    if spatial is not None:
-        blocks += _confirmed(spatial)
-    return blocks
-
-
 def _correction_table(fit: LegFit, at: str, grid: np.ndarray, applied: AppliedCorrection) -> WebTable:
-    spatial = fit.details.spatial
-    depths = [d for d in _AT if grid[0] <= d <= grid[-1]] or [float(grid[-1])]
-    header = ["at (mm)", "P, with the sd that the intervals carry"]
-    rows = [
-        [f"{d:.3g}", f"{np.interp(d, grid, applied.P):+.2f} ± {np.interp(d, grid, applied.sd):.2f}"] for d in depths
-    ]
-    if isinstance(spatial, SpatialEvidence) and spatial.table_P is not None:
-        header.append("P of the table of idealised legs")
-        for row, d in zip(rows, depths, strict=True):
-            row.append(f"{np.interp(d, grid, spatial.table_P):+.2f}")
+    spatial, rows = fit.details.spatial, []
+    for d in [d for d in _AT if grid[0] <= d <= grid[-1]] or [float(grid[-1])]:
+        P = f"{np.interp(d, grid, applied.P):+.2f} ± {np.interp(d, grid, applied.sd):.2f}"
+        rows.append({"at (mm)": f"{d:.3g}", "P, with the sd that the intervals carry": P})
+        if isinstance(spatial, SpatialEvidence) and spatial.table_P is not None:
+            rows[-1]["P of the table of idealised legs"] = f"{np.interp(d, grid, spatial.table_P):+.2f}"
     caption = f"{at}3D correction {applied.name}, {LAW_NAMES[fit.law]} law: force = (1 - P) x plane strain"
-    return WebTable(caption, header, rows)
+    return WebTable.of(caption, rows)
 
 
-def _confirmed(found: SpatialEvidence) -> list[Block]:
+def _confirmed(found: SpatialEvidence) -> WebTable:
     """What the leg's own solves in 3D say."""
-    errors = ", ".join(f"{name} {value:.3f}" for name, value in found.errors.items())
-    return [
-        WebTable(
-            f"Full solves of the leg in 3D ({found.shape}{', assumed' if found.extruded else ''})",
-            [
-                "C10 (kPa)",
-                "C20 (kPa)",
-                "difference from the predicted force (%)",
-                "change of C10 afterwards (%)",
-                "time (s)",
-            ],
-            [
-                [
-                    f"{mpa_to_kpa(one.c10):.3g}",
-                    f"{mpa_to_kpa(one.c20):.3g}",
-                    f"{100 * one.error:.2g}",
-                    f"{100 * one.moved:.2g}",
-                    f"{one.seconds:.0f}",
-                ]
-                for one in found.confirmations
-            ],
-        ),
-        Prose(f"Greatest error of P by cause: {errors}."),
+    rows = [
+        {
+            "C10 (kPa)": f"{mpa_to_kpa(one.c10):.3g}",
+            "C20 (kPa)": f"{mpa_to_kpa(one.c20):.3g}",
+            "difference from the predicted force (%)": f"{100 * one.error:.2g}",
+            "change of C10 afterwards (%)": f"{100 * one.moved:.2g}",
+            "time (s)": f"{one.seconds:.0f}",
+        }
+        for one in found.confirmations
     ]
+    return WebTable.of(f"Full solves of the leg in 3D ({found.shape}{', assumed' if found.extruded else ''})", rows)
