@@ -64,7 +64,7 @@ class ChannelKind:
         As in columns of a recording, which end with the unit.
     unit
         Unit of its values.
-    words
+    quantity
         What it is, for a sentence that begins with "The".
     usual
         Accuracy where none is stated.
@@ -75,7 +75,7 @@ class ChannelKind:
 
     name: str
     unit: str
-    words: str
+    quantity: str
     usual: ChannelAccuracy
     model_share: float = 0.0
     model_length: float = 10.0
@@ -88,6 +88,13 @@ class ChannelKind:
     """What is laid into the section, and may lie beside where it is said to, to read this in it; nothing of others."""
     presses: bool = False
     """Whether it is the force that presses in a file that has no other."""
+    detail: str = ""
+    """Where or which way it is read, to follow the quantity."""
+
+    @property
+    def words(self) -> str:
+        """What it is, with where or which way it is read."""
+        return f"{self.quantity}, {self.detail}" if self.detail else self.quantity
 
     @property
     def column(self) -> str:

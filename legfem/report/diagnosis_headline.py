@@ -49,12 +49,22 @@ def headline(found: Diagnosis, plan: Sequence[DesignValue], tissue: str = "", do
         How many inputs are unlikely.
     """
     aside = "" if found.aside is None else f"{aside_sentence(found.aside)} "
+    effect = _stiffness(found)
+    if not found.withheld:
+        unseen = _unseen(found)
+        if DEEP_C10 in found.base_model.fit.free and one_rate(found):
+            allowed = ", which the range allows for" if any(one.name in found.untested for one in unseen) else ""
+            effect += " It is the stiffness at the rate of this test: tissue that is held relaxes, and is then "
+            effect += f"softer{allowed}."
+        # What every leg has hides in the stiffness whatever is recorded.
+        hidden = [one.unseen_statement for one in unseen if one.name not in found.untested]
+        effect += "".join(f" {capital(said)}. The range allows for that." for said in hidden)
     return headline_of(
         answer_of(found, doubts),
         [
             ("Problems found", aside + _wrong(found)),
             ("How sure", _sure(found)),
-            ("Effect on C10", _stiffness(found) + _at_its_rate(found) + _hidden_in_it(found)),
+            ("Effect on C10", effect),
             ("What to do", to_do(found, plan)),
             *_high_or_low(found, tissue),
         ],
@@ -66,13 +76,18 @@ def _wrong(found: Diagnosis) -> str:
         hides = f" But not every problem would show: {_hides(found)}" if wide(found) else ""
         none = "None." if found.aside is None else "No other problem."
         return f"{none}{hides} What this test cannot show is listed further down."
-    if found.verdict == "unexplained" and not found.withheld:
-        return f"{misfit_sentence(found)}{_place(found)}"
     if found.verdict == "unexplained":
-        return (
-            "The computer model does not reproduce the recording, and no cause that "
-            f"this program knows explains the difference.{_place(found)}"
+        largest = ""
+        if places := places_of(found):
+            most = max(places, key=lambda place: place.weight)
+            low, high = (f"{end:.2g}" for end in most.displacement)
+            at = f"between {low} and {high}" if low != high else f"at {high}"
+            largest = f" The difference is largest {at} mm of {most.phase}: {abs(most.size):.1g} N."
+        misfit = (
+            "The computer model does not reproduce the recording, and no cause that this program knows explains the "
+            "difference."
         )
+        return f"{misfit if found.withheld else misfit_sentence(found)}{largest}"
     if found.verdict == "named":
         first = found.models[0]
         part = " That explains only a part of the difference." if first.in_part else ""
@@ -106,16 +121,6 @@ def _by_what_is_unseen(found: Diagnosis) -> bool:
     """Return whether C10 is known as a range alone for what every leg has and the recordings don't show."""
     ends, value = robust_interval(as_seen(found.explained), DEEP_C10), best(found).value(DEEP_C10)
     return wide(found) and ends is not None and max(abs(end / value - 1.0) for end in ends) <= TRUSTED
-
-
-def _place(found: Diagnosis) -> str:
-    places = places_of(found)
-    if not places:
-        return ""
-    most = max(places, key=lambda place: place.weight)
-    low, high = most.displacement
-    at = f"between {low:.2g} and {high:.2g}" if f"{low:.2g}" != f"{high:.2g}" else f"at {high:.2g}"
-    return f" The difference is largest {at} mm of {most.phase}: {abs(most.size):.1g} N."
 
 
 def _sure(found: Diagnosis) -> str:
@@ -174,21 +179,6 @@ def _stiffness(found: Diagnosis) -> str:
     )
 
 
-def _at_its_rate(found: Diagnosis) -> str:
-    if found.withheld or DEEP_C10 not in found.base_model.fit.free or not one_rate(found):
-        return ""
-    allowed = ", which the range allows for" if any(one.name in found.untested for one in _unseen(found)) else ""
-    return f" It is the stiffness at the rate of this test: tissue that is held relaxes, and is then softer{allowed}."
-
-
-def _hidden_in_it(found: Diagnosis) -> str:
-    """Return what every leg has that hides in the stiffness whatever is recorded."""
-    if found.withheld:
-        return ""
-    hidden = [one.unseen_statement for one in _unseen(found) if one.name not in found.untested]
-    return "".join(f" {capital(said)}. The range allows for that." for said in hidden)
-
-
 _C10 = "C10, the stiffness of the tissue"
 
 
@@ -208,21 +198,22 @@ def _value(found: Diagnosis, model: Explanation) -> str:
 
 def to_do(found: Diagnosis, plan: Sequence[DesignValue]) -> str:
     """Return what to do with the number, and what to ask a lab for."""
-    lines = next_experiments(found)
-    consistent = found.verdict == "consistent"
-    widest = widened_by(found.explained, DEEP_C10) if wide(found) and consistent else None
-    if _by_what_is_unseen(found) and consistent:
-        why = ", and because ".join(one.unseen_statement for one in _unseen(found))
-        return f"Use the range. It is so wide because {why}. To narrow it, ask the lab to {'; and to '.join(lines)}."
-    if widest is not None:
-        return (
-            "Use the range. It is so wide because this test cannot determine whether "
-            f"{statements(widest)}. To narrow it, ask the lab to {_narrowing(widest, lines)}."
-        )
+    lines, by_unseen = next_experiments(found), _by_what_is_unseen(found)
     if found.verdict == "consistent":
-        if not one_rate(found):
+        widest = widened_by(found.explained, DEEP_C10) if wide(found) else None
+        if by_unseen:
+            why = ", and because ".join(one.unseen_statement for one in _unseen(found))
+            asked = "; and to ".join(lines)
+        elif widest is not None:
+            why = f"this test cannot determine whether {statements(widest)}"
+            # What settles its widest part, and what wasn't recorded yet.
+            first = widest.fit.mechanisms[0].next_experiment
+            asked = "; or to ".join([first, *[line for line in lines if line != first][:1]])
+        elif one_rate(found):
+            return f"Use the number above. If the behaviour over time matters, ask the lab to {lines[0]}."
+        else:
             return "Use the number together with the law that it belongs to. No other test is needed."
-        return f"Use the number above. If the behaviour over time matters, ask the lab to {lines[0]}."
+        return f"Use the range. It is so wide because {why}. To narrow it, ask the lab to {asked}."
     use = "Use the corrected number" if found.verdict == "named" and not wide(found) else "Use the range"
     if not plan and not lines:
         return f"{use}."
@@ -237,9 +228,3 @@ def to_do(found: Diagnosis, plan: Sequence[DesignValue]) -> str:
         return f"{use}. To confirm the cause, {asked}."
     kept = "the corrected number" if same_value(found) else "the range, and no single number"
     return f"Use {kept}. To find out which cause it is, {asked}."
-
-
-def _narrowing(widest: Explanation, lines: Sequence[str]) -> str:
-    """Return what would narrow C10's range: what settles its widest part, and what wasn't recorded yet."""
-    wanted = widest.fit.mechanisms[0].next_experiment
-    return "; or to ".join([wanted, *[line for line in lines if line != wanted][:1]])

@@ -1,6 +1,6 @@
 """Channels beside the force: figure and panels, what they say in a diagnosis, and where the misfit lies."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,7 +14,6 @@ from legfem.common.units import FloatArray
 from legfem.geometry.indenter import Site
 from legfem.inverse.catalogue import symbol_of
 from legfem.inverse.channel_readings import StationChannel
-from legfem.inverse.estimates import Estimate
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.fit import ChannelFit, Fit
 from legfem.inverse.verdict import Diagnosis
@@ -37,12 +36,8 @@ def beside_force(fit: Fit[Any]) -> list[tuple[int, int]]:
 
 def drawn(fits: Sequence[Fit[Any]]) -> list[Curves]:
     """Return the panels of all channels that were read more than once: a single reading has no course."""
-    return [channel_curves(fits, *at) for at in beside_force(fits[0]) if len(_channel(fits[0], at).channel) > 1]
-
-
-def _channel(fit: Fit[Any], at: tuple[int, int]) -> ChannelFit:
-    number, k = at
-    return fit.tests[number].channels[k]
+    each = ((at, fits[0].tests[at[0]].channels[at[1]]) for at in beside_force(fits[0]))
+    return [channel_curves(fits, *at) for at, one in each if len(one.channel) > 1]
 
 
 def channel_name(one: ChannelFit) -> str:
@@ -118,30 +113,22 @@ def channel_curves(fits: Sequence[Fit[Any]], number: int, k: int) -> Curves:
 
 def channel_lines(fit: Fit[Any]) -> list[str]:
     """Return a sentence a channel of a law's fit: how far off it is, and its share in what is determined."""
-    several = len(fit.tests) > 1
-    found = []
+    found, law = [], LAW_NAMES[fit.law]
     for number, k in beside_force(fit):
-        test, one = fit.tests[number], _channel(fit, (number, k))
-        where = f"{test.name}, " if several else ""
-        error = float(np.sqrt(np.mean(one.channel.sd**2)))
+        test, one = fit.tests[number], fit.tests[number].channels[k]
+        where = f"{test.name}, " if len(fit.tests) > 1 else ""
         count, unit = len(one.channel), one.channel.unit.strip("-")
-        rms, known = (f"{size:.2g} {unit}".rstrip() for size in (one.rms, error))
+        rms, known = (f"{size:.2g} {unit}".rstrip() for size in (one.rms, float(np.sqrt(np.mean(one.channel.sd**2)))))
         found.append(
-            f"{where}{channel_name(one)}, {LAW_NAMES[fit.law]} law: {count} reading{'s' * (count > 1)}, rms {rms} "
-            f"where each is known to {known}."
+            f"{where}{channel_name(one)}, {law} law: {count} reading{'s' * (count > 1)}, rms {rms} where each is known "
+            f"to {known}."
         )
-    shares = _shares(fit.estimates)
-    return [*found, *([f"What determines each parameter, {LAW_NAMES[fit.law]} law: {shares}."] if shares else [])]
-
-
-def _shares(parameters: Mapping[str, Estimate]) -> str:
-    told = []
-    for name, found in parameters.items():
-        parts = sorted(found.information_shares.items(), key=lambda one: -one[1])
-        said = ", ".join(f"{channel.replace('_', ' ')} {100 * share:.0f} %" for channel, share in parts)
-        if said:
-            told.append(f"{symbol_of(name)} by {said}")
-    return "; ".join(told)
+    shares = []
+    for name, estimate in fit.estimates.items():
+        parts = sorted(estimate.information_shares.items(), key=lambda one: -one[1])
+        if said := ", ".join(f"{channel.replace('_', ' ')} {100 * share:.0f} %" for channel, share in parts):
+            shares.append(f"{symbol_of(name)} by {said}")
+    return [*found, f"What determines each parameter, {law} law: {'; '.join(shares)}."] if shares else found
 
 
 def channels_figure(fits: Sequence[Fit[Any]]) -> Figure:
@@ -208,39 +195,35 @@ def channel_sentences(found: Diagnosis) -> Iterator[str]:
         at = f"at {low:.0f} mm" if high - low < 1.0 else f"from {low:.0f} to {high:.0f} mm"
         phase = "" if window.phase == "loading" else f" in {window.phase}"
         yield (
-            f"The {kind.words.partition(',')[0]} is {abs(size):.2g} {kind.unit} {'more' if size > 0 else 'less'} than "
+            f"The {kind.quantity} is {abs(size):.2g} {kind.unit} {'more' if size > 0 else 'less'} than "
             f"the model's {at}{phase} (p = {window.p_value:.2g} over all intervals)."
         )
 
 
 def channel_chapter(found: Diagnosis) -> list[web.Chapter]:
     """Return the chapter on channels beside the force; none where nothing else was recorded."""
-    observed = found.observed
-    if not observed.channels:
+    if not found.observed.channels:
         return []
-    rows = [
-        [
-            one.name.replace("_", " "),
-            f"{one.readings}",
-            f"{one.rms_before:.3f} {one.unit}",
-            "-" if one.rms_after is None else f"{one.rms_after:.3f} {one.unit}",
-            f"{one.error:.3f} {one.unit}",
-        ]
-        for one in channel_misfits(found)
-    ]
     models = shown_models(found)[:1]
     after = f"left by {models[0].name}" if models else "left by a repaired model"
+    rows = [
+        {
+            "channel": one.name.replace("_", " "),
+            "readings": f"{one.readings}",
+            f"left by the {BASE_NAME}": f"{one.rms_before:.3f} {one.unit}",
+            after: "-" if one.rms_after is None else f"{one.rms_after:.3f} {one.unit}",
+            "error of a reading": f"{one.error:.3f} {one.unit}",
+        }
+        for one in channel_misfits(found)
+    ]
     said = list(channel_sentences(found))
     blocks: list[web.Block] = [
         web.Bullets(said) if said else web.Prose("No interval of these channels stands out from their errors."),
-        web.WebTable(
-            "How well every channel is met (root mean square)",
-            ["channel", "readings", f"left by the {BASE_NAME}", after, "error of a reading"],
-            rows,
-        ),
+        web.WebTable.of("How well every channel is met (root mean square)", rows),
     ]
-    protocols = range(len(observed.protocols))
-    return [web.Chapter("Beside the force", [*blocks, *(c for k in protocols for c in _channel_curves(found, k))])]
+    for k in range(len(found.observed.protocols)):
+        blocks += _channel_curves(found, k)
+    return [web.Chapter("Beside the force", blocks)]
 
 
 def _channel_curves(found: Diagnosis, protocol: int) -> Iterator[Curves]:

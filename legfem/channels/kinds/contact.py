@@ -55,22 +55,25 @@ _SIX_AXES = ChannelAccuracy(reading=0.02, bias=0.05, gain=0.02, slow=0.03, lag=0
 LATERAL = ChannelKind(
     "lateral_force",
     "N",
-    "force of the cylinder on the skin across the travel, to its left",
+    "force of the cylinder on the skin across the travel",
     _SIX_AXES,
     models=frozenset({"2d", "3d"}),
+    detail="to its left",
 )
 AXIAL = replace(
     LATERAL,
     name="axial_force",
-    words="force of the cylinder on the skin along the leg, towards greater z",
+    quantity="force of the cylinder on the skin along the leg",
     models=frozenset({"3d"}),
     presses=True,
+    detail="towards greater z",
 )
 MOMENT = ChannelKind(
     "axis_moment",
     "Nmm",
-    "moment of the cylinder on the skin about the cylinder's axis, counterclockwise in the section",
+    "moment of the cylinder on the skin about the cylinder's axis",
     ChannelAccuracy(reading=0.3, bias=1.0, gain=0.02, slow=0.5, lag=0.01),
+    detail="counterclockwise in the section",
 )
 _PRESSED = 0.2
 """Share of the largest force along the travel from which on another force is compared with it."""
@@ -204,12 +207,13 @@ much more for each decade of time; a film is laid around the cylinder by hand.""
 PRESSURE = ChannelKind(
     "contact_pressure",
     "kPa",
-    "pressure of the cylinder on the skin, in sensels along its face",
+    "pressure of the cylinder on the skin",
     _FILM,
     0.03,
     # Its sum is the force, which is measured: what outlines that are off by 0.3 to 1 mm do beyond the sum of their
     # single effects has either sign within the contact, 0.2 to 0.6 kPa at 20 mm on sensels of 6 mm.
     model_length=5.0,
+    detail="in sensels along its face",
 )
 _BLUR_MM = 1.5
 _MOST_SENSELS = 24

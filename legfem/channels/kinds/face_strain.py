@@ -40,9 +40,10 @@ bulges towards the camera; and by place a body that isn't quite round or level."
 FACE_STRAIN = ChannelKind(
     "face_strain",
     "-",
-    "strain of the specimen's free face, across and along, by points that were tracked on it",
+    "strain of the specimen's free face",
     _CAMERA,
     models=frozenset({"specimen"}),
+    detail="across and along, by points that were tracked on it",
 )
 HEIGHTS = (0.0, 0.25, 0.5, 0.75)
 """Shares of half the height at which strains are read: farther out the side meets the plates, or grips shade it."""

@@ -29,16 +29,23 @@ _ULTRASOUND = ChannelAccuracy(reading=0.3, bias=0.3, gain=0.02, slow=0.1, lag=0.
 FAT = ChannelKind(
     "fat_thickness",
     "mm",
-    "thickness of the fat under the cylinder, along the line of travel",
+    "thickness of the fat under the cylinder",
     _ULTRASOUND,
     0.002,
     models=frozenset({"2d", "specimen"}),
+    detail="along the line of travel",
 )
 MUSCLE = replace(
-    FAT, name="muscle_thickness", words="thickness of the deep tissue, from fascia to bone along the line of travel"
+    FAT,
+    name="muscle_thickness",
+    quantity="thickness of the deep tissue",
+    detail="from fascia to bone along the line of travel",
 )
 TISSUE = replace(
-    FAT, name="tissue_thickness", words="thickness of all soft tissue, from skin to bone along the line of travel"
+    FAT,
+    name="tissue_thickness",
+    quantity="thickness of all soft tissue",
+    detail="from skin to bone along the line of travel",
 )
 _BETWEEN = {FAT.name: ("skin", "fascia"), MUSCLE.name: ("deep", "bone"), TISSUE.name: ("skin", "bone")}
 """Outlines that a layer lies between."""

@@ -221,10 +221,11 @@ class SectionDisplacements(_InCells):
 STRAIN = ChannelKind(
     "section_strain",
     "-",
-    "strain along the travel inside the section, since before the cylinder pressed",
+    "strain along the travel inside the section",
     ChannelAccuracy(reading=0.02, gain=0.05, slow=0.005, lag=0.1, shift=2.0, turn=3.0, apart=4.0),
     0.0005,
     image="image of strain",
+    detail="since before the cylinder pressed",
 )
 """Accuracies of a cell, by what quasi-static elastography reports of phantoms: a few per cent of strain."""
 WINDOW_MM = 3.0
