@@ -233,7 +233,9 @@ def _channel_curves(found: Diagnosis, protocol: int) -> Iterator[Curves]:
         mine = np.flatnonzero(observed.protocol[one.nearest] == protocol)
         if not len(mine):
             continue
-        rows = _by_trial(mine, one.trial[mine])
+        # A row a trial; one row where trials have different numbers of readings.
+        by_trial = [mine[one.trial[mine] == k] for k in np.unique(one.trial[mine])]
+        rows = np.array(by_trial) if len(set(map(len, by_trial))) == 1 else np.concatenate(by_trial)[None]
         at = span.start + rows
         lines = [
             Line("recorded" if len(at) == 1 else "recorded, mean", observed.values[at].mean(axis=0), None, points=True),
@@ -261,12 +263,6 @@ def _line(name: str, model: Explanation, at: NDArray[np.int_], colour: str, poin
     return Line(name, met[at].mean(axis=0), -left[at].mean(axis=0), colour, dash, points)
 
 
-def _by_trial(readings: NDArray[np.int_], trial: NDArray[np.int_]) -> NDArray[np.int_]:
-    """Return readings in rows, one a trial; in one row where trials have different numbers of them."""
-    rows = [readings[trial == k] for k in np.unique(trial)]
-    return np.array(rows) if len({len(row) for row in rows}) == 1 else np.concatenate(rows)[None]
-
-
 _SHARE = 0.3
 """Of the misfit: a place that would explain less isn't marked."""
 _CHANNEL_MM, _ARROW_MM = 3.0, 14.0
@@ -277,12 +273,27 @@ _DEEP = 0.7
 
 def misfit_in_section(found: Diagnosis, subject: Subject) -> list[StillSection]:
     """Return the section with marks where the misfit lies; nothing without channels, or where none stands out."""
-    departs = [one for one in found.observed.channels if any(w.channel == one.name for w in found.assessment.windows)]
+    observed, fitted = found.observed, found.weighted_base.fit
     site, left = Site(subject.section, subject.indenter), left_of(found.weighted_base)
-    spans = dict(zip((one.name for one in found.observed.channels), found.observed.data.spans[1:], strict=True))
-    arrows = [arrow for one in departs if one.places for arrow in channel_arrows(one, left[spans[one.name]], site)]
-    marks = [*_channel_marks([one for one in departs if not one.places], site), *_stiffness_marks(found, site)]
-    if not found.observed.channels or not (marks or arrows):
+    spans = dict(zip((one.name for one in observed.channels), observed.data.spans[1:], strict=True))
+    marks: list[Mark] = []
+    arrows: list[Arrow] = []
+    for one in observed.channels:
+        if not any(window.channel == one.name for window in found.assessment.windows):
+            continue
+        if one.places:
+            arrows += channel_arrows(one, left[spans[one.name]], site)
+        else:
+            x, y = FILE_OF[one.name].place(one.kind, site)
+            marks.append(Mark(f"departs: {one.kind.title}", x, -y, _CHANNEL_MM, BASE_COLOUR))
+    for sign in found.assessment.signatures if observed.channels else ():
+        region, share = sign.mechanism.acts_in(sign.shape, site), matched(found, sign)[1]
+        if region is not None and share is not None and share >= _SHARE:
+            (x, y), radius = region
+            how = "stiffer" if float(sign.direction @ fitted.augmented_residual) > 0 else "softer"
+            words = f"a {how} region here matches {100 * share:.0f} %"
+            marks.append(Mark(words, float(x), -float(y), radius, REPAIRED_COLOUR))
+    if not (marks or arrows):
         return []
     caption = (
         "Where the misfit lies. Small circles: where a channel departs from the base model; arrows: by how much, at "
@@ -324,20 +335,3 @@ def channel_arrows(one: StationChannel, left: FloatArray, site: Site) -> list[Ar
         Arrow(name, x, -y, scale * float(away[0]), -scale * float(away[1]), BASE_COLOUR)
         for (x, y), away in by_point.items()
     ]
-
-
-def _channel_marks(departs: Sequence[StationChannel], site: Site) -> Iterator[Mark]:
-    for one in departs:
-        x, y = FILE_OF[one.name].place(one.kind, site)
-        yield Mark(f"departs: {one.kind.title}", x, -y, _CHANNEL_MM, BASE_COLOUR)
-
-
-def _stiffness_marks(found: Diagnosis, site: Site) -> Iterator[Mark]:
-    fitted = found.weighted_base.fit
-    for one in found.assessment.signatures:
-        region, share = one.mechanism.acts_in(one.shape, site), matched(found, one)[1]
-        if region is None or share is None or share < _SHARE:
-            continue
-        (x, y), radius = region
-        how = "stiffer" if float(one.direction @ fitted.augmented_residual) > 0 else "softer"
-        yield Mark(f"a {how} region here matches {100 * share:.0f} %", float(x), -float(y), radius, REPAIRED_COLOUR)

@@ -95,27 +95,39 @@ def plan_web_page(
         That was given; empty where there was none.
     """
     names = effects_of(ranked)
+    never = [plain(name) for name in names if all(one.chances[name, NOTHING] < _UNLIKELY for one in ranked)]
+    tests = [
+        LabelledBar(f"({k}) {one.design.name}", 100 * one.chance, percent(one.chance))
+        for k, one in enumerate(ranked, 1)
+    ]
+    whichever = "Chance that the test identifies the cause, whichever it is"
+    chances = web.WebTable(
+        "Chance that a test detects an effect; tests by their rank",
+        ["effect", *(f"({k})" for k in range(1, len(ranked) + 1))],
+        [[plain(n), *(percent(one.chances[n, NOTHING]) for one in ranked)] for n in names],
+    )
+    steps = [
+        *(f"Test {k}: {one.design.name}{_needs(one)}." for k, one in enumerate(ranked[:3], 1)),
+        f"Put the recordings into the folder's recordings/, then: legfem diagnose {options_of(subject)}",
+    ]
+    warned = [f"No test shows {', '.join(never)} with a chance of 20 % or more."] if never else []
     return web.WebPage(
-        title=f"Which test of leg {subject.id} should come first?",
-        subject=subject.title,
-        origin="simulated",
-        headline=_headline(ranked, names),
-        warnings=[*doubt_lines(doubts), *_warnings(ranked, names)],
-        known=_known(subject, expected),
-        chapters=[
-            web.Chapter(RANKED, [_tests(ranked)]),
-            web.Chapter(SHOWN, [web.Prose(NOTE), _chances(ranked, names)]),
+        f"Which test of leg {subject.id} should come first?",
+        subject.title,
+        "simulated",
+        _headline(ranked, names, never),
+        [*doubt_lines(doubts), *warned],
+        _known(subject, expected),
+        [
+            web.Chapter(RANKED, [Bars(whichever, ("test", "chance"), tests, greatest=100.0)]),
+            web.Chapter(SHOWN, [web.Prose(NOTE), chances]),
             web.Chapter("The leg", [still_section(subject)]),
-            web.Chapter("What to do next", [web.Bullets(_next(ranked, subject))]),
+            web.Chapter("What to do next", [web.Bullets(steps)]),
             web.Chapter("What was not weighed", [web.Bullets(_NOT_WEIGHED)]),
         ],
-        repeat=web.Repeat(command, versions),
-        data=f"simulated data (no test has been made yet; section of the leg: {subject.origin})",
+        web.Repeat(command, versions),
+        f"simulated data (no test has been made yet; section of the leg: {subject.origin})",
     )
-
-
-def _shown(one: DesignValue, names: Sequence[str], low: float, high: float) -> list[str]:
-    return [plain(name) for name in names if low <= one.chances[name, NOTHING] <= high]
 
 
 def first_lines(tests: Sequence[str]) -> web.Headline:
@@ -129,103 +141,45 @@ def first_lines(tests: Sequence[str]) -> web.Headline:
 _HEADING = "What to test"
 
 
-def _headline(ranked: Sequence[DesignValue], names: Sequence[str]) -> web.Headline:
+def _headline(ranked: Sequence[DesignValue], names: Sequence[str], never: Sequence[str]) -> web.Headline:
     first = first_lines([one.design.name for one in ranked])
     if not ranked:
         return first
-    best = ranked[0]
-    shown, unseen = _shown(best, names, _LIKELY, 1.0), _never(ranked, names)
+    shown = [plain(name) for name in names if ranked[0].chances[name, NOTHING] >= _LIKELY]
+    shows = "It detects no effect with a chance of 80 % or more; the table lists all chances."
+    if shown:
+        shows = f"If present, these effects are detected with a chance of 80 % or more: {', '.join(shown)}."
+    hides = "Every effect that legfem knows would show in at least one of them."
+    if never:
+        hides = f"No test here would show {', '.join(never)}, which could bias the stiffness unnoticed."
+    how_sure = (
+        "The chances were calculated for effects of usual strength, from the shape of this leg and the errors of the "
+        "instruments. Nothing has been measured yet."
+    )
     return replace(
         first,
-        tone="caution" if unseen else "sound",
+        tone="caution" if never else "sound",
         answers=[
-            (
-                "What it would show",
-                f"If present, these effects are detected with a chance of 80 % or more: {', '.join(shown)}."
-                if shown
-                else "It detects no effect with a chance of 80 % or more; the table lists all chances.",
-            ),
-            (
-                "What no test here shows",
-                f"No test here would show {', '.join(unseen)}, which could bias the stiffness unnoticed."
-                if unseen
-                else "Every effect that legfem knows would show in at least one of them.",
-            ),
-            (
-                "How sure",
-                "The chances were calculated for effects of usual strength, from the shape of this leg and the "
-                "errors of the instruments. Nothing has been measured yet.",
-            ),
+            ("What it would show", shows),
+            ("What no test here shows", hides),
+            ("How sure", how_sure),
             ("What to do", "Make the test, then diagnose the recordings."),
         ],
     )
 
 
-def _never(ranked: Sequence[DesignValue], names: Sequence[str]) -> list[str]:
-    return [plain(name) for name in names if all(one.chances[name, NOTHING] < _UNLIKELY for one in ranked)]
-
-
-def _warnings(ranked: Sequence[DesignValue], names: Sequence[str]) -> list[str]:
-    unseen = _never(ranked, names)
-    if not unseen:
-        return []
-    return [f"No test shows {', '.join(unseen)} with a chance of 20 % or more."]
-
-
-def _tests(ranked: Sequence[DesignValue]) -> Bars:
-    return Bars(
-        "Chance that the test identifies the cause, whichever it is",
-        ("test", "chance"),
-        [
-            LabelledBar(f"({k}) {one.design.name}", 100 * one.chance, percent(one.chance))
-            for k, one in enumerate(ranked, 1)
-        ],
-        greatest=100.0,
-    )
-
-
-def _chances(ranked: Sequence[DesignValue], names: Sequence[str]) -> web.WebTable:
-    return web.WebTable(
-        "Chance that a test detects an effect; tests by their rank",
-        ["effect", *(f"({k})" for k in range(1, len(ranked) + 1))],
-        [[plain(n), *(percent(one.chances[n, NOTHING]) for one in ranked)] for n in names],
-    )
-
-
-def _next(ranked: Sequence[DesignValue], subject: Subject) -> list[str]:
-    folder = options_of(subject)
-    return [
-        *(f"Test {k}: {one.design.name}{_needs(one)}." for k, one in enumerate(ranked[:3], 1)),
-        f"Put the recordings into the folder's recordings/, then: legfem diagnose {folder}",
-    ]
-
-
 def _known(subject: Subject, expected: Expected) -> list[web.Known]:
-    instrument = subject.instrument
-    stated = "the command, or usual values"
+    instrument, indenter = subject.instrument, subject.indenter
+    stated, usual = "the command, or usual values", "subject.toml, or usual"
+    law = f"{LAW_NAMES[subject.tissues['deep'].law]} law"
+    cylinder = f"{2 * indenter.radius:g} mm across, {indenter.length:g} mm long"
     return [
-        web.Known(
-            "expected C10",
-            f"{mpa_to_kpa(expected.c10):g} kPa",
-            "assumed",
-            stated,
-            remark=f"{LAW_NAMES[subject.tissues['deep'].law]} law",
-        ),
+        web.Known("expected C10", f"{mpa_to_kpa(expected.c10):g} kPa", "assumed", stated, remark=law),
         web.Known("expected C20", f"{mpa_to_kpa(expected.c20):g} kPa", "assumed", stated),
         web.Known("depth", f"{expected.depth:g} mm", "assumed", stated),
         web.Known("rate", f"{expected.rate:g} mm/s", "assumed", stated),
-        web.Known("error of a force reading", f"{instrument.force_sd:.3g} N (sd)", "prior", "subject.toml, or usual"),
-        web.Known(
-            "error of a displacement reading",
-            f"{instrument.displacement_sd:.3g} mm (sd)",
-            "prior",
-            "subject.toml, or usual",
-        ),
+        web.Known("error of a force reading", f"{instrument.force_sd:.3g} N (sd)", "prior", usual),
+        web.Known("error of a displacement reading", f"{instrument.displacement_sd:.3g} mm (sd)", "prior", usual),
         web.Known("girth of the section", f"{girth(subject.section):.0f} mm", subject.origin, "contours of the skin"),
-        web.Known(
-            "cylinder",
-            f"{2 * subject.indenter.radius:g} mm across, {subject.indenter.length:g} mm long",
-            "assumed",
-            "subject.toml",
-        ),
+        web.Known("cylinder", cylinder, "assumed", "subject.toml"),
     ]

@@ -28,7 +28,6 @@ from legfem.report.leg_figure import SECTION_SHOWS, placement_figure, slices_fig
 from legfem.report.style import save
 from legfem.specimens.folder import FILE, load_specimen
 from legfem.specimens.schema import SeveralTests, parse_specimen_file
-from legfem.specimens.sizes import SpecimenRecording
 from legfem.stockings.loading import LEGS, load_leg
 
 PREVIEW = "preview.json"
@@ -101,7 +100,11 @@ def preview_of(folder: Path, out: Path, progress: Progress | None = None) -> Pre
     if kind is not None:
         return kind(folder, out)
     folders = [folder, *sorted(path for path in folder.rglob("*") if path.is_dir())]
-    recordings = [path for one in folders for path in recording_files(one) if not _is_contours(path)]
+    recordings = []
+    for path in (path for one in folders for path in recording_files(one)):
+        with path.open("rb") as file:
+            # Contours are tables of numbers, too.
+            recordings += [] if file.readline(200).startswith((b"part,", b"level_mm,")) else [path]
     seen = _recordings(recordings, out, None, of_specimen=True)
     readable = any(one.columns or not one.trouble for one in seen)
     error = InputError(
@@ -227,23 +230,15 @@ def _specimen(folder: Path, out: Path) -> Preview:
         seen += _recordings(recording_files(folder / test / "recordings"), out, channels, True, test, trials)
     if found is None:
         return Preview(folder.name, "", problem, recordings=seen)
-    facts = [(one.name, _course_fact(one)) for one in found.recordings]
+    facts = []
+    for one in found.recordings:
+        course, axes = one.course, one.axes
+        speed = f" at {course.rate:.3g} mm/s" if one.recording.timed else ""
+        way = f"{axes.way} to {axes.ways * course.depth:.3g} {axes.way_unit}{speed}"
+        facts.append((one.name, f"{way}, {axes.load} to {axes.load_text(course.peak)}"))
     left = tuple(f"NOT USED: {one.name}: {one.reason}" for one in found.left_out)
     doubts = (*doubt_lines(found.doubts), *left)
     return Preview(found.title, found.origin, "", doubts, tuple(facts), recordings=seen)
-
-
-def _course_fact(one: SpecimenRecording) -> str:
-    course = one.course
-    axes = one.axes
-    speed = f" at {course.rate:.3g} mm/s" if one.recording.timed else ""
-    way = f"{axes.way} to {axes.ways * course.depth:.3g} {axes.way_unit}{speed}"
-    return f"{way}, {axes.load} to {axes.load_text(course.peak)}"
-
-
-def _is_contours(path: Path) -> bool:
-    with path.open("rb") as file:
-        return file.readline(200).startswith((b"part,", b"level_mm,"))
 
 
 def _recordings(

@@ -1,6 +1,6 @@
 """Pressures of a stocking on its page: the leg in 3D, tables and bars, in words."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from legfem.report.style import DATA_COLOUR, FAINT
 from legfem.report.words import ROUND, Directions, angle_round, round_leg, unwrapped
 from legfem.stockings.details import StockingDetails
 from legfem.stockings.fabric import CALF_SHARE
-from legfem.stockings.levels import PLACES, LevelPressure, rises
+from legfem.stockings.levels import PLACES, rises
 from legfem.stockings.pressures import TissuePressures, too_low_by
 
 ALONG = "Pressure along the leg"
@@ -67,28 +67,14 @@ def place_in_fat(bare: LegShape, point: FloatArray) -> str:
     )
 
 
-def correlation(value: float) -> str:
-    """Return a rank correlation, if there is one."""
-    return f"{value:.2f}" if np.isfinite(value) else "- (one of them is the same all round)"
-
-
 def pressure_blocks(details: StockingDetails) -> list[Block]:
     """Return the pressures on the skin and inside."""
-    return [*_of_stocking(details), *_inside(details)]
-
-
-def _of_stocking(details: StockingDetails) -> list[Block]:
-    """Return what the stocking does to the skin, and to itself."""
-    load = details.equilibrium.load
-    by_level = load.pressure.mean(axis=1)
-    unloaded = load.unloaded_skin
+    load, within = details.equilibrium.load, details.pressures
+    by_level, unloaded = load.pressure.mean(axis=1), load.unloaded_skin
+    least = both_units(float(load.pressure.min()))
     rows = [
         ("mean over the skin", both_units(load.mean_pressure)),
-        (
-            "least",
-            both_units(float(load.pressure.min()))
-            + (f"; {100 * unloaded.mean():.0f} % of the skin bears none" if unloaded.any() else ""),
-        ),
+        ("least", least + (f"; {100 * unloaded.mean():.0f} % of the skin bears none" if unloaded.any() else "")),
         ("greatest", f"{both_units(float(load.pressure.max()))}, {highest_place(details)}"),
         ("mean at the lower end", both_units(float(by_level[0]))),
         ("mean at the upper end", both_units(float(by_level[-1]))),
@@ -103,23 +89,17 @@ def _of_stocking(details: StockingDetails) -> list[Block]:
     )
     blocks: list[Block] = [Prose(note), WebTable("Pressure of the stocking on the skin", ["where", "pressure"], rows)]
     if details.sensors:
-        caption = f"{_SENSORS} {_used(details)}"
+        used = "They were compared, and nothing was identified from them."
+        if details.best is not None:
+            used = "They are data of the identification"
+            used += (
+                "."
+                if tension_text(details) is not None
+                else ("; the fabric was taken as it was given ([accuracy] tension_relative_sd), so they add little.")
+            )
+        caption = f"Sensors between stocking and skin beside the model, averaged over their faces. {used}"
         blocks.append(WebTable(caption, ["sensor", "shown, and by the model"], sensor_rows(details)))
-    return blocks
-
-
-_SENSORS = "Sensors between stocking and skin beside the model, averaged over their faces."
-
-
-def _used(details: StockingDetails) -> str:
-    if details.best is None:
-        return "They were compared, and nothing was identified from them."
-    return (
-        "They are data of the identification."
-        if tension_text(details) is not None
-        else "They are data of the identification; the fabric was taken as it was given "
-        "([accuracy] tension_relative_sd), so they add little."
-    )
+    return blocks if within is None else [*blocks, *_inside(details, within)]
 
 
 def sensor_rows(details: StockingDetails) -> list[tuple[str, str]]:
@@ -153,12 +133,9 @@ def highest_place(details: StockingDetails) -> str:
     return f"{direction}, z = {bare.levels[level]:.0f} mm"
 
 
-def _inside(details: StockingDetails) -> list[Block]:
-    """Return the pressures at the veins, in the muscle and in the fat; nothing if not found."""
-    found, fat = details.pressures, details.fat
-    if found is None:
-        return []
-    stated = details.leg.accuracy.tension_sd > 0
+def _inside(details: StockingDetails, found: TissuePressures) -> list[Block]:
+    """Return the pressures at the veins, in the muscle and in the fat."""
+    fat, stated = details.fat, details.leg.accuracy.tension_sd > 0
     beside = " and of the fabric's tension" if stated else "; the fabric's tension counts as exact"
     note = (
         "Hydrostatic pressure, positive in compression; at the veins in tissue without a vein in "
@@ -167,25 +144,23 @@ def _inside(details: StockingDetails) -> list[Block]:
         if details.leg.veins
         else "Hydrostatic pressure, positive in compression. No veins were given or placed."
     )
-    blocks: list[Block] = [Prose(note), _bars(details, found), *_postures(details)]
-    where = place_in_fat(details.leg.bare, found.greatest_in_fat_at)
-    blocks.append(
-        Prose(
-            "The greatest pressure in the fat, where the pain receptors are, is the second "
-            f"paper's measure of discomfort. It is {where}."
-        )
+    measure = (
+        "The greatest pressure in the fat, where the pain receptors are, is the second paper's measure of discomfort. "
+        f"It is {place_in_fat(details.leg.bare, found.greatest_in_fat_at)}."
     )
+    blocks: list[Block] = [Prose(note), _bars(details, found), *_postures(details), Prose(measure)]
     if fat is not None:
-        thickness = fat.rank_correlation(fat.greatest, fat.thickness)
-        interface = fat.rank_correlation(fat.greatest, fat.interface)
-        blocks.append(
-            Prose(
-                f"The fat of this leg is {fat.thickness.min():.1f} to {fat.thickness.max():.1f} mm thick. The rank "
-                f"correlation of the greatest pressure in the fat is {correlation(thickness)} with the fat's "
-                f"thickness there, and {correlation(interface)} with the pressure on the skin above. Both are of "
-                "places on one leg, and say nothing about differences between legs."
-            )
+        each = (fat.rank_correlation(fat.greatest, other) for other in (fat.thickness, fat.interface))
+        thickness, interface = (
+            f"{one:.2f}" if np.isfinite(one) else "- (one of them is the same all round)" for one in each
         )
+        said = (
+            f"The fat of this leg is {fat.thickness.min():.1f} to {fat.thickness.max():.1f} mm thick. The rank "
+            f"correlation of the greatest pressure in the fat is {thickness} with the fat's thickness there, and "
+            f"{interface} with the pressure on the skin above. Both are of places on one leg, and say nothing about "
+            "differences between legs."
+        )
+        blocks.append(Prose(said))
     return [*blocks, *fat_curves(details)]
 
 
@@ -260,28 +235,10 @@ def _share(pressure: float, found: TissuePressures) -> str:
     return f"{100 * pressure / found.mean_interface:.0f} % of the mean on the skin"
 
 
-def _pressure(one: LevelPressure) -> str:
-    return f"{one.mean:.1f} ({one.ci95[0]:.1f} to {one.ci95[1]:.1f})"
-
-
 def _span(limits: tuple[float, float] | None) -> str:
     if limits is None:
         return "–"
     return f"{limits[0]:.3g} to {limits[1]:.3g}" if np.isfinite(limits[1]) else f"{limits[0]:.3g} or more"
-
-
-_VERDICTS = {"not certain": "not certain: the interval crosses a limit", "no limits": "–"}
-
-
-def _level_row(one: LevelPressure) -> tuple[str, ...]:
-    return (
-        one.level,
-        f"{one.height:.0f} mm, {'as stated' if one.stated else PLACES[one.level]}",
-        _pressure(one),
-        "–" if one.over_ankle is None else f"{100 * one.over_ankle:.0f} %",
-        _span(one.limits),
-        _VERDICTS.get(one.verdict, one.verdict),
-    )
 
 
 def level_blocks(details: StockingDetails) -> list[Block]:
@@ -292,46 +249,21 @@ def level_blocks(details: StockingDetails) -> list[Block]:
         asked = (
             f"class {makers.intended_class} of {makers.standard}" if makers.intended_class else "no class was stated"
         )
-        blocks.append(
-            WebTable(
-                f"Mean pressure round the leg at the makers' levels, mmHg with 95 % intervals; limits: {asked}",
-                ("level", "height", "pressure (mmHg)", "share of B's", "limits (mmHg)", "verdict"),
-                [_level_row(one) for one in levels],
-            )
-        )
-    missing = [name for name in PLACES if name not in makers.found(leg.bare)]
-    if missing:
-        blocks.append(
-            Prose(
-                f"Not shown, because the height isn't known or lies outside the modelled part: {', '.join(missing)}. "
-                "State the heights in the table [stocking.levels_mm] of leg.toml, between "
-                f"{leg.bare.levels[0]:.0f} and {leg.bare.levels[-1]:.0f} mm."
-            )
-        )
-    open_ones = [one.level for one in levels if one.level != "B" and one.limits is None]
-    if makers.intended_class and open_ones:
-        blocks.append(
-            Prose(
-                f"legfem does not come with the limits of {makers.standard} at {', '.join(open_ones)}, which are not "
-                "freely published. Copy the least and the greatest share of the pressure at B from your copy of the "
-                "standard into the table [stocking.limits_percent] of leg.toml."
-            )
-        )
-    if len(levels) > 1 and not makers.assumed_fabric:
-        blocks.append(Prose(_falling(levels)))
-    slope = round(10 * float(np.polyfit(along.levels, along.mean, 1)[0]), 2) + 0.0
-    blocks.append(
-        Prose(
-            f"Gradient: {slope:+.2f} mmHg per cm upwards, from {along.mean[0]:.1f} mmHg at the lower end to "
-            f"{along.mean[-1]:.1f} mmHg at the upper end."
-            + (
-                f" The fabric was not given: it was chosen to press with {100 * CALF_SHARE:.0f} % of the class's "
-                "pressure at the ankle at all heights, so gradient and limits say nothing about a real stocking."
-                if makers.assumed_fabric
-                else ""
-            )
-        )
-    )
+        verdicts = {"not certain": "not certain: the interval crosses a limit", "no limits": "–"}
+        rows = [
+            {
+                "level": one.level,
+                "height": f"{one.height:.0f} mm, {'as stated' if one.stated else PLACES[one.level]}",
+                "pressure (mmHg)": f"{one.mean:.1f} ({one.ci95[0]:.1f} to {one.ci95[1]:.1f})",
+                "share of B's": "–" if one.over_ankle is None else f"{100 * one.over_ankle:.0f} %",
+                "limits (mmHg)": _span(one.limits),
+                "verdict": verdicts.get(one.verdict, one.verdict),
+            }
+            for one in levels
+        ]
+        caption = f"Mean pressure round the leg at the makers' levels, mmHg with 95 % intervals; limits: {asked}"
+        blocks.append(WebTable.of(caption, rows))
+    blocks += map(Prose, _about_levels(details))
     blocks.append(
         Curves(
             "along",
@@ -350,32 +282,50 @@ def level_blocks(details: StockingDetails) -> list[Block]:
             band_name="95 % interval of the mean",
         )
     )
-    error, tension_sd = leg.accuracy, details.tension_sd
-    tension = f"{100 * tension_sd:.2g} % of the fabric's tension; " if tension_sd else ""
-    blocks.append(
-        Prose(
-            f"The intervals include these errors (standard deviations): {tension}{100 * error.pressure_sd:g} % of the "
-            "pressure on each eighth of the girth; and for the mesh, by judgement, a tenth of the change in pressure "
-            "that the leg's deformation causes." + ("" if tension_sd else f" {_EXACT_FABRIC}")
-        )
+    tension = f"{100 * details.tension_sd:.2g} % of the fabric's tension; " if details.tension_sd else ""
+    exact = (
+        " They do not include any error of the fabric's tension: state it as tension_relative_sd in the table "
+        "[accuracy] of leg.toml."
     )
-    return blocks
+    errors = (
+        f"The intervals include these errors (standard deviations): {tension}{100 * leg.accuracy.pressure_sd:g} % of "
+        "the pressure on each eighth of the girth; and for the mesh, by judgement, a tenth of the change in pressure "
+        f"that the leg's deformation causes.{'' if details.tension_sd else exact}"
+    )
+    return [*blocks, Prose(errors)]
 
 
-def _falling(levels: Sequence[LevelPressure]) -> str:
-    """Say whether the pressure decreases from level to level."""
-    asked = "RAL-GZ 387 requires that the pressure decreases steadily from the ankle upwards"
-    rising = rises(levels)
-    if not rising:
-        return f"{asked}: it does so at these levels."
-    told = " and ".join(f"from {a.level} to {b.level} (by {b.mean - a.mean:.1f} mmHg)" for a, b in rising)
-    return f"{asked}: it increases {told}."
+def _about_levels(details: StockingDetails) -> Iterator[str]:
+    """Yield what is missing at the levels, whether the pressure falls from one to the next, and its gradient."""
+    along, makers, leg, levels = details.pressure_along, details.leg.makers, details.leg, details.at_levels
+    if missing := [name for name in PLACES if name not in makers.found(leg.bare)]:
+        yield (
+            f"Not shown, because the height isn't known or lies outside the modelled part: {', '.join(missing)}. "
+            "State the heights in the table [stocking.levels_mm] of leg.toml, between "
+            f"{leg.bare.levels[0]:.0f} and {leg.bare.levels[-1]:.0f} mm."
+        )
+    open_ones = [one.level for one in levels if one.level != "B" and one.limits is None]
+    if makers.intended_class and open_ones:
+        yield (
+            f"legfem does not come with the limits of {makers.standard} at {', '.join(open_ones)}, which are not "
+            "freely published. Copy the least and the greatest share of the pressure at B from your copy of the "
+            "standard into the table [stocking.limits_percent] of leg.toml."
+        )
+    if len(levels) > 1 and not makers.assumed_fabric:
+        rising = [f"from {a.level} to {b.level} (by {b.mean - a.mean:.1f} mmHg)" for a, b in rises(levels)]
+        does = f"increases {' and '.join(rising)}" if rising else "does so at these levels"
+        yield f"RAL-GZ 387 requires that the pressure decreases steadily from the ankle upwards: it {does}."
+    slope = round(10 * float(np.polyfit(along.levels, along.mean, 1)[0]), 2) + 0.0
+    assumed = (
+        f" The fabric was not given: it was chosen to press with {100 * CALF_SHARE:.0f} % of the class's "
+        "pressure at the ankle at all heights, so gradient and limits say nothing about a real stocking."
+    )
+    yield (
+        f"Gradient: {slope:+.2f} mmHg per cm upwards, from {along.mean[0]:.1f} mmHg at the lower end to "
+        f"{along.mean[-1]:.1f} mmHg at the upper end.{assumed if makers.assumed_fabric else ''}"
+    )
 
 
-_EXACT_FABRIC = (
-    "They do not include any error of the fabric's tension: state it as tension_relative_sd in the table [accuracy] of "
-    "leg.toml."
-)
 _BESIDE = {"within": "within", "too low": "too low for", "too high": "too high for"}
 _UNSURE = "which may or may not be within"
 

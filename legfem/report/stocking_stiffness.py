@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from legfem.common.units import FloatArray, mpa_to_kpa
-from legfem.geometry.leg_shape import LegShape
+from legfem.common.units import mpa_to_kpa
 from legfem.geometry.slices import CONTOURS
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.intervals import IDENTIFIABLE_WITHIN, WEAKLY_WITHIN
@@ -13,7 +12,7 @@ from legfem.report.page import Block, Prose, WebTable
 from legfem.report.style import FAINT
 from legfem.report.words import ROUND, Directions, capital, round_leg, short_probability, unwrapped
 from legfem.stockings.assessment import TISSUES
-from legfem.stockings.contour_distances import CONTOUR_NAMES, ContourMisfit
+from legfem.stockings.contour_distances import CONTOUR_NAMES
 from legfem.stockings.details import StockingDetails, StockingFit
 from legfem.stockings.discrepancy import ModelDiscrepancy
 from legfem.stockings.equilibrium import PARAMETERS
@@ -77,38 +76,39 @@ def stiffness_blocks(fit: StockingFit) -> list[Block]:
     if best is None:
         why = details.problem or "the leg was not scanned in its stocking"
         return [Prose(f"Not identified: {why}. Given: {given}.")]
-    errors = (
-        "The intervals include errors of the contours, of the registration, and of a pressure "
-        "that differs from place to place round the leg."
-    )
-    blocks: list[Block] = [
-        *(Prose(verdict_sentence(known)) for known in fit.estimates.values()),
-        Prose(f"{errors} {_of_fabric(details)}"),
-        Prose(_goodness(details, best)),
-        _solves(fit),
-    ]
-    if leg.known:
-        used = f"The pressures below are not of these values but of those given: {given}."
-        blocks.append(Prose(used))
-    bulk = ", ".join(f"{2 / D1:.3g}" for D1 in sorted({law.D1 for law in leg.tissues.values()}))
-    return [
-        *blocks,
-        Prose(
-            "Both tissues are neo-Hookean, U = C10 (I1 - 3) + (J - 1)^2 / D1, with a given bulk "
-            f"modulus of {bulk} MPa; the initial shear modulus is 2 C10."
-        ),
-    ]
-
-
-def _of_fabric(details: StockingDetails) -> str:
-    known = 100 * details.leg.accuracy.tension_sd
-    if known:
-        by = " and the sensors" if details.sensors else ""
-        return f"They include an error of {known:g} % (sd) of the fabric's tension, which the scans{by} narrow."
-    return (
+    fabric = (
         "They do not include errors of the fabric's stiffness or size: a pressure that is 10 % higher "
         "everywhere makes both tissues about 10 % stiffer."
     )
+    if known := 100 * leg.accuracy.tension_sd:
+        by = " and the sensors" if details.sensors else ""
+        fabric = f"They include an error of {known:g} % (sd) of the fabric's tension, which the scans{by} narrow."
+    errors = (
+        "The intervals include errors of the contours, of the registration, and of a pressure "
+        f"that differs from place to place round the leg. {fabric}"
+    )
+    solves = [
+        {
+            **{f"{TISSUES[name]} C10 (kPa)": f"{mpa_to_kpa(solve.values[name]):.4g}" for name in PARAMETERS},
+            "rms (mm)": f"{np.sqrt(solve.cost / fit.cost.points):.3f}" if solve.complete else "-",
+            "asked for by": solve.stage if solve.complete else f"no state found: {solve.reason}",
+        }
+        for solve in fit.log.solves
+    ]
+    bulk = ", ".join(f"{2 / D1:.3g}" for D1 in sorted({law.D1 for law in leg.tissues.values()}))
+    laws = (
+        "Both tissues are neo-Hookean, U = C10 (I1 - 3) + (J - 1)^2 / D1, with a given bulk "
+        f"modulus of {bulk} MPa; the initial shear modulus is 2 C10."
+    )
+    used = f"The pressures below are not of these values but of those given: {given}."
+    return [
+        *(Prose(verdict_sentence(known)) for known in fit.estimates.values()),
+        Prose(errors),
+        Prose(_goodness(details, best)),
+        WebTable.of("Every equilibrium", solves),
+        *([Prose(used)] if leg.known else []),
+        Prose(laws),
+    ]
 
 
 def _goodness(details: StockingDetails, best: ScanFit) -> str:
@@ -128,19 +128,6 @@ def _goodness(details: StockingDetails, best: ScanFit) -> str:
     )
 
 
-def _solves(fit: StockingFit) -> WebTable:
-    """Return every equilibrium of the search."""
-    rows = [
-        [
-            *(f"{mpa_to_kpa(solve.values[name]):.4g}" for name in PARAMETERS),
-            f"{np.sqrt(solve.cost / fit.cost.points):.3f}" if solve.complete else "-",
-            solve.stage if solve.complete else f"no state found: {solve.reason}",
-        ]
-        for solve in fit.log.solves
-    ]
-    return WebTable("Every equilibrium", ["muscle C10 (kPa)", "fat C10 (kPa)", "rms (mm)", "asked for by"], rows)
-
-
 _SLICE_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
 
 
@@ -149,13 +136,17 @@ def contour_curves(details: StockingDetails) -> list[Curves]:
     misfit, found, leg = details.misfit, details.best, details.leg
     if misfit is None or found is None:
         return []
-    fitted, bare = (_distances_by_contour(misfit, found, shape) for shape in (found.shape, leg.bare))
+    shapes = [misfit.target.contours(name).shape[:2] for name in CONTOURS]
+    fitted, bare = (
+        np.split(misfit.distances(misfit.moved(shape, found.rigid)), [shapes[0][0] * shapes[0][1]])
+        for shape in (found.shape, leg.bare)
+    )
     blocks = []
-    for name in CONTOURS:
+    for name, of_fit, of_bare, shape in zip(CONTOURS, fitted, bare, shapes, strict=True):
         lines = [Line("scan in the stocking", np.zeros(len(ROUND)), None, FAINT)]
-        angles = unwrapped(misfit.target.contours(name))
-        for row, (level, colour) in enumerate(zip(misfit.target.levels, _SLICE_COLOURS, strict=True)):
-            model, before = (round_leg(angles[row], distances[name][row]) for distances in (fitted, bare))
+        rows = zip(unwrapped(misfit.target.contours(name)), of_fit.reshape(shape), of_bare.reshape(shape), strict=True)
+        for (angles, *both), level, colour in zip(rows, misfit.target.levels, _SLICE_COLOURS, strict=True):
+            model, before = (round_leg(angles, distances) for distances in both)
             lines += [
                 Line(f"model, z = {level:.0f} mm", model, None, colour),
                 Line("bare", before, None, colour, "dotted", faint=True, tabled=False),
@@ -177,49 +168,27 @@ def contour_curves(details: StockingDetails) -> list[Curves]:
     return blocks
 
 
-def _distances_by_contour(misfit: ContourMisfit, found: ScanFit, shape: LegShape) -> dict[str, FloatArray]:
-    distances = misfit.distances(misfit.moved(shape, found.rigid))
-    shapes = [misfit.target.contours(name).shape[:2] for name in CONTOURS]
-    parts = np.split(distances, [shapes[0][0] * shapes[0][1]])
-    return {name: part.reshape(shape) for name, part, shape in zip(CONTOURS, parts, shapes, strict=True)}
-
-
 def discrepancy_blocks(found: ModelDiscrepancy) -> list[web.Block]:
     """Return the verdict, the places that differ, and what was tried as a reason."""
     blocks: list[web.Block] = [web.Prose(discrepancy_verdict(found))]
-    if found.places:
-        blocks.append(
-            web.WebTable(
-                "Places that differ beyond the errors: the model outside the scan",
-                ["contour", "angle from +x to +y (°)", "heights z (mm)", "distance (mm)", "p"],
-                [
-                    [
-                        CONTOUR_NAMES[p.contour],
-                        f"{p.angle_deg:.0f}",
-                        f"{p.levels[0]:.0f} to {p.levels[1]:.0f}",
-                        f"{p.distance:+.2f}",
-                        short_probability(p.p_value),
-                    ]
-                    for p in found.places
-                ],
-            )
-        )
-    blocks.append(
-        web.WebTable(
-            "What was tried as a reason (p: family-wise, of a sign as strong by chance)",
-            ["mechanism", "what it is", "chi-square", "p"],
-            [
-                [
-                    s.name.replace("-", " "),
-                    s.statement,
-                    f"{s.statistic:.1f} on {s.degrees}",
-                    short_probability(s.p_value),
-                ]
-                for s in found.scores
-            ],
-        )
-    )
-    return blocks
+    places = [
+        {
+            "contour": CONTOUR_NAMES[p.contour],
+            "angle from +x to +y (°)": f"{p.angle_deg:.0f}",
+            "heights z (mm)": f"{p.levels[0]:.0f} to {p.levels[1]:.0f}",
+            "distance (mm)": f"{p.distance:+.2f}",
+            "p": short_probability(p.p_value),
+        }
+        for p in found.places
+    ]
+    if places:
+        blocks.append(WebTable.of("Places that differ beyond the errors: the model outside the scan", places))
+    tried = [
+        [s.name.replace("-", " "), s.statement, f"{s.statistic:.1f} on {s.degrees}", short_probability(s.p_value)]
+        for s in found.scores
+    ]
+    caption = "What was tried as a reason (p: family-wise, of a sign as strong by chance)"
+    return [*blocks, WebTable(caption, ["mechanism", "what it is", "chi-square", "p"], tried)]
 
 
 def discrepancy_verdict(found: ModelDiscrepancy) -> str:
