@@ -30,7 +30,7 @@ from legfem.data.columns import propose
 from legfem.data.formats import read_sheets
 from legfem.data.quality import quality_of
 from legfem.data.recording import recording_of
-from legfem.experiments.indenter_pose import Cylinder, Pose, in_pose
+from legfem.experiments.indenter_pose import Cylinder, Pose
 from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.geometry.indenter import Site
 from legfem.geometry.leg_shape import HULL, SKIN
@@ -107,8 +107,8 @@ def pressed_in_3d() -> PressedLeg:
     """A round leg, invented: the skin goes with the cylinder within its length, in proportion."""
     shape = seen(round_leg(n_points=60))
     touch = np.array([0.0, -66.0, shape.levels.mean()])
-    pose = in_pose(Cylinder(), Pose((0.0, 0.0), float(touch[2]), 90.0))
-    direction = pose.pose.direction
+    indenter, pose = Cylinder(), Pose((0.0, 0.0), float(touch[2]), 90.0)
+    direction = pose.direction
     skin = shape.points(SKIN)
     away = np.linalg.norm((skin - touch) / (12.0, 30.0, 20.0), axis=-1)
     share = np.exp(-(away**2))
@@ -117,7 +117,7 @@ def pressed_in_3d() -> PressedLeg:
         for at in (2.0, 5.0, 8.0)
     )
     d = np.linspace(0.0, 8.0, 17)
-    return PressedLeg(shape, pose, touch, ForceCurve(d, 0.1 * d**2), states)
+    return PressedLeg(shape, indenter, pose, touch, ForceCurve(d, 0.1 * d**2), states)
 
 
 def identified_in_3d(folder: Path) -> WebPage:

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from legfem.commands.diagnose import app as diagnose_app
 from legfem.commands.identify import app as identify_app
 from legfem.common.errors import InputError
-from legfem.experiments.indenter_pose import Ball, Cylinder, Indenting, Pose, Punch, in_pose
+from legfem.experiments.indenter_pose import Ball, Cylinder, LegIndenter, Pose, Punch
 from legfem.experiments.leg_3d import LegIndentation3D
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.leg_shape import LegShape
@@ -40,7 +40,7 @@ def cone(slope: float = 0.0) -> LegShape:
     return LegShape(levels, {"skin": skin, "hull": 0.8 * skin, "tibia": 0.3 * skin})
 
 
-def pressed(given: Indenting, axis_deg: float = 0.0, slope: float = 0.0) -> LegIndentation3D:
+def pressed(given: LegIndenter, axis_deg: float = 0.0, slope: float = 0.0) -> LegIndentation3D:
     return LegIndentation3D(cone(slope), given, Pose((0.0, 0.0), 0.0, 200.0, axis_deg), TISSUES)
 
 
@@ -78,7 +78,7 @@ def test_a_turned_cylinder_is_the_upright_one_seen_from_its_own_frame(axis_deg):
     pose = Pose((0.0, 0.0), 0.0, 200.0, axis_deg)
     assert np.allclose(pose.frame @ pose.frame.T, np.eye(3))
     assert np.linalg.det(pose.frame) == pytest.approx(1.0)
-    turned, upright = in_pose(CYLINDER, pose).shape, FiniteCylinder(15.0, 15.0, 2.0)
+    turned, upright = CYLINDER.placed(pose), FiniteCylinder(15.0, 15.0, 2.0)
     rng = np.random.default_rng(1)
     for y in rng.uniform(-25, 25, (30, 3)):
         axis, side, travel = pose.frame @ y

@@ -20,7 +20,6 @@ from typer.testing import CliRunner
 
 import legfem as lf
 from legfem.commands.plan import app
-from legfem.experiments.indenter_pose import in_pose
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.motion import inward, stretch_round
 from legfem.report.curves import Curves, Line
@@ -275,14 +274,14 @@ def test_the_table_of_a_dressed_leg_has_its_girths():
 def test_a_leg_pressed_in_3d_is_turned_so_that_the_cylinder_is_in_front():
     pressed = pages.pressed_in_3d()
     turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    pose = pressed.posed.pose
+    pose = pressed.pose
     sideways = replace(
         pressed,
         shape=LegShape(
             pressed.shape.levels, {part: xy @ turn[:2, :2].T for part, xy in pressed.shape.contours.items()}
         ),
         touch=turn @ pressed.touch,
-        posed=in_pose(pressed.posed.given, replace(pose, direction_deg=pose.direction_deg + 90.0)),
+        pose=replace(pose, direction_deg=pose.direction_deg + 90.0),
         states=tuple(replace(one, skin=one.skin @ turn.T, hull=one.hull @ turn.T) for one in pressed.states),
     )
     first, second = (pressed_leg(one, "").data for one in (pressed, sideways))
@@ -297,7 +296,7 @@ def test_a_leg_pressed_in_3d_is_turned_so_that_the_cylinder_is_in_front():
     at = place * unpacked(tool["at"], "<i2").reshape(rows, columns, 3)
     skin = place * unpacked(first["parts"][0]["at"], "<i2").reshape(-1, 3)
     assert at[..., 1].mean() < skin[:, 1].min(), "before contact the axis is in front of the leg"
-    assert np.ptp(at[..., 2]) == pytest.approx(pressed.posed.given.length, abs=2 * place)
+    assert np.ptp(at[..., 2]) == pytest.approx(pressed.indenter.length, abs=2 * place)
     by = move * unpacked(tool["moves"], "<i2").reshape(4, -1, 3)
     np.testing.assert_allclose(by[:, 0], [[0, d, 0] for d in (0, 2, 5, 8)], atol=move)
     rows = pressed_leg(pressed, "").rows

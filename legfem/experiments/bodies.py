@@ -2,7 +2,7 @@
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -15,7 +15,22 @@ Base = Literal["bonded", "sliding"]
 
 
 @dataclass(frozen=True)
-class BallOnLayer:
+class PositiveSizes:
+    """A body whose numbers are sizes, all above zero.
+
+    Raises
+    ------
+    InputError
+        For a number that isn't.
+    """
+
+    def __post_init__(self) -> None:
+        """Check the sizes."""
+        check_positive(self, *(one.name for one in fields(self)))
+
+
+@dataclass(frozen=True)
+class BallOnLayer(PositiveSizes):
     """A rigid ball above a layer on a rigid base.
 
     Parameters
@@ -38,13 +53,9 @@ class BallOnLayer:
     ball: Faces = "rough"
     base: Base = "bonded"
 
-    def __post_init__(self) -> None:
-        """Check the sizes."""
-        check_positive(self, "thickness", "ball_radius", "layer_radius")
-
 
 @dataclass(frozen=True)
-class CylinderBetweenPlates:
+class CylinderBetweenPlates(PositiveSizes):
     """A cylinder compressed along its axis between two rigid plates.
 
     Parameters
@@ -60,13 +71,9 @@ class CylinderBetweenPlates:
     height: float = 30.0
     ends: Literal["bonded", "sliding"] = "sliding"
 
-    def __post_init__(self) -> None:
-        """Check the sizes."""
-        check_positive(self, "radius", "height")
-
 
 @dataclass(frozen=True)
-class TwistedCylinder:
+class TwistedCylinder(PositiveSizes):
     """A cylinder between two plates that stick to its ends, one of which turns about its axis.
 
     Parameters
@@ -77,10 +84,6 @@ class TwistedCylinder:
 
     radius: float
     height: float
-
-    def __post_init__(self) -> None:
-        """Check the sizes."""
-        check_positive(self, "radius", "height")
 
 
 def check_rounding(radius: float, edge: float) -> None:
@@ -96,7 +99,7 @@ def check_rounding(radius: float, edge: float) -> None:
 
 
 @dataclass(frozen=True)
-class PunchOnLayer:
+class PunchOnLayer(PositiveSizes):
     """A rigid flat punch above a layer on a rigid base.
 
     Parameters
@@ -124,7 +127,7 @@ class PunchOnLayer:
 
     def __post_init__(self) -> None:
         """Check the sizes."""
-        check_positive(self, "thickness", "radius", "edge", "layer_radius")
+        super().__post_init__()
         check_rounding(self.radius, self.edge)
         if self.layer_radius <= self.radius:
             raise InputError(
@@ -136,7 +139,7 @@ class PunchOnLayer:
 
 
 @dataclass(frozen=True)
-class CupOnLayer:
+class CupOnLayer(PositiveSizes):
     """A suction cup on a layer on a rigid base.
 
     Parameters
@@ -164,7 +167,7 @@ class CupOnLayer:
 
     def __post_init__(self) -> None:
         """Check the sizes."""
-        check_positive(self, "thickness", "opening_radius", "rim_width", "layer_radius")
+        super().__post_init__()
         outer = self.opening_radius + self.rim_width
         if self.layer_radius <= outer:
             raise InputError(
@@ -181,7 +184,7 @@ class CupOnLayer:
 
 
 @dataclass(frozen=True)
-class CylinderOnBlock:
+class CylinderOnBlock(PositiveSizes):
     """A rigid cylinder across a block on a rigid base.
 
     Parameters
@@ -207,7 +210,7 @@ class CylinderOnBlock:
 
     def __post_init__(self) -> None:
         """Check the sizes."""
-        check_positive(self, "thickness", "width", "length", "cylinder_radius")
+        super().__post_init__()
         if self.width < self.cylinder_radius:
             raise InputError(
                 "block", "width", f"{self.width:g} mm end under the cylinder", "give more than the cylinder's radius"
@@ -215,7 +218,7 @@ class CylinderOnBlock:
 
 
 @dataclass(frozen=True)
-class HomogeneousBody(ABC):
+class HomogeneousBody(PositiveSizes, ABC):
     """Sizes of a specimen that is strained alike everywhere.
 
     Parameters
@@ -233,10 +236,6 @@ class HomogeneousBody(ABC):
     """Axes along which nothing pulls: their stretches follow."""
     component: ClassVar[tuple[int, int]]
     """Component of the nominal stress that is recorded."""
-
-    def __post_init__(self) -> None:
-        """Check the sizes."""
-        check_positive(self, "length", "area")
 
     @property
     def sign(self) -> float:

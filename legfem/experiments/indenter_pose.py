@@ -3,74 +3,17 @@
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from legfem.common.errors import check_positive
 from legfem.common.units import FloatArray
+from legfem.experiments.bodies import PositiveSizes
 from legfem.mechanics.indenters import FiniteCylinder, RigidBall, RigidCylinder, RigidIndenter, TurnedCylinder
 
 
 @dataclass(frozen=True)
-class Cylinder:
-    """The rigid cylinder of the tests.
-
-    Parameters
-    ----------
-    radius, length : float
-        mm; the length includes the rounding of the ends.
-    edge_radius : float
-        Radius of the rounding of the end edges (mm).
-    """
-
-    radius: float = 15.0
-    length: float = 50.0
-    edge_radius: float = 2.0
-
-    def __post_init__(self) -> None:
-        """Check the sizes."""
-        check_positive(self, "radius", "length", "edge_radius")
-
-    def shape(self, dimension: int) -> RigidIndenter:
-        """Return the signed distance in plane strain (2) or in 3D (3)."""
-        if dimension == 2:
-            return RigidCylinder(self.radius)
-        return FiniteCylinder(self.radius, self.length / 2, self.edge_radius)
-
-
-_OUTLINE = 13
-"""Points of an indenter's outline, along its axis."""
-
-
-@dataclass(frozen=True)
-class Punch(Cylinder):
-    """A flat-ended cylinder that is pressed with its end."""
-
-
-@dataclass(frozen=True)
-class Ball:
-    """A rigid ball.
-
-    Parameters
-    ----------
-    radius : float
-        Radius, mm.
-    """
-
-    radius: float = 15.0
-
-    def __post_init__(self) -> None:
-        """Check the size."""
-        check_positive(self, "radius")
-
-
-type Indenting = Cylinder | Punch | Ball
-
-
-@dataclass(frozen=True)
 class Pose:
-    """Where a cylinder, a ball or a punch is pressed, square to the leg's axis.
+    """Where an indenter is pressed, square to the leg's axis.
 
     Parameters
     ----------
@@ -105,35 +48,26 @@ class Pose:
         return np.array([axis, np.cross(travel, axis), travel])
 
 
-@dataclass(frozen=True)
-class IndenterInPose[Kind: Indenting](ABC):
-    """An indenter in its pose.
+_OUTLINE = 13
+"""Points of an indenter's outline, along its axis."""
 
-    Parameters
-    ----------
-    given
-        Sizes of the indenter.
-    pose
-        Where it stands.
-    """
 
-    given: Kind
-    pose: Pose
+class LegIndenter(PositiveSizes, ABC):
+    """The sizes of a rigid indenter, and what it is in a pose."""
 
-    @property
-    def axis(self) -> FloatArray:
-        """Unit vector of the axis of symmetry, (3,)."""
-        return np.asarray(self.pose.frame[0])
+    radius: float
 
-    @property
+    def axis(self, pose: Pose) -> FloatArray:
+        """Return the unit vector of the axis of symmetry, (3,)."""
+        return np.asarray(pose.frame[0])
+
     @abstractmethod
-    def shape(self) -> RigidIndenter:
-        """Signed distance from its surface."""
+    def placed(self, pose: Pose) -> RigidIndenter:
+        """Return the signed distance from its surface."""
 
-    @property
     @abstractmethod
-    def reach(self) -> float:
-        """Half of its extent along the leg, mm."""
+    def reach(self, pose: Pose) -> float:
+        """Return half of its extent along the leg, mm."""
 
     @property
     @abstractmethod
@@ -155,100 +89,112 @@ class IndenterInPose[Kind: Indenting](ABC):
         """Return its outline: positions along the axis and the radii there, (n, 2), mm."""
 
 
-class CylinderInPose(IndenterInPose[Cylinder]):
-    """A cylinder that is pressed with its side."""
+@dataclass(frozen=True)
+class Cylinder(LegIndenter):
+    """The rigid cylinder of the tests, pressed with its side.
 
-    @property
-    def shape(self) -> RigidIndenter:
-        """Signed distance from its surface."""
-        if self.axis[2] == 1.0:
-            return self.given.shape(3)
-        return TurnedCylinder(self.given.radius, self.given.length / 2, self.given.edge_radius, *map(float, self.axis))
+    Parameters
+    ----------
+    radius, length : float
+        mm; the length includes the rounding of the ends.
+    edge_radius : float
+        Radius of the rounding of the end edges (mm).
+    """
 
-    @property
-    def reach(self) -> float:
-        """Half of its extent along the leg, mm."""
-        upright = abs(float(self.axis[2]))
+    radius: float = 15.0
+    length: float = 50.0
+    edge_radius: float = 2.0
+
+    def shape(self, dimension: int) -> RigidIndenter:
+        """Return the signed distance in plane strain (2), or in 3D (3) along the third axis."""
+        if dimension == 2:
+            return RigidCylinder(self.radius)
+        return FiniteCylinder(self.radius, self.length / 2, self.edge_radius)
+
+    def placed(self, pose: Pose) -> RigidIndenter:
+        """Return the signed distance from its surface."""
+        x, y, z = map(float, self.axis(pose))
+        return self.shape(3) if z == 1.0 else TurnedCylinder(self.radius, self.length / 2, self.edge_radius, x, y, z)
+
+    def reach(self, pose: Pose) -> float:
+        """Return half of its extent along the leg, mm."""
+        upright = abs(float(self.axis(pose)[2]))
         lying = math.sqrt(max(1 - upright**2, 0.0))
-        return self.given.length / 2 * upright + self.given.radius * lying
+        return self.length / 2 * upright + self.radius * lying
 
     @property
     def contact(self) -> tuple[float, float]:
         """Distance from its middle to a flat body that it touches, and half the contact line's length, mm."""
-        return self.given.radius, self.given.length / 2
+        return self.radius, self.length / 2
 
     def ahead(self, across_travel: FloatArray) -> FloatArray:
         """Return the distance of its front surface ahead of its middle (mm), NaN beside the indenter."""
-        size = self.given
-        past = _over(np.abs(across_travel[..., 0]), size.length / 2 - size.edge_radius)
+        past = _over(np.abs(across_travel[..., 0]), self.length / 2 - self.edge_radius)
         # Towards the ends the rounding makes it thinner.
-        radius = size.radius - size.edge_radius + _root(size.edge_radius**2 - past**2)
+        radius = self.radius - self.edge_radius + _root(self.edge_radius**2 - past**2)
         return _root(radius**2 - across_travel[..., 1] ** 2)
 
     def profile(self) -> FloatArray:
         """Return its outline: positions along the axis and the radii there, (n, 2), mm."""
-        half = self.given.length / 2
+        half = self.length / 2
         heights = np.concatenate([[-half], np.linspace(-half, half, _OUTLINE), [half]])
-        radii = np.full(len(heights), self.given.radius)
+        radii = np.full(len(heights), self.radius)
         radii[[0, -1]] = 0.0
         return np.column_stack([heights, radii])
 
 
-class PunchInPose(CylinderInPose):
-    """A cylinder that is pressed with its end."""
+@dataclass(frozen=True)
+class Punch(Cylinder):
+    """A flat-ended cylinder that is pressed with its end."""
 
-    @property
-    def axis(self) -> FloatArray:
-        """Unit vector of the axis of symmetry, which is that of travel, (3,)."""
-        return self.pose.direction
-
-    @property
-    def contact(self) -> tuple[float, float]:
-        """Distance from its middle to a flat body that it touches, and half the contact line's length, mm."""
-        return self.given.length / 2, 0.0
-
-    def ahead(self, across_travel: FloatArray) -> FloatArray:
-        """Return the distance of its front surface ahead of its middle (mm), NaN beside the indenter."""
-        size = self.given
-        past = _over(np.linalg.norm(across_travel, axis=-1), size.radius - size.edge_radius)
-        return size.length / 2 - size.edge_radius + _root(size.edge_radius**2 - past**2)
-
-
-class BallInPose(IndenterInPose[Ball]):
-    """A ball."""
-
-    @property
-    def shape(self) -> RigidIndenter:
-        """Signed distance from its surface."""
-        return RigidBall(self.given.radius)
-
-    @property
-    def reach(self) -> float:
-        """Half of its extent along the leg, mm."""
-        return self.given.radius
+    def axis(self, pose: Pose) -> FloatArray:
+        """Return the unit vector of the axis of symmetry, which is that of travel, (3,)."""
+        return pose.direction
 
     @property
     def contact(self) -> tuple[float, float]:
         """Distance from its middle to a flat body that it touches, and half the contact line's length, mm."""
-        return self.given.radius, 0.0
+        return self.length / 2, 0.0
 
     def ahead(self, across_travel: FloatArray) -> FloatArray:
         """Return the distance of its front surface ahead of its middle (mm), NaN beside the indenter."""
-        return _root(self.given.radius**2 - np.sum(across_travel**2, axis=-1))
+        past = _over(np.linalg.norm(across_travel, axis=-1), self.radius - self.edge_radius)
+        return self.length / 2 - self.edge_radius + _root(self.edge_radius**2 - past**2)
+
+
+@dataclass(frozen=True)
+class Ball(LegIndenter):
+    """A rigid ball.
+
+    Parameters
+    ----------
+    radius : float
+        Radius, mm.
+    """
+
+    radius: float = 15.0
+
+    def placed(self, pose: Pose) -> RigidIndenter:
+        """Return the signed distance from its surface."""
+        return RigidBall(self.radius)
+
+    def reach(self, pose: Pose) -> float:
+        """Return half of its extent along the leg, mm."""
+        return self.radius
+
+    @property
+    def contact(self) -> tuple[float, float]:
+        """Distance from its middle to a flat body that it touches, and half the contact line's length, mm."""
+        return self.radius, 0.0
+
+    def ahead(self, across_travel: FloatArray) -> FloatArray:
+        """Return the distance of its front surface ahead of its middle (mm), NaN beside the indenter."""
+        return _root(self.radius**2 - np.sum(across_travel**2, axis=-1))
 
     def profile(self) -> FloatArray:
         """Return its outline: positions along the axis and the radii there, (n, 2), mm."""
         turn = np.linspace(-np.pi / 2, np.pi / 2, _OUTLINE)
-        return self.given.radius * np.column_stack([np.sin(turn), np.cos(turn)])
-
-
-def in_pose(given: Indenting, pose: Pose) -> IndenterInPose[Any]:
-    """Return an indenter in a pose."""
-    if isinstance(given, Ball):
-        return BallInPose(given, pose)
-    if isinstance(given, Punch):
-        return PunchInPose(given, pose)
-    return CylinderInPose(given, pose)
+        return self.radius * np.column_stack([np.sin(turn), np.cos(turn)])
 
 
 def _over(value: FloatArray, limit: float) -> FloatArray:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from mpi4py import MPI
@@ -14,7 +14,7 @@ from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.experiments.experiment import cached_in_process
 from legfem.experiments.indentation import IndentationModel, IndentationTest, leg_model
-from legfem.experiments.indenter_pose import Cylinder, IndenterInPose, Indenting, Pose, in_pose
+from legfem.experiments.indenter_pose import Cylinder, LegIndenter, Pose
 from legfem.fem.spaces import build_spaces
 from legfem.fem.system import System
 from legfem.geometry.leg_shape import SKIN, LegShape
@@ -102,7 +102,7 @@ class LegIndentation3D(IndentationTest):
     """
 
     shape: LegShape
-    indenter: Indenting
+    indenter: LegIndenter
     pose: Pose
     tissues: Mapping[str, Hyperelastic]
     fascia: Fascia = field(default_factory=Fascia)
@@ -123,23 +123,19 @@ class LegIndentation3D(IndentationTest):
             )
 
     @cached_property
-    def placed_indenter(self) -> IndenterInPose[Any]:
-        """The indenter in its pose."""
-        return in_pose(self.indenter, self.pose)
-
-    @cached_property
     def _skin(self) -> PartSurface:
         return PartSurface(self.shape, SKIN)
 
     @property
     def _span(self) -> tuple[float, float]:
-        return self.pose.level - self.placed_indenter.reach, self.pose.level + self.placed_indenter.reach
+        reach = self.indenter.reach(self.pose)
+        return self.pose.level - reach, self.pose.level + reach
 
     @cached_property
     def model(self) -> LegModel:
         """Mechanical model: the sum of its terms."""
         laws = {region: self.tissues[region] for region in ("superficial", "deep")}
-        base = leg_model(laws, self.placed_indenter.shape, self.settings.contact, "continuous")
+        base = leg_model(laws, self.indenter.placed(self.pose), self.settings.contact, "continuous")
         return base.with_terms((self.fascia, *self.mechanisms))
 
     @cached_property
@@ -150,7 +146,7 @@ class LegIndentation3D(IndentationTest):
         for _ in range(_LOOKS):
             round_it, along = np.linspace(*turns, _TURNS), np.linspace(*levels, _LEVELS)
             points = self._skin(round_it[:, None] % 1.0, along[None, :]) - aim
-            way = points @ frame[2] - self.placed_indenter.ahead(points @ frame[:2].T)
+            way = points @ frame[2] - self.indenter.ahead(points @ frame[:2].T)
             if np.all(np.isnan(way)):
                 raise InputError(
                     "indenter",
@@ -167,7 +163,7 @@ class LegIndentation3D(IndentationTest):
     @cached_in_process
     def leg_mesh(self) -> LegMesh:
         """The mesh, fine under the indenter."""
-        frame, (ahead, half) = self.pose.frame, self.placed_indenter.contact
+        frame, (ahead, half) = self.pose.frame, self.indenter.contact
         middle = self.touch + ahead * frame[2]
         low, high = (middle + side * half * frame[0] for side in (-1, 1))
         reach, size = 1.2 * self.indenter.radius, self.settings.contact_size

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from legfem.common.units import FloatArray, mpa_to_kpa
-from legfem.experiments.indenter_pose import IndenterInPose
+from legfem.experiments.indenter_pose import LegIndenter, Pose
 from legfem.experiments.leg_3d import LegIndentation3D
 from legfem.fem.fields import FieldReader
 from legfem.fem.spaces import BodySurface, surface_of
@@ -237,8 +237,9 @@ class PressedLeg:
 
     shape: LegShape
     """At the levels and points of the states."""
-    posed: IndenterInPose[Any]
+    indenter: LegIndenter
     """What presses it."""
+    pose: Pose
     touch: FloatArray
     """Its middle (3,), mm, at first contact."""
     curve: ForceCurve

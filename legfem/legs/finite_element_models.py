@@ -11,7 +11,7 @@ from mpi4py import MPI
 
 from legfem.channels import Sight
 from legfem.channels.kinds import planned_sights
-from legfem.experiments.indenter_pose import Ball, Cylinder, Indenting, Pose, Punch
+from legfem.experiments.indenter_pose import Ball, Cylinder, LegIndenter, Pose, Punch
 from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, fibres_of, membrane_of
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings, Tissues
 from legfem.geometry.indenter import Indenter, Site
@@ -308,7 +308,7 @@ def spatial_test(
     )
 
 
-def _indenting(given: Indenter) -> Indenting:
+def _indenting(given: Indenter) -> LegIndenter:
     if given.shape == "ball":
         return Ball(given.radius)
     kind = Punch if given.shape == "punch" else Cylinder

@@ -130,7 +130,7 @@ class SpatialForward:
         if not states:
             return None
         test = self.experiment
-        return PressedLeg(self._camera.shape, test.placed_indenter, test.touch, outcome.curve, tuple(states))
+        return PressedLeg(self._camera.shape, test.indenter, test.pose, test.touch, outcome.curve, tuple(states))
 
     def _key(self, values: Values) -> str:
         return key_of((self.fingerprint(), dict(values)))

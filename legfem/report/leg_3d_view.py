@@ -2,12 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.experiments.indenter_pose import IndenterInPose
+from legfem.experiments.indenter_pose import LegIndenter, Pose
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.legs.details import PressedLeg
 from legfem.report.curves import packed
@@ -176,7 +176,7 @@ def pressed_leg(pressed: PressedLeg, caption: str) -> TurnedLeg:
     caption
         Begins what is said of it.
     """
-    direction = pressed.posed.pose.direction
+    direction = pressed.pose.direction
     turn = _to_the_front(direction)
     bare = pressed.shape
     shape = LegShape(bare.levels, {part: xy @ turn[:2, :2].T for part, xy in bare.contours.items()})
@@ -187,7 +187,7 @@ def pressed_leg(pressed: PressedLeg, caption: str) -> TurnedLeg:
     }
     pressure = _from_none([state.pressure for state in pressed.states])
     movement = np.linalg.norm(moved[SKIN], axis=-1)
-    grid = (_outline(pressed.posed) + pressed.touch) @ turn.T
+    grid = (_outline(pressed.indenter, pressed.pose) + pressed.touch) @ turn.T
     tool = Tool(grid, stops[:, None] * (turn @ direction))
     force = pressed.curve(stops)
     rows = [
@@ -222,11 +222,11 @@ def _to_the_front(direction: FloatArray) -> FloatArray:
     return np.array([[y, -x, 0.0], [x, y, 0.0], [0.0, 0.0, 1.0]])
 
 
-def _outline(posed: IndenterInPose[Any]) -> FloatArray:
+def _outline(indenter: LegIndenter, pose: Pose) -> FloatArray:
     """Return an indenter's surface about its middle as a grid (n, m, 3) of rings."""
-    heights, radii = posed.profile().T
+    heights, radii = indenter.profile().T
     # Square to the axis of any of them, and turned with the leg.
-    axis, first = posed.axis, posed.pose.frame[1]
+    axis, first = indenter.axis(pose), pose.frame[1]
     angle = np.linspace(0.0, 2 * np.pi, _ROUND, endpoint=False)[:, None]
     ring = np.cos(angle) * first + np.sin(angle) * np.cross(axis, first)
     return np.asarray(heights[:, None, None] * axis + radii[:, None, None] * ring)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
-from legfem.experiments.indenter_pose import Ball, Cylinder, Indenting, Pose, Punch
+from legfem.experiments.indenter_pose import Ball, Cylinder, LegIndenter, Pose, Punch
 from legfem.experiments.leg_3d import FIBRE_PARAMETERS, LegIndentation3D, SolidLegSettings, fibres_of
 from legfem.geometry.leg_shape import LegShape
 from legfem.mechanics.materials import NeoHookean
@@ -49,7 +49,7 @@ def round_leg() -> LegShape:
 
 
 def pressed(
-    given: Indenting,
+    given: LegIndenter,
     axis_deg: float,
     ratio: float = 1.0,
     shape: LegShape | None = None,
