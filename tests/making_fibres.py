@@ -13,6 +13,7 @@ from legfem.experiments.bodies import BallOnLayer, CylinderBetweenPlates, Cylind
 from legfem.inverse.fibre_ratio import ratio_of
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.laws import SpecimenTissue
+from legfem.specimens.sizes import Sizes
 
 C10, C20 = 5e-3, 2e-3
 PULLED = BAR.replace('"compression"', '"tension"')
@@ -25,7 +26,7 @@ SOFT = 4e-3
 RATIO = ratio_of("deep")
 
 
-def forward(sizes, depth: float, tissue: SpecimenTissue = TISSUE) -> SpecimenForward:
+def forward(sizes: Sizes, depth: float, tissue: SpecimenTissue = TISSUE) -> SpecimenForward:
     return SpecimenForward.of_tissues((sizes,), (depth,), [tissue], SOFT)
 
 

@@ -17,7 +17,7 @@ from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
 from legfem.mechanics.terms import Fibres
 from legfem.specimens.kind import AXES
 from legfem.specimens.laws import SpecimenTissue
-from legfem.specimens.sizes import FibrousTest
+from legfem.specimens.sizes import Sizes
 from studies.making.pressing import BULK, OtherMuscle, pulled_bar
 
 
@@ -55,11 +55,11 @@ def test_a_bar_of_a_stiffening_law_keeps_equilibrium_across() -> None:
 @pytest.mark.parametrize(
     ("sizes", "depth"),
     [
-        pytest.param(FibrousTest(UniaxialSpecimen(10.0, 100.0), "load"), 3.0, id="bar-along"),
-        pytest.param(FibrousTest(UniaxialSpecimen(10.0, 100.0), "across"), 3.0, id="bar-across"),
-        pytest.param(FibrousTest(PLATES, "load"), 2.0, id="plates"),
-        pytest.param(FibrousTest(BALL, "load"), 1.0, id="ball"),
-        pytest.param(FibrousTest(BLOCK, "across"), 2.0, id="block", marks=pytest.mark.slow),
+        pytest.param(Sizes(UniaxialSpecimen(10.0, 100.0), fibres="load"), 3.0, id="bar-along"),
+        pytest.param(Sizes(UniaxialSpecimen(10.0, 100.0), fibres="across"), 3.0, id="bar-across"),
+        pytest.param(Sizes(PLATES, fibres="load"), 2.0, id="plates"),
+        pytest.param(Sizes(BALL, fibres="load"), 1.0, id="ball"),
+        pytest.param(Sizes(BLOCK, fibres="across"), 2.0, id="block", marks=pytest.mark.slow),
     ],
 )
 def test_derivatives_by_stiffness_and_ratio_are_exact(sizes, depth: float) -> None:
@@ -81,16 +81,16 @@ def test_derivatives_by_stiffness_and_ratio_are_exact(sizes, depth: float) -> No
 @pytest.mark.parametrize(
     ("sizes", "depth"),
     [
-        (FibrousTest(UniaxialSpecimen(10.0, 100.0), "across"), 3.0),
-        (FibrousTest(PLATES, "load"), 2.0),
-        (FibrousTest(BALL, "load"), 1.0),
-        (FibrousTest(BLOCK, "across"), 2.0),
+        (Sizes(UniaxialSpecimen(10.0, 100.0), fibres="across"), 3.0),
+        (Sizes(PLATES, fibres="load"), 2.0),
+        (Sizes(BALL, fibres="load"), 1.0),
+        (Sizes(BLOCK, fibres="across"), 2.0),
     ],
 )
 def test_a_ratio_of_one_is_the_isotropic_model(sizes, depth: float) -> None:
     at = np.linspace(0.3, 1.0, 4) * depth
     one = forward(sizes, depth).solve({"deep.C10": 5e-3, RATIO: 1.0}, ()).curves[0]
-    plain = forward(sizes.whole, depth, SpecimenTissue(law="neo-hookean"))
+    plain = forward(replace(sizes, fibres=None), depth, SpecimenTissue(law="neo-hookean"))
     isotropic = plain.solve({"deep.C10": 5e-3}, ()).curves[0]
     # Newton's method ends at 1e-9 of the forces, by other forms at another rounding.
     np.testing.assert_allclose(one(at), isotropic(at), rtol=1e-8)
@@ -98,25 +98,25 @@ def test_a_ratio_of_one_is_the_isotropic_model(sizes, depth: float) -> None:
 
 def test_fibres_along_the_cylinder_change_nothing_in_plane_strain_and_across_they_do() -> None:
     at, values = np.array([1.0, 2.0]), {"deep.C10": 5e-3, RATIO: 3.0}
-    along = forward(FibrousTest(BLOCK, "cylinder"), 2.0).solve(values, [RATIO]).curves[0]
-    plain = forward(BLOCK, 2.0, SpecimenTissue(law="neo-hookean"))
+    along = forward(Sizes(BLOCK, fibres="cylinder"), 2.0).solve(values, [RATIO]).curves[0]
+    plain = forward(Sizes(BLOCK), 2.0, SpecimenTissue(law="neo-hookean"))
     isotropic = plain.solve({"deep.C10": 5e-3}, ()).curves[0]
     np.testing.assert_allclose(along(at), isotropic(at), rtol=1e-12)
     np.testing.assert_array_equal(along.sensitivity(RATIO, at), 0.0)
     for direction in ("across", "load"):
-        in_plane = forward(FibrousTest(BLOCK, direction), 2.0).solve(values, ()).curves[0]
+        in_plane = forward(Sizes(BLOCK, fibres=direction), 2.0).solve(values, ()).curves[0]
         assert (in_plane(at) > 1.8 * isotropic(at)).all()
 
 
 def test_in_plane_strain_along_the_travel_and_across_are_one_level() -> None:
     shallow, values = 0.05, {"deep.C10": 5e-3, RATIO: 3.0}
     punched = [
-        forward(FibrousTest(BLOCK, direction), shallow).solve(values, ()).curves[0].force[-1]
+        forward(Sizes(BLOCK, fibres=direction), shallow).solve(values, ()).curves[0].force[-1]
         for direction in ("load", "across")
     ]
     assert punched[0] == pytest.approx(punched[1], rel=0.03)
-    assert FibrousTest(BLOCK, "load").level == FibrousTest(BLOCK, "across").level
-    assert FibrousTest(BLOCK, "load").level != FibrousTest(BLOCK, "cylinder").level
+    assert Sizes(BLOCK, fibres="load").level == Sizes(BLOCK, fibres="across").level
+    assert Sizes(BLOCK, fibres="load").level != Sizes(BLOCK, fibres="cylinder").level
 
 
 @pytest.mark.parametrize("direction", ["load", "across"])
@@ -136,7 +136,7 @@ def test_another_code_s_fibres_raise_a_punch_s_force_by_as_much() -> None:
     bulk, at = 10.0, np.array([0.5, 1.0])
     poisson = (3 * bulk - 2) / (2 * (3 * bulk + 1))
     tissue = replace(TISSUE, poisson_ratio=poisson)
-    punch = FibrousTest(PunchOnLayer(12.0, 6.0, 0.15, 30.0), "load")
+    punch = Sizes(PunchOnLayer(12.0, 6.0, 0.15, 30.0), fibres="load")
     own, other = [], []
     for ratio in (1.0, 3.0):
         layer = OtherLayer(12.0, C10, bulk, ratio)

@@ -29,7 +29,7 @@ from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.kind import AXES
 from legfem.specimens.laws import SpecimenTissue, request_of_texts
 from legfem.specimens.nuisances import OwnStiffness
-from legfem.specimens.sizes import FibrousTest, LayeredTest, lengths_of, resized, sizes_text, slipping
+from legfem.specimens.sizes import Sizes
 from legfem.specimens.variants import SpecimenVariants
 from studies.cases.bars import SETUPS, Found, Outcome, page, plants
 from studies.cases.outcomes import Interval
@@ -104,7 +104,7 @@ def test_round_tests_take_fibres_along_the_load_alone_and_layers_one_of_theirs(t
     folder = lf.load_specimen(tmp_path)
     muscle, fat = folder.tissues
     assert muscle.fibrous and muscle.fibre_ratio == 2.5 and not fat.fibrous
-    assert "fibres along the load" in sizes_text(folder.recordings[0].sizes)
+    assert "fibres along the load" in str(folder.recordings[0].sizes)
     for change, words in (
         (('"load"', '"across"'), '"across" breaks the symmetry of a ball on a layer; give "load"'),
         (('layer = "muscle"\n', ""), "fibres.layer: is missing; give one of fat, muscle"),
@@ -118,13 +118,13 @@ def test_round_tests_take_fibres_along_the_load_alone_and_layers_one_of_theirs(t
 
 def test_sizes_and_slip_are_those_of_the_test_within() -> None:
     punch = PunchOnLayer(17.0, 6.0, 0.3, 40.0)
-    test = FibrousTest(LayeredTest(punch, (("muscle", 12.0), ("fat", 5.0))), "load")
-    assert lengths_of(test)["fat_thickness"] == 5.0
-    thicker = resized(test, "fat_thickness", 6.0)
-    assert isinstance(thicker, FibrousTest) and lengths_of(thicker)["fat_thickness"] == 6.0
-    free = slipping(test)
-    assert isinstance(free, FibrousTest) and isinstance(free.whole, LayeredTest)
-    assert slipping(FibrousTest(UniaxialSpecimen(10.0, 100.0), "load")) is None
+    test = Sizes(punch, (("muscle", 12.0), ("fat", 5.0)), "load")
+    assert test.lengths["fat_thickness"] == 5.0
+    thicker = test.resized("fat_thickness", 6.0)
+    assert thicker.fibres == "load" and thicker.lengths["fat_thickness"] == 6.0
+    free = test.slipping
+    assert free is not None and free.fibres == "load" and free.layers == test.layers
+    assert Sizes(UniaxialSpecimen(10.0, 100.0), fibres="load").slipping is None
 
 
 def test_typical_specimens_of_each_direction_have_a_mean_of_their_own() -> None:
@@ -215,7 +215,7 @@ def test_a_stated_ratio_is_held_and_one_that_nothing_strains_is_refused(tmp_path
 def test_a_diagnosis_has_the_stated_fibres_and_asks_for_an_open_ratio(tmp_path: Path) -> None:
     at, depth, c10 = np.linspace(0.4, 1.0, 4), 1.0, 8e-3
     stated = replace(TISSUE, stated={"fibre_ratio": 3.0})
-    for sizes in (FibrousTest(UniaxialSpecimen(10.0, 100.0), "across"), FibrousTest(BALL, "load")):
+    for sizes in (Sizes(UniaxialSpecimen(10.0, 100.0), fibres="across"), Sizes(BALL, fibres="load")):
         models = SpecimenVariants(sizes, depth, (replace(stated, law=None),))
         found = models.follow(
             Protocol.ramp(depth, 1.0), {"deep.C10": c10, "deep.C20": 0.0}, Solution("plain"), ("deep.C10",)
@@ -225,9 +225,9 @@ def test_a_diagnosis_has_the_stated_fibres_and_asks_for_an_open_ratio(tmp_path: 
         np.testing.assert_allclose(found.force_at(at), same(at), rtol=1e-4)
         slopes = found.sensitivity_at("deep.C10", at)
         np.testing.assert_allclose(slopes, same.sensitivity("deep.C10", at), rtol=1e-3)
-    layers = LayeredTest(replace(BALL, thickness=17.0), (("muscle", 12.0), ("fat", 5.0)))
     muscle = SpecimenTissue("muscle", "neo-hookean", stated={"C10": 6e-3, "fibre_ratio": 3.0}, fibrous=True)
-    tissues, sizes = (muscle, SpecimenTissue("fat")), FibrousTest(layers, "load")
+    tissues = muscle, SpecimenTissue("fat")
+    sizes = Sizes(replace(BALL, thickness=17.0), (("muscle", 12.0), ("fat", 5.0)), "load")
     found = SpecimenVariants(sizes, depth, tissues).follow(
         Protocol.ramp(depth, 1.0), {"deep.C10": c10, "deep.C20": 0.0}, Solution("plain"), ("deep.C10",)
     )

@@ -32,7 +32,7 @@ from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.laws import SpecimenTissue, identified_law, request_of_texts, tissues_of
 from legfem.specimens.mechanisms import Scale, mechanisms_of
 from legfem.specimens.schema import SpecimenFile
-from legfem.specimens.sizes import LayeredTest, lengths_of, resized, sizes_text, slipping
+from legfem.specimens.sizes import Sizes
 from legfem.specimens.variants import SpecimenVariants
 
 FAT, MUSCLE, BULK = 2e-3, 8e-3, 10.0
@@ -89,9 +89,9 @@ def press(folder: Path, name: str, fat: float, muscle: float, depth: float = 2.0
     ],
 )
 def test_equal_layers_are_one_tissue_and_so_are_their_derivatives(whole) -> None:
-    layered = LayeredTest(whole, (("muscle", 7.0), ("fat", 5.0)))
+    layered = Sizes(whole, (("muscle", 7.0), ("fat", 5.0)))
     c10, depth = 5e-3, (1.2,)
-    one = SpecimenForward.of_tissues((whole,), depth, [SpecimenTissue()], c10)
+    one = SpecimenForward.of_tissues((Sizes(whole),), depth, [SpecimenTissue()], c10)
     two = SpecimenForward.of_tissues((layered,), depth, OPEN, c10)
     alone = one.solve({"deep.C10": c10}, ["deep.C10"]).curves[0]
     both = two.solve({"fat.C10": c10, "muscle.C10": c10}, ["fat.C10", "muscle.C10"]).curves[0]
@@ -126,15 +126,15 @@ def test_what_is_stated_is_held_and_what_is_open_is_free() -> None:
 
 
 def test_a_thickness_is_a_size_and_slip_is_the_whole_test_s() -> None:
-    test = LayeredTest(PunchOnLayer(17.0, 6.0, 0.3, 40.0), (("muscle", 12.0), ("fat", 5.0)))
-    assert lengths_of(test)["fat_thickness"] == 5.0 and "thickness" not in lengths_of(test)
-    thicker = resized(test, "fat_thickness", 6.0)
-    assert isinstance(thicker, LayeredTest) and thicker.whole.thickness == 18.0
-    wider = resized(test, "radius", 7.0)
-    assert isinstance(wider, LayeredTest) and wider.whole.thickness == 17.0
-    free = slipping(test)
-    assert isinstance(free, LayeredTest) and free.whole.punch == "frictionless"
-    assert "fat 5 mm on muscle 12 mm" in sizes_text(test)
+    test = Sizes(PunchOnLayer(17.0, 6.0, 0.3, 40.0), (("muscle", 12.0), ("fat", 5.0)))
+    assert test.lengths["fat_thickness"] == 5.0 and "thickness" not in test.lengths
+    thicker = test.resized("fat_thickness", 6.0)
+    assert thicker.lengths["fat_thickness"] == 6.0 and thicker.body.thickness == 18.0
+    wider = test.resized("radius", 7.0)
+    assert wider.layers == test.layers and wider.body.radius == 7.0 and wider.body.thickness == 17.0
+    free = test.slipping
+    assert free is not None and free.layers == test.layers and free.body.punch == "frictionless"
+    assert "fat 5 mm on muscle 12 mm" in str(test)
 
 
 @pytest.mark.parametrize(
@@ -173,7 +173,7 @@ def test_layers_are_not_for_every_test(tmp_path: Path) -> None:
 
 def test_a_diagnosis_solves_the_open_layer_on_the_stated_one() -> None:
     """As the forward model does, at another stiffness than that which is solved for."""
-    test = LayeredTest(BallOnLayer(17.0, 6.0, 40.0), (("muscle", 12.0), ("fat", 5.0)))
+    test = Sizes(BallOnLayer(17.0, 6.0, 40.0), (("muscle", 12.0), ("fat", 5.0)))
     fat = SpecimenTissue("fat", "neo-hookean", POISSON, {"C10": 2e-3})
     tissues = SpecimenTissue("muscle", None, POISSON), fat
     at, depth, c10 = np.linspace(0.4, 1.2, 5), 1.2, 3e-3

@@ -26,7 +26,7 @@ from legfem.specimens.folder import load_specimen
 from legfem.specimens.forward import experiment_of
 from legfem.specimens.laws import REFERENCE_MPA, specimen_law
 from legfem.specimens.mechanisms import Scale, mechanisms_of, mechanisms_on_a_rig
-from legfem.specimens.sizes import slipping
+from legfem.specimens.sizes import Sizes
 from legfem.specimens.variants import SpecimenVariants
 
 PLATES = '[plates]\ndiameter_mm = 24.0\nheight_mm = 12.0\nends = "bonded"'
@@ -72,7 +72,7 @@ def test_a_rig_that_yields_is_named_with_its_compliance(tmp_path: Path) -> None:
 
 def test_a_disc_between_plates_is_diagnosed_with_the_width_that_a_video_shows(tmp_path: Path) -> None:
     """As the model itself presses it: that a channel beside the force is carried through, not how well."""
-    sizes = CylinderBetweenPlates(12.0, 12.0, "bonded")
+    sizes = Sizes(CylinderBetweenPlates(12.0, 12.0, "bonded"))
     law = NeoHookean(5e-3, 1.0)
     curve = experiment_of(sizes, {"deep": law}, 2.0).solve(None, 2.0).curve
     d = np.linspace(0.0, 1.9, 100)
@@ -117,27 +117,27 @@ def test_two_effects_are_named_together(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("sizes", "depth"),
+    ("body", "depth"),
     [
         (CylinderBetweenPlates(10.0, 12.0, "bonded"), 3.0),
         pytest.param(BallOnLayer(12.0, 5.0, 25.0), 3.0, marks=pytest.mark.slow),
         (UniaxialSpecimen(10.0, 100.0), 3.0),
     ],
 )
-def test_one_solution_serves_every_stiffness(sizes, depth: float) -> None:
+def test_one_solution_serves_every_stiffness(body, depth: float) -> None:
     """Against solutions at that stiffness, and differences of them."""
     c10, c20 = 3.7e-2, 1.9e-2
-    models: BodyModels = SpecimenVariants(sizes, depth)
+    models: BodyModels = SpecimenVariants(Sizes(body), depth)
     at = np.linspace(0.3, 1.0, 5) * depth
-    asked = ("deep.C10", "deep.C20", "size.height" if hasattr(sizes, "height") else "deep.D1")
+    asked = ("deep.C10", "deep.C20", "size.height" if hasattr(body, "height") else "deep.D1")
     given = {"deep.C10": c10, "deep.C20": c20}
     found = models.follow(Protocol.ramp(depth, 1.0), given, Solution("plain"), asked)
     assert not isinstance(found, Stopped)
 
-    def direct(first: float, second: float, of=sizes, channel: str = "") -> np.ndarray:
+    def direct(first: float, second: float, of=body, channel: str = "") -> np.ndarray:
         law = specimen_law("reduced-polynomial", REFERENCE_MPA, None)
         values = {"deep.C10": first, "deep.C20": second, "deep.D1": law.parameters["D1"] * REFERENCE_MPA / first}
-        curve = experiment_of(of, {"deep": law}, depth).solve(values, depth).curve
+        curve = experiment_of(Sizes(of), {"deep": law}, depth).solve(values, depth).curve
         return curve.channel(channel, at) if channel else curve(at)
 
     np.testing.assert_allclose(found.force_at(at), direct(c10, c20), rtol=2e-5)
@@ -150,10 +150,10 @@ def test_one_solution_serves_every_stiffness(sizes, depth: float) -> None:
             slope = (ends[0] - ends[1]) / (2 * sum(step))
             rates = found.channel_sensitivities_at(name, at)[channel]
             np.testing.assert_allclose(rates, slope, rtol=1e-2, atol=1e-3 * np.abs(slope).max() + 1e-6)
-    if hasattr(sizes, "height"):
+    if hasattr(body, "height"):
         from dataclasses import replace
 
-        up, down = (direct(c10, c20, replace(sizes, height=h)) for h in (12.24, 11.76))
+        up, down = (direct(c10, c20, replace(body, height=h)) for h in (12.24, 11.76))
         slope = (up - down) / 0.48
         np.testing.assert_allclose(found.sensitivity_at("size.height", at), slope, rtol=0.1)
 
@@ -161,7 +161,7 @@ def test_one_solution_serves_every_stiffness(sizes, depth: float) -> None:
 def test_a_return_between_plates_is_followed_to_its_end() -> None:
     """Flat faces come apart all at once: relaxation couldn't be sought in any recording that came back."""
     times, ways = (0.0, 4.0, 10.0, 14.0), (0.0, 1.5, 1.5, 0.0)
-    models: BodyModels = SpecimenVariants(CylinderBetweenPlates(12.0, 12.0, "bonded"), 1.5)
+    models: BodyModels = SpecimenVariants(Sizes(CylinderBetweenPlates(12.0, 12.0, "bonded")), 1.5)
     found = models.follow(Protocol(times, ways), {"deep.C10": 8e-3, "deep.C20": 0.0}, Solution("plain"))
     assert not isinstance(found, Stopped)
     up, down = (found.force_at([time])[0] for time in (2.0, 12.0))
@@ -171,14 +171,15 @@ def test_a_return_between_plates_is_followed_to_its_end() -> None:
 
 def test_every_mechanism_is_tested_or_said_why_not() -> None:
     scale = Scale(3.0, 5.0, 10.0, 5e-3, 1000.0)
-    for sizes in (UniaxialSpecimen(10.0, 100.0), CylinderOnBlock(20.0, 40.0, 30.0), BallOnLayer(12.0)):
+    for body in (UniaxialSpecimen(10.0, 100.0), CylinderOnBlock(20.0, 40.0, 30.0), BallOnLayer(12.0)):
+        sizes = Sizes(body)
         able, unable = mechanisms_of(sizes, scale)
         assert {m.name for m in able} | set(unable) == {m.name for m in mechanisms_on_a_rig()}
-        assert ("contact-slip" in unable) == (slipping(sizes) is None)
+        assert ("contact-slip" in unable) == (sizes.slipping is None)
         words = " ".join(f"{m.statement} {m.next_experiment}" for m in able)
         for of_a_leg in (" leg", "skin", "muscle", "bone", "shin", "tape"):
             assert of_a_leg not in words
-    assert slipping(BallOnLayer(12.0, ball="frictionless")) is None
+    assert Sizes(BallOnLayer(12.0, ball="frictionless")).slipping is None
 
 
 def test_a_bad_recording_and_a_bad_specimen_cost_themselves_alone(tmp_path: Path) -> None:

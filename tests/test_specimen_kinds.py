@@ -18,7 +18,7 @@ from legfem.specimens import kinds as room
 from legfem.specimens.kind import SizeError
 from legfem.specimens.kinds.bar import BarKind
 from legfem.specimens.schema import SpecimenFile
-from legfem.specimens.sizes import sizes_text
+from legfem.specimens.sizes import Sizes
 
 
 class OwnBody(UniaxialSpecimen):
@@ -67,7 +67,7 @@ def test_another_package_s_kind_is_found_by_its_entry_point(monkeypatch) -> None
     room.kinds.cache_clear()
     try:
         assert set(room.kinds()) == before | {"own_bar"}
-        assert sizes_text(OwnBody(10.0, 100.0)) == "a bar: length 10 mm, area 100 mm², in compression"
+        assert str(Sizes(OwnBody(10.0, 100.0))) == "a bar: length 10 mm, area 100 mm², in compression"
     finally:
         monkeypatch.undo()
         room.kinds.cache_clear()

@@ -10,7 +10,6 @@ from legfem.report.style import LAW_NAMES
 from legfem.report.words import ORIGINS, fit_probability
 from legfem.specimens.comparison import SHAPE_SD_OF_LAYERS
 from legfem.specimens.details import SampleFit, SpecimenDetails, compared, rms_percent
-from legfem.specimens.sizes import kind_in
 
 type SpecimenFit = Fit[SpecimenDetails]
 
@@ -26,7 +25,7 @@ def origin_text(result: SpecimenFit) -> str:
 def procedure(result: SpecimenFit) -> str:
     """Return what was done with the recordings, as a paragraph."""
     every = result.details.folder.recordings
-    note, axes = " ".join(dict.fromkeys(filter(None, (kind_in(one.sizes).note for one in every)))), every[0].axes
+    note, axes = " ".join(dict.fromkeys(filter(None, (one.sizes.kind.note for one in every)))), every[0].axes
     timed = [one.recording.timed for one in every]
     untimed = (
         ""
@@ -111,7 +110,7 @@ def followed(result: SpecimenFit) -> str:
     """Return how stiffness follows the size of what presses or is pressed, as a clause."""
     tables = "a stress of twice the true value, by its unit or measure, doubles the stiffness"
     every = result.details.folder.recordings
-    return "; ".join(dict.fromkeys(kind_in(one.sizes).followed if one.recording.timed else tables for one in every))
+    return "; ".join(dict.fromkeys(one.sizes.kind.followed if one.recording.timed else tables for one in every))
 
 
 def differing(result: SpecimenFit) -> list[str]:

@@ -29,7 +29,7 @@ from legfem.inverse.loading_channels import loading_channel, loading_readings
 from legfem.specimens.comparison import SpecimenComparison
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.laws import bulk_ratio
-from legfem.specimens.sizes import SpecimenRecording, bare, kind_in
+from legfem.specimens.sizes import SpecimenRecording
 
 POISSON_RATIOS = (0.2, 0.3, 0.35, 0.4, 0.43, 0.45, 0.47, 0.49, 0.4999)
 """That are tried where the stretches depart from those of the ratio that was assumed."""
@@ -153,7 +153,8 @@ def _compared(recordings: Sequence[SpecimenRecording], model: SpecimenForward, v
     )
     every = np.concatenate(left)
     error = float(np.sqrt(np.mean(np.concatenate([np.diag(c) for c in errors]))))
-    pressed = kind_in(recordings[0].sizes).presses(bare(recordings[0].sizes))
+    sizes = recordings[0].sizes
+    pressed = sizes.kind.presses(sizes.body)
     rms, farthest = float(np.sqrt(np.mean(every**2))), float(np.mean(deepest))
     return LateralFit(len(every), rms, farthest, error, density, pressed=pressed)
 
@@ -283,7 +284,7 @@ def goes_with_thickness(
         own, extent = defaultdict[str, list[float]](list), dict[str, float]()
         for one, scale in ((comparison.recordings[k], scales[k]) for k in places):
             own[one.specimen].append(scale * stiffness.get(one.specimen, 1.0))
-            size = kind_in(one.sizes).extent(bare(one.sizes))
+            size = one.sizes.kind.extent(one.sizes.body)
             if size is not None:
                 extent[one.specimen] = size
         if len(extent) == len(own):

@@ -20,7 +20,7 @@ from legfem.inverse.outcome import Outcome
 from legfem.inverse.readings import INSTRUMENT, OFFSET, RELAXATION
 from legfem.specimens.comparison import Part, SpecimenComparison, slopes_by_readings
 from legfem.specimens.course import relaxed
-from legfem.specimens.sizes import SpecimenRecording, kind_in, layers_of
+from legfem.specimens.sizes import SpecimenRecording
 
 _BEYOND = 1.01
 """Of a recording's depth: a frame at its end isn't lost to smoothing."""
@@ -36,10 +36,9 @@ def beside_of(recording: SpecimenRecording, relative_sd: float) -> tuple[Loading
     relative_sd
         Standard deviation of a layer's stated thickness, over that.
     """
-    layers = layers_of(recording.sizes)
-    heights = between_of(layers.heights) if layers else {}
+    heights = between_of(recording.sizes.heights) if recording.sizes.layers else {}
     # What is nothing at rest.
-    heights |= {name: (0.0, 0.0) for name in kind_in(recording.sizes).beside if CHANNELS[name].at_rest == 0.0}
+    heights |= {name: (0.0, 0.0) for name in recording.sizes.kind.beside if CHANNELS[name].at_rest == 0.0}
     course = recording.course
     trial = recording.from_contact
     found = []

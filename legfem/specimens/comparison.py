@@ -22,7 +22,7 @@ from legfem.specimens.course import SLOW_SHARE, STATIONS, Course, relaxed
 from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.nuisances import OnsetEffect, OwnStiffness, kinds_of, power_of, tells_ratio, were_turned
-from legfem.specimens.sizes import SpecimenRecording, fibres_text
+from legfem.specimens.sizes import SpecimenRecording
 
 GRID = 50
 """Displacements at which a test's force is known to the search."""
@@ -342,12 +342,12 @@ def comparison_of(
             one,
             OnsetEffect.of(one.course, one.detected, slope, FACTOR_SD if several else 0.0),
             model.tests.index(one.sizes),
-            one.test + fibres_text(one.sizes),
+            one.test + one.sizes.fibres_text,
         )
         for one, slope in zip(recordings, slopes or [None] * len(recordings), strict=True)
     )
     told = tells_ratio(folder, recordings)
-    bent = len(folder.tissues) > 1 or any(fibres_text(one.sizes) for one in recordings)
+    bent = len(folder.tissues) > 1 or any(one.sizes.fibres_text for one in recordings)
     shape_sd = SHAPE_SD_OF_LAYERS if bent else 0.0
     if seeks and not told:
         shape_sd = SHAPE_SD_OF_FIBRES

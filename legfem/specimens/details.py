@@ -46,7 +46,7 @@ from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.kind import ShownAxes
 from legfem.specimens.model_discrepancy import LawMisfit
-from legfem.specimens.sizes import LeftOut, Sizes, SpecimenRecording, kind_in, lengths_of, resized
+from legfem.specimens.sizes import LeftOut, Sizes, SpecimenRecording
 
 type _Fit = Fit[SpecimenDetails]
 
@@ -254,10 +254,10 @@ def size_covariance(
         for name, sd in relative_sd[sizes].items():
             if not sd:
                 continue
-            if name in kind_in(sizes).as_force:
+            if name in sizes.kind.as_force:
                 change = forces_alone
             else:
-                larger = resized(sizes, name, (1 + _RESIZED) * lengths_of(sizes)[name])
+                larger = sizes.resized(name, (1 + _RESIZED) * sizes.lengths[name])
                 tests = tuple(larger if one == sizes else one for one in model.tests)
                 outcome = replace(model, tests=tests).solve(values, ())
                 if not outcome.complete or not comparison.reached_by(outcome):

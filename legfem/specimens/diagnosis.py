@@ -28,7 +28,7 @@ from legfem.specimens.artefacts import SizeDependence, size_dependence
 from legfem.specimens.details import SpecimenNotice
 from legfem.specimens.folder import FILE, SpecimenFolder, stiffness_doubts, tissue_asked_for
 from legfem.specimens.mechanisms import Scale, mechanisms_of
-from legfem.specimens.sizes import LeftOut, Sizes, SpecimenRecording, bare, fibres_text, kind_in
+from legfem.specimens.sizes import LeftOut, Sizes, SpecimenRecording
 from legfem.specimens.variants import SpecimenVariants
 
 _POINTS = 60
@@ -148,7 +148,7 @@ def diagnose_specimens(
                 diagnosis=diagnosis,
                 left_out=left,
                 seconds=time.perf_counter() - started,
-                extent=kind_in(sizes).extent(bare(sizes)),
+                extent=sizes.kind.extent(sizes.body),
             )
 
 
@@ -205,7 +205,7 @@ def _observed(folder: SpecimenFolder, used: Sequence[SpecimenRecording]) -> Obse
         told.append(Notice.of(FitNotice.NO_ACCURACY_STATED, file=FILE))
     if not timed:
         told.append(Notice.of(SpecimenNotice.UNTIMED))
-    if note := kind_in(used[0].sizes).note:
+    if note := used[0].sizes.kind.note:
         told.append(Notice.of(SpecimenNotice.KIND, text=note))
     if folder.alternatives:
         told.append(Notice.of(SpecimenNotice.ALTERNATIVE_ASSUMED, first=folder.alternatives[0]))
@@ -217,7 +217,7 @@ def _observed(folder: SpecimenFolder, used: Sequence[SpecimenRecording]) -> Obse
 
 
 def _check_fibres(folder: SpecimenFolder, recordings: Sequence[SpecimenRecording]) -> None:
-    if len({fibres_text(one.sizes) for one in recordings}) > 1:
+    if len({one.sizes.fibres_text for one in recordings}) > 1:
         raise InputError(
             folder.directory / FILE,
             f"specimen {recordings[0].specimen}",
@@ -256,7 +256,7 @@ def solved_responses(
         {
             "model": "specimen with mechanisms",
             "given": variants.described(PLAIN.variant),
-            "code": code_fingerprint("legfem.specimens.forward", type(kind_in(sizes)).__module__),
+            "code": code_fingerprint("legfem.specimens.forward", type(sizes.kind).__module__),
         },
         step=depth / _POINTS,
     )

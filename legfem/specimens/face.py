@@ -18,7 +18,6 @@ from legfem.experiments.bodies import HomogeneousBody
 from legfem.inverse.channel_readings import ChannelReadings
 from legfem.specimens.channels import SpecimenReadings
 from legfem.specimens.kinds import kind_of
-from legfem.specimens.sizes import bare
 
 _MOST_RATIO = 0.5
 _DEEPEST = 0.95
@@ -94,7 +93,7 @@ def face_fit(comparison: SpecimenReadings, predicted: FloatArray) -> FaceFit | N
     (along, across), covariance = shares @ seen, shares @ errors @ shares.T
     of_ratio = np.array([-across / along, 1.0]) / along
     pairs = zip(comparison.forces.recordings, comparison.beside, strict=True)
-    body = next(bare(one.sizes) for one, own in pairs if any(c.readings.name == FACE_STRAIN.name for c in own))
+    body = next(one.sizes.body for one, own in pairs if any(c.readings.name == FACE_STRAIN.name for c in own))
     logs = [np.log1p(share * model[ways == way].mean()) for share, way in ((across, ACROSS), (along, ALONG))]
     alike = isinstance(body, HomogeneousBody) and -logs[0] / logs[1] < _MOST_RATIO
     return FaceFit(

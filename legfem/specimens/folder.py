@@ -26,15 +26,11 @@ from legfem.specimens.sizes import (
     LeftOut,
     Sizes,
     SpecimenRecording,
-    bare,
     doubts_about_course,
     doubts_about_shape,
     doubts_about_sizes,
     doubts_about_stiffness,
-    kind_in,
-    layers_of,
     sizes_of,
-    under,
 )
 
 FILE = "specimen.toml"
@@ -81,7 +77,7 @@ class SpecimenFolder:
 
     def under(self, alternative: str) -> "SpecimenFolder":
         """Return the folder with one of its alternatives taken to be so."""
-        recordings = tuple(replace(one, sizes=under(one.sizes, alternative)) for one in self.recordings)
+        recordings = tuple(replace(one, sizes=one.sizes.under(alternative)) for one in self.recordings)
         return replace(self, recordings=recordings, alternatives=())
 
     @property
@@ -150,7 +146,7 @@ def load_specimen(directory: Path) -> SpecimenFolder:
     used, left = list[SpecimenRecording](), list[LeftOut]()
     for name, entry, path in named:
         try:
-            body = bare(sizes[entry])
+            body = sizes[entry].body
             trial = kind.read(path, given.recordings, body, errors, name)
             doubts += kind.doubts(trial.recording, body)
             course = course_of(trial, given.tissue.returns)
@@ -278,7 +274,7 @@ def stiffness_doubts(folder: SpecimenFolder, c10: float) -> list[Doubt]:
     names = [folder.id, folder.title]
     if len(folder.tissues) > 1:
         names = [one.name for one in folder.tissues if "C10" not in one.stated]
-    field = kind_in(folder.recordings[0].sizes).load_field
+    field = folder.recordings[0].sizes.kind.load_field
     return list(doubts_about_stiffness(folder.directory / "recordings", c10, names, field))
 
 
@@ -310,7 +306,7 @@ def _doubts_about_bodies(toml: Path, given: SpecimenFile) -> list[Doubt]:
 def _with_channels(toml: Path, given: SpecimenFile, used: Sequence[SpecimenRecording]) -> list[SpecimenRecording]:
     """Return recordings with the channels that the folder's file names, as accurate as it states."""
     found = []
-    faces = [face for one in used if (face := given.kind.face(bare(one.sizes))) is not None]
+    faces = [face for one in used if (face := given.kind.face(one.sizes.body)) is not None]
     if getattr(given.channels, FACE_STRAIN.name) is not None and not faces:
         what, remedy = f"no model of [{given.kind.table}] gives it", "leave it out"
         raise InputError(toml, f"channels.{FACE_STRAIN.name}", what, remedy)
@@ -325,8 +321,8 @@ def _with_channels(toml: Path, given: SpecimenFile, used: Sequence[SpecimenRecor
 def _unused(used: Sequence[SpecimenRecording]) -> Iterator[Doubt]:
     """Yield doubts about columns that no model of the test gives."""
     for one in used:
-        layers, kind = layers_of(one.sizes), kind_in(one.sizes)
-        known = {*(between_of(layers.heights) if layers else ()), *kind.beside}
+        layers, kind = one.sizes.layers, one.sizes.kind
+        known = {*(between_of(one.sizes.heights) if layers else ()), *kind.beside}
         for name in (channel.name for channel in one.trial.recording.channels if channel.name not in known):
             what = f"[{kind.table}] of {'layers' if layers else 'one tissue'}"
             yield Doubt(one.trial.source, name, f"is not used: no model of {what} gives it", "leave it out")
@@ -334,8 +330,8 @@ def _unused(used: Sequence[SpecimenRecording]) -> Iterator[Doubt]:
 
 def _check_channels(trial: Segmentation, sizes: Sizes, relative_sd: float) -> None:
     """Refuse thicknesses that aren't those of a specimen's layers, and what is neither a stretch nor its face's."""
-    layers, kind, body = layers_of(sizes), kind_in(sizes), bare(sizes)
-    between = between_of(layers.heights) if layers else {}
+    kind, body = sizes.kind, sizes.body
+    between = between_of(sizes.heights) if sizes.layers else {}
     for one in trial.recording.channels:
         found = not_a_stretch(one.values) if one.name == LATERAL_STRETCH.name else None
         depths = trial.loading_depths(one.time)

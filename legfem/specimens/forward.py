@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,12 +17,9 @@ from legfem.jobs.store import code_fingerprint
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.terms import Fibres
 from legfem.solve.path import ForceCurve
-from legfem.specimens.kind import AXES, Law, SpecimenTest
+from legfem.specimens.kind import AXES, SpecimenTest
 from legfem.specimens.laws import ONE, SpecimenTissue
-from legfem.specimens.sizes import FibrousTest, LayeredTest, Sizes, bare, kind_in
-
-if TYPE_CHECKING:
-    pass
+from legfem.specimens.sizes import Sizes
 
 
 def experiment_of(
@@ -38,15 +35,9 @@ def experiment_of(
     otherwise by what sees them.
     Fibres, if there are, are the named tissue's, and do nothing until their numbers are given.
     """
-    if isinstance(sizes, FibrousTest):
-        fibres = Fibres(fibrous, axis=AXES[sizes.direction])
-        return experiment_of(sizes.whole, laws, depth, called=called).with_terms((fibres,))
-    law: Law
-    if isinstance(sizes, LayeredTest):
-        law = tuple(Layer(name, thickness, laws[name], called.get(name, "")) for name, thickness in sizes.layers)
-    else:
-        law = laws[ONE]
-    return kind_in(sizes).model(bare(sizes), law, depth)
+    layers = tuple(Layer(name, thickness, laws[name], called.get(name, "")) for name, thickness in sizes.layers)
+    model = sizes.kind.model(sizes.body, layers or laws[ONE], depth)
+    return model if sizes.fibres is None else model.with_terms((Fibres(fibrous, axis=AXES[sizes.fibres]),))
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,7 +156,7 @@ class SpecimenForward(Picklable):
     @property
     def code(self) -> str:
         """Hash of the code that it runs, with that of its kinds of tests."""
-        kinds = {type(kind_in(sizes)).__module__ for sizes in self.tests}
+        kinds = {type(sizes.kind).__module__ for sizes in self.tests}
         return code_fingerprint(type(self).__module__, *sorted(kinds))
 
     def fingerprint(self) -> Mapping[str, Any]:

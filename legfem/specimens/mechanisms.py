@@ -16,7 +16,7 @@ from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
 from legfem.mechanisms import Mechanism, TissueMechanism, Values, mechanisms
 from legfem.mechanisms.rig import ContactSlip, SupportCompliance
-from legfem.specimens.sizes import Sizes, bare, kind_in, layers_of, slipping
+from legfem.specimens.sizes import Sizes
 
 
 @dataclass(frozen=True)
@@ -144,14 +144,14 @@ def mechanisms_of(sizes: Sizes, scale: Scale, timed: bool = True) -> tuple[list[
     """
     able: list[Mechanism] = []
     unable: dict[str, str] = {}
-    kind = kind_in(sizes)
+    kind, body = sizes.kind, sizes.body
     for mechanism in mechanisms_on_a_rig():
         why = _NONE.get(mechanism.name, "")
-        if layers_of(sizes) is not None:
+        if sizes.layers:
             why = _OF_LAYERS.get(mechanism.name, why)
-        if mechanism.name == ContactSlip.name and slipping(sizes) is None:
+        if mechanism.name == ContactSlip.name and sizes.slipping is None:
             why = kind.no_slip
-        if mechanism.name == GripSlip.name and (kind.presses(bare(sizes)) or kind.face(bare(sizes)) is None):
+        if mechanism.name == GripSlip.name and (kind.presses(body) or kind.face(body) is None):
             why = "nothing pulls the specimen by grips"
         if isinstance(mechanism, TissueMechanism) and mechanism.name not in (*_TOLD, *_NONE):
             why = "it doesn't say what it does to a specimen"

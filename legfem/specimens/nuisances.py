@@ -38,7 +38,7 @@ from legfem.inverse.catalogue import is_ratio
 from legfem.specimens.course import SLOW_SHARE, Course
 from legfem.specimens.folder import FILE, SpecimenFolder
 from legfem.specimens.kind import WORDS
-from legfem.specimens.sizes import SpecimenRecording, level_of
+from legfem.specimens.sizes import SpecimenRecording
 
 SETTLED = 0.05
 """Of detection's error: a shorter move of contact changes nothing."""
@@ -253,11 +253,11 @@ def seeks_ratio(names: Collection[str]) -> bool:
 def kinds_of(recordings: Sequence[SpecimenRecording]) -> dict[str, tuple[str, ...]]:
     """Return how the fibres of each specimen lay in its tests, by its name; "" without fibres."""
     names = dict.fromkeys(one.specimen for one in recordings)
-    return {name: tuple(sorted({level_of(one.sizes) for one in recordings if one.specimen == name})) for name in names}
+    return {name: tuple(sorted({one.sizes.level for one in recordings if one.specimen == name})) for name in names}
 
 
 def _directions(recordings: Sequence[SpecimenRecording]) -> list[str]:
-    return sorted({level_of(one.sizes) for one in recordings})
+    return sorted({one.sizes.level for one in recordings})
 
 
 def were_turned(recordings: Sequence[SpecimenRecording]) -> bool:

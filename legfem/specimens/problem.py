@@ -47,7 +47,7 @@ from legfem.specimens.laws import REFERENCE_MPA, ParameterRequest, identified_la
 from legfem.specimens.model_discrepancy import LawMisfit, fitted_change, misfit_of
 from legfem.specimens.nuisances import SETTLED, check_strained, seeks_ratio, why_ratio_undetermined
 from legfem.specimens.prepared import Prepared, prepare
-from legfem.specimens.sizes import OF_LAYER, Sizes, SpecimenRecording, kind_in, lengths_of
+from legfem.specimens.sizes import OF_LAYER, Sizes, SpecimenRecording
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,10 +225,10 @@ class SpecimenProblem:
 
     def _size_errors(self, sizes: Sizes) -> dict[str, float]:
         """Relative errors of the sizes that a test's specimen has, by name."""
-        lengths = lengths_of(sizes)
+        lengths = sizes.lengths
         folder = self.folder.test_of(next(one for one in self.folder.recordings if one.sizes == sizes))
         found = {name: folder.sizes_sd for name in lengths if name.endswith(OF_LAYER)}
-        for key, name in kind_in(sizes).own.items():
+        for key, name in sizes.kind.own.items():
             if name in lengths:
                 # A diameter is as well known as its radius.
                 stated = folder.size_sd.get(key, math.nan) / lengths[name] / (2 if key == "diameter_mm" else 1)
@@ -347,7 +347,7 @@ def _fit_once(
     away = frozenset(one.name for one in held)
     if not folder.alternatives:
         return _fitted_laws(folder, laws, asked, away, request)
-    kind = next(kind for kind in map(kind_in, (one.sizes for one in folder.recordings)) if kind.weighed)
+    kind = next(one.sizes.kind for one in folder.recordings if one.sizes.kind.weighed)
     each = {one: _fitted_laws(folder.under(one), laws, asked, away, request) for one in folder.alternatives}
     chances = probabilities(each)
     return [

@@ -33,24 +33,31 @@ from legfem.specimens.kind import (
 from legfem.specimens.kinds import kind_of, kinds
 from legfem.specimens.schema import SIZES, SpecimenEntry, SpecimenFile
 
-type OneTissue = Any
-"""Sizes of a test on one tissue: the body of a kind."""
+OF_LAYER = "_thickness"
 
 
 @dataclass(frozen=True)
-class LayeredTest:
-    """A test of layers on each other.
+class Sizes:
+    """What a test is of.
 
     Parameters
     ----------
-    whole
-        The test, on a layer as thick as all together.
+    body
+        Sizes of the specimen and of what presses it: the body of a kind.
     layers
-        Names and thicknesses (mm), from the base up.
+        Names and thicknesses (mm), from the base up, together as thick as the body; none of one tissue.
+    fibres
+        Direction of the fibres of the tissue, or of one of the layers; None without.
     """
 
-    whole: OneTissue
-    layers: tuple[tuple[str, float], ...]
+    body: Any
+    layers: tuple[tuple[str, float], ...] = ()
+    fibres: Direction | None = None
+
+    @property
+    def kind(self) -> SpecimenKind[Any, Any]:
+        """Kind of the test."""
+        return kind_of(type(self.body))
 
     @property
     def heights(self) -> dict[str, tuple[float, float]]:
@@ -58,84 +65,51 @@ class LayeredTest:
         ends = np.cumsum([0.0, *(thickness for _, thickness in self.layers)]).tolist()
         return dict(zip((name for name, _ in self.layers), pairwise(ends), strict=True))
 
-
-def layers_of(sizes: "Sizes") -> LayeredTest | None:
-    """Return what layers a test is of; None of one tissue."""
-    found = sizes.whole if isinstance(sizes, FibrousTest) else sizes
-    return found if isinstance(found, LayeredTest) else None
-
-
-@dataclass(frozen=True)
-class FibrousTest:
-    """A test of a tissue that has fibres, or of layers of which one has.
-
-    Parameters
-    ----------
-    whole
-        The test.
-    direction
-        Of the fibres.
-    """
-
-    whole: OneTissue | LayeredTest
-    direction: Direction
-
     @property
     def level(self) -> str:
-        """What tells tests apart in which stiffness and the fibres' ratio trade off otherwise."""
-        return kind_in(self).level(self.direction)
+        """What tells tests apart in which stiffness and the fibres' ratio trade off otherwise; "" without fibres."""
+        return "" if self.fibres is None else self.kind.level(self.fibres)
 
+    @property
+    def fibres_text(self) -> str:
+        """How fibres lie; "" without."""
+        return "" if self.fibres is None else f"fibres {WORDS[self.fibres]}"
 
-type Sizes = OneTissue | LayeredTest | FibrousTest
+    @property
+    def lengths(self) -> dict[str, float]:
+        """Sizes by name: mm, and mm² of an area."""
+        whole = {name: value for name, value in asdict(self.body).items() if isinstance(value, float)}
+        if self.layers:
+            del whole["thickness"]
+        return whole | {name + OF_LAYER: thickness for name, thickness in self.layers}
 
+    def resized(self, name: str, value: float) -> "Sizes":
+        """Return the test with another of its `lengths`."""
+        layers = tuple((layer, value if layer + OF_LAYER == name else thickness) for layer, thickness in self.layers)
+        changed: dict[str, float] = {"thickness": sum(thickness for _, thickness in layers)} if layers else {}
+        if layers == self.layers:
+            changed[name] = value
+        return replace(self, body=replace(self.body, **changed), layers=layers)
 
-def bare(sizes: Sizes) -> OneTissue:
-    """Return a test without what is in it."""
-    return bare(sizes.whole) if isinstance(sizes, LayeredTest | FibrousTest) else sizes
+    def under(self, alternative: str) -> "Sizes":
+        """Return the test with one of the alternatives of its kind."""
+        return replace(self, body=self.kind.under(self.body, alternative))
 
+    @property
+    def slipping(self) -> "Sizes | None":
+        """The test with faces that don't hold what they touch; None where they don't as stated."""
+        free = replace(self, body=self.kind.slipping(self.body))
+        return None if free == self else free
 
-def kind_in(sizes: Sizes) -> SpecimenKind[Any, Any]:
-    """Return the kind of a test."""
-    return kind_of(type(bare(sizes)))
-
-
-def level_of(sizes: Sizes) -> str:
-    """Return a test's `FibrousTest.level`; "" without fibres."""
-    return sizes.level if isinstance(sizes, FibrousTest) else ""
-
-
-def fibres_text(sizes: Sizes) -> str:
-    """Return how a test's fibres lie; "" without."""
-    return f"fibres {WORDS[sizes.direction]}" if isinstance(sizes, FibrousTest) else ""
-
-
-def lengths_of(sizes: Sizes) -> dict[str, float]:
-    """Return a test's sizes by name: mm, and mm² of an area."""
-    if isinstance(sizes, FibrousTest):
-        return lengths_of(sizes.whole)
-    if isinstance(sizes, LayeredTest):
-        whole = lengths_of(sizes.whole)
-        del whole["thickness"]
-        return whole | {name + OF_LAYER: thickness for name, thickness in sizes.layers}
-    return {name: value for name, value in asdict(sizes).items() if isinstance(value, float)}
-
-
-def resized(sizes: Sizes, name: str, value: float) -> Sizes:
-    """Return a test with another of the sizes of `lengths_of`."""
-    if isinstance(sizes, FibrousTest):
-        whole = resized(sizes.whole, name, value)
-        assert not isinstance(whole, FibrousTest)
-        return replace(sizes, whole=whole)
-    if isinstance(sizes, LayeredTest):
-        layers = tuple((layer, value if layer + OF_LAYER == name else thickness) for layer, thickness in sizes.layers)
-        own: dict[str, Any] = {"thickness": sum(thickness for _, thickness in layers)}
-        if layers == sizes.layers:
-            own[name] = value
-        return LayeredTest(replace(sizes.whole, **own), layers)
-    return replace(sizes, **{name: value})
-
-
-OF_LAYER = "_thickness"
+    def __str__(self) -> str:
+        """Return the test with its sizes, as people read them."""
+        told = ", ".join(
+            f"{'in' if name == 'pulled' else name.replace('_', ' ')} "
+            + (value if isinstance(value, str) else f"{value:g} {'mm²' if name == 'area' else 'mm'}")
+            for name, value in asdict(self.body).items()
+        )
+        layers = " on ".join(f"{name} {thickness:g} mm" for name, thickness in self.layers[::-1])
+        return "; ".join(filter(None, (f"{self.kind.words}: {told}", layers, self.fibres_text)))
 
 
 def sizes_of(given: SpecimenFile, specimen: SpecimenEntry | None) -> Sizes:
@@ -147,9 +121,24 @@ def sizes_of(given: SpecimenFile, specimen: SpecimenEntry | None) -> Sizes:
         For a size that the test hasn't, or that isn't given; for fibres of no direction, or of one
         that breaks the test's symmetry.
     """
-    whole = _without_fibres(given, specimen)
+    stated = {key: getattr(specimen, key) for key in SIZES if getattr(specimen, key, None)}
+    cube = {} if given.recordings.table is None else given.kind.cube
+    own = {**{key: size for key, size in cube.items() if getattr(given.test, key) is None}, **stated}
+    for key in own:
+        if key not in type(given.test).model_fields:
+            raise SizeError(key, "is not a size of this test", "remove it")
+    layers = _layers(given, specimen)
+    if layers:
+        if "thickness_mm" in own or getattr(given.test, "thickness_mm", None) is not None:
+            raise SizeError("thickness_mm", "is that of the layers together", "remove it")
+        own["thickness_mm"] = sum(thickness for _, thickness in layers)
+    return Sizes(given.kind.body_of(given.test.model_copy(update=own)), layers, _fibres(given, specimen))
+
+
+def _fibres(given: SpecimenFile, specimen: SpecimenEntry | None) -> Direction | None:
+    """Return how a specimen's fibres lie."""
     if given.fibres is None:
-        return whole
+        return None
     own = None if specimen is None else specimen.fibres
     direction, kind = own or given.fibres.direction, given.kind
     key = "fibres.direction" if own is None else "fibres"
@@ -161,23 +150,7 @@ def sizes_of(given: SpecimenFile, specimen: SpecimenEntry | None) -> Sizes:
         raise SizeError(
             key, f'"{direction}" breaks the symmetry of {kind.words}', f"{give} take a cylinder across a block, or bars"
         )
-    return FibrousTest(whole, direction)
-
-
-def _without_fibres(given: SpecimenFile, specimen: SpecimenEntry | None) -> OneTissue | LayeredTest:
-    stated = {key: getattr(specimen, key) for key in SIZES if getattr(specimen, key, None)}
-    cube = {} if given.recordings.table is None else given.kind.cube
-    own = {**{key: size for key, size in cube.items() if getattr(given.test, key) is None}, **stated}
-    for key in own:
-        if key not in type(given.test).model_fields:
-            raise SizeError(key, "is not a size of this test", "remove it")
-    layers = _layers(given, specimen)
-    if not layers:
-        return given.kind.body_of(given.test.model_copy(update=own))
-    if "thickness_mm" in own or getattr(given.test, "thickness_mm", None) is not None:
-        raise SizeError("thickness_mm", "is that of the layers together", "remove it")
-    own["thickness_mm"] = sum(thickness for _, thickness in layers)
-    return LayeredTest(given.kind.body_of(given.test.model_copy(update=own)), layers)
+    return direction
 
 
 def _layers(given: SpecimenFile, specimen: SpecimenEntry | None) -> tuple[tuple[str, float], ...]:
@@ -189,37 +162,6 @@ def _layers(given: SpecimenFile, specimen: SpecimenEntry | None) -> tuple[tuple[
         raise SizeError("layers_mm", f"{len(own)} thicknesses of {len(given.layers)} [[layers]]", "give one a layer")
     names = [layer.name for layer in given.layers]
     return tuple(zip(reversed(names), reversed(own), strict=True))
-
-
-def under(sizes: Sizes, alternative: str) -> Sizes:
-    """Return a test with one of the alternatives of its kind."""
-    if isinstance(sizes, LayeredTest | FibrousTest):
-        return replace(sizes, whole=under(sizes.whole, alternative))
-    return kind_in(sizes).under(sizes, alternative)
-
-
-def slipping(sizes: Sizes) -> Sizes | None:
-    """Return a test whose faces don't hold what they touch; None where they don't as stated."""
-    if isinstance(sizes, LayeredTest | FibrousTest):
-        whole = slipping(sizes.whole)
-        return None if whole is None else replace(sizes, whole=whole)
-    free = kind_in(sizes).slipping(sizes)
-    return None if free == sizes else free
-
-
-def sizes_text(sizes: Sizes) -> str:
-    """Return a specimen's test with its sizes, as people read them."""
-    if isinstance(sizes, FibrousTest):
-        return f"{sizes_text(sizes.whole)}; {fibres_text(sizes)}"
-    if isinstance(sizes, LayeredTest):
-        layers = " on ".join(f"{name} {thickness:g} mm" for name, thickness in sizes.layers[::-1])
-        return f"{sizes_text(sizes.whole)}; {layers}"
-    told = (
-        f"{'in' if name == 'pulled' else name.replace('_', ' ')} "
-        + (value if isinstance(value, str) else f"{value:g} {'mm²' if name == 'area' else 'mm'}")
-        for name, value in asdict(sizes).items()
-    )
-    return f"{kind_in(sizes).words}: {', '.join(told)}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,7 +186,7 @@ class SpecimenRecording:
     @property
     def axes(self) -> ShownAxes:
         """As what it is shown."""
-        return kind_in(self.sizes).axes(bare(self.sizes), self.recording)
+        return self.sizes.kind.axes(self.sizes.body, self.recording)
 
     @property
     def recording(self) -> Recording:
@@ -356,11 +298,11 @@ def doubts_about_sizes(toml: Path, table: str, entry: FileTable) -> Iterator[Dou
 
 def doubts_about_shape(toml: Path, sizes: Sizes) -> Iterator[Doubt]:
     """Yield doubts about a specimen so slender that it would buckle, or narrower than what presses it."""
-    covered = kind_in(sizes).covers(bare(sizes))
+    covered = sizes.kind.covers(sizes.body)
     if covered is not None:
         share, key = covered
         yield from _COVERED.doubts(toml, key, share, "check that both are diameters or widths in mm")
-    found = kind_in(sizes).slenderness(bare(sizes))
+    found = sizes.kind.slenderness(sizes.body)
     if found is not None:
         slender, key = found
         yield from _SLENDER.doubts(toml, key, slender, "check that sizes are in mm and mm²")
@@ -374,7 +316,7 @@ def doubts_about_course(source: str, course: Course, sizes: Sizes) -> Iterator[D
     InputError
         For a depth beyond the specimen, and a speed that no machine has.
     """
-    kind, body = kind_in(sizes), bare(sizes)
+    kind, body = sizes.kind, sizes.body
     extent = kind.extent(body)
     if extent is not None:
         yield from _SHARE[kind.presses(body)].doubts(

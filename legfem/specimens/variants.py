@@ -23,7 +23,7 @@ from legfem.specimens.course import borne
 from legfem.specimens.forward import experiment_of
 from legfem.specimens.kind import SpecimenTest
 from legfem.specimens.laws import ONE, REFERENCE_MPA, SpecimenTissue, specimen_law
-from legfem.specimens.sizes import FibrousTest, LayeredTest, Sizes, kind_in, lengths_of, resized, slipping
+from legfem.specimens.sizes import Sizes
 
 if TYPE_CHECKING:
     from legfem.experiments.plane_strain import LateralPlacement
@@ -69,7 +69,7 @@ class SpecimenVariants:
     @property
     def measured(self) -> dict[str, float]:
         """Sizes by full name (mm) that change the shape of the force's course."""
-        alike, lengths = kind_in(self.sizes).as_force, lengths_of(self.sizes)
+        alike, lengths = self.sizes.kind.as_force, self.sizes.lengths
         return {SIZE + name: value for name, value in lengths.items() if name not in alike}
 
     @property
@@ -141,7 +141,11 @@ class SpecimenVariants:
         if variant not in self._models:
             laws = {one.name: one.at(REFERENCE_MPA) for one in self._named} | {ONE: self._law}
             fibrous = next((one.name for one in self._named if one.fibrous), ONE)
-            sizes = self._of_model(self._sizes(variant))
+            # Layers are called as the model's terms know them.
+            names = (one.name for one in self._named)
+            sizes = self._sizes(variant)
+            layers = tuple((name, thickness) for name, (_, thickness) in zip(names, sizes.layers, strict=False))
+            sizes = replace(sizes, layers=layers)
             called = {one.name: tissue.name for one, tissue in zip(self._named, self.tissues, strict=True)}
             model = experiment_of(sizes, laws, self.depth, fibrous, called)
             self._models[variant] = model.with_terms(self._terms(variant))
@@ -149,17 +153,7 @@ class SpecimenVariants:
 
     def _sizes(self, variant: str) -> Sizes:
         free = any(m.tangential == "frictionless" for m in _of_variant(variant))
-        return (slipping(self.sizes) or self.sizes) if free else self.sizes
-
-    def _of_model(self, sizes: Sizes) -> Sizes:
-        """Return a test whose layers are called as the model's terms know them."""
-        if isinstance(sizes, FibrousTest):
-            return replace(sizes, whole=self._of_model(sizes.whole))
-        if not isinstance(sizes, LayeredTest):
-            return sizes
-        names = (one.name for one in self._named)
-        thicknesses = (thickness for _, thickness in sizes.layers)
-        return replace(sizes, layers=tuple(zip(names, thicknesses, strict=True)))
+        return (self.sizes.slipping or self.sizes) if free else self.sizes
 
     def _terms(self, variant: str) -> list[Any]:
         return [term for m in _of_variant(variant) for term in m.terms_of(self._law)]
@@ -224,7 +218,7 @@ class SpecimenVariants:
 
     def _resized(self, name: str) -> "SpecimenVariants":
         value = (1 + _RESIZED) * self.measured[name]
-        return replace(self, sizes=resized(self.sizes, name.removeprefix(SIZE), value))
+        return replace(self, sizes=self.sizes.resized(name.removeprefix(SIZE), value))
 
     def _scaled(
         self, variant: str, protocol: Protocol, values: Mapping[str, float], sensitivities: tuple[str, ...]
@@ -251,7 +245,7 @@ class SpecimenVariants:
             return Stopped(" ".join(str(error).split()) or type(error).__name__)
         if not solved.report.complete:
             return Stopped(str(solved.report))
-        if kind_in(self.sizes).relaxes_as_a_whole:
+        if self.sizes.kind.relaxes_as_a_whole:
             return _relaxing(solved.path, values, sensitivities)
         return solved.path
 

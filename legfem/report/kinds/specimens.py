@@ -24,7 +24,6 @@ from legfem.report.style import DATA_COLOUR, LAW_COLOURS, LAW_NAMES, save
 from legfem.report.words import capital, fit_probability
 from legfem.specimens.artefacts import KNOW_THE_RIG
 from legfem.specimens.details import SampleFit, SpecimenDocument, compared
-from legfem.specimens.sizes import sizes_text
 
 _MOST_CURVES = 6
 _DASHES: tuple[Dash, ...] = ("solid", "dashed", "dotdash", "dotted")
@@ -93,7 +92,7 @@ class SpecimenReport(ReportKind):
                 rows.append(web.Known(name, percent(one.probability), "estimated", "their curves"))
         source = "specimen.toml; the intervals include their errors ([accuracy])"
         for sizes in dict.fromkeys(one.sizes for one in first.details.folder.recordings):
-            rows.append(web.Known("sizes", sizes_text(sizes), "assumed", source))
+            rows.append(web.Known("sizes", str(sizes), "assumed", source))
         return rows
 
     def chapters(self, fits: Sequence[SpecimenFit], pressed: web.PressedSection | None, note: str) -> list[web.Chapter]:
