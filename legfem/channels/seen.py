@@ -12,7 +12,7 @@ from legfem.common.units import FloatArray
 from legfem.fem.outlines import Crossing, Outline, PointsInside, first_crossing, outline_between, outline_of_facets
 from legfem.fem.system import System
 from legfem.geometry.indenter import TravelLine
-from legfem.geometry.section import across
+from legfem.geometry.section import across, cross
 from legfem.mechanics.terms.contact import NormalContact
 from legfem.meshing.section import BONE, DEEP, FASCIA, OUTER_FASCIA, SKIN, SUPERFICIAL
 
@@ -248,23 +248,20 @@ class Seen:
     def moment(self) -> tuple[float, FloatArray]:
         """Return the contact's moment about the cylinder's axis in a section (N mm), and its derivatives (p,)."""
         (away, moving), state, comm = self._skin_from_axis, self.state, self.model.system.comm
-        local = float(np.sum(_cross(away, state.nodal_force)))
-        rates = _cross(moving, state.nodal_force) + _cross(away, state.nodal_force_rates)
+        local = float(np.sum(cross(away, state.nodal_force)))
+        rates = cross(moving, state.nodal_force) + cross(away, state.nodal_force_rates)
         total = np.asarray(comm.allreduce(rates.sum(axis=-1)))
         return state.whole * float(comm.allreduce(local)), state.whole * total
-
-    def line(self, name: str) -> "CrossedOutline":
-        """Return one of a section's outlines as the line of travel crosses it; see `SeenModel.outlines`."""
-        return self._lines[name]
 
     @property
     def profile(self) -> "CrossedOutline":
         """A section's skin as an image of it has the stated line of travel cross it."""
-        stated, skin = self.model.stated, self._lines["skin"]
+        stated, skin = self.model.stated, self.lines["skin"]
         return skin if stated is None else replace(skin, origin=stated.origin, direction=stated.direction)
 
     @cached_property
-    def _lines(self) -> "dict[str, CrossedOutline]":
+    def lines(self) -> "dict[str, CrossedOutline]":
+        """Outlines by name, crossed by the line of travel."""
         system, found = self.model.system, {}
         for name, outline in self.model.outlines.items():
             moved = [outline.values(one) for one in self._moved]
@@ -272,11 +269,6 @@ class Seen:
             known = self.model.crossings_at_rest[name]
             found[name] = CrossedOutline(places, places + moved[0], moved[1:], *line, known)
         return found
-
-
-def _cross(one: FloatArray, other: FloatArray) -> FloatArray:
-    """Return the products (...) of vectors (..., 2)."""
-    return np.asarray(one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0])
 
 
 @dataclass(frozen=True, eq=False)

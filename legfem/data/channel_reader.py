@@ -17,7 +17,7 @@ from legfem.common.input_files import FileTable, NotNegative, Positive, Text, re
 from legfem.common.units import FloatArray
 from legfem.data.formats import read_sheets
 from legfem.data.formats.labels import Quantity
-from legfem.data.recording import RecordedChannel, Recording, backwards, channel_of, not_increasing
+from legfem.data.recording import RecordedChannel, Recording, channel_of, check_increasing
 from legfem.geometry.indenter import Site
 
 _LONGEST_HEADER = 200
@@ -325,9 +325,7 @@ def read_channel(path: Path, kind: ChannelKind, column: str | None = None) -> tu
         if error.field != "header":
             raise
         time, values = _of_instrument(path, kind, column, error)
-    rows = not_increasing(time)
-    if rows:
-        raise InputError(path, f"time, row {rows[0] + 1}", f"{backwards(time, rows[0])})", "sort the rows by time")
+    check_increasing(path, time, "time")
     return time, values
 
 

@@ -81,8 +81,6 @@ class Contact:
     """N, what the load cell reads in air."""
     displacement_error: float
     """Standard error of ``estimate``, mm."""
-    baseline_error: float
-    """Standard error of ``baseline``, N; infinite when there is no air to measure it in."""
     estimate: float
     """Best estimate of the displacement at first contact, mm, whether significant or not."""
     in_air: bool
@@ -119,7 +117,7 @@ def enough_gain(gain: float, trials: int) -> bool:
 
 def contact_at_start() -> Contact:
     """Return the contact of a recording whose displacement is known to start at first touch."""
-    return Contact(0.0, 0.0, 0.0, float("inf"), 0.0, in_air=False, known=True)
+    return Contact(0.0, 0.0, 0.0, 0.0, in_air=False, known=True)
 
 
 def first_contact(smooth: FloatArray, recording: Recording, instrument: Instrument, scales: Scales) -> Contact:
@@ -176,8 +174,7 @@ def fit_onset(d: FloatArray, force: FloatArray, instrument: Instrument, scales: 
     near = _near(d, force, rough, instrument, scales)
     if near is None:
         return _at_start(d, force, noise, displacement_sd)
-    found = _onset(near, rough, scales)
-    best, error, gain = found.place, found.error, found.gain
+    best, error, gain = _onset(near, rough, scales)
     air = near.x < best
     significant = best - float(d[0]) > displacement_sd and gain > _LEAST_GAIN and air.sum() >= 4
     if not significant:
@@ -188,27 +185,9 @@ def fit_onset(d: FloatArray, force: FloatArray, instrument: Instrument, scales: 
     if in_air.sum() < 4:
         in_air = within & (d < best)
     baseline = float(np.mean(force[in_air]))
-    spread = float(np.std(force[in_air])) * np.sqrt(_inflation(force[in_air]) / in_air.sum())
     return Contact(
-        displacement=best,
-        baseline=baseline,
-        displacement_error=error,
-        baseline_error=max(spread, noise / np.sqrt(in_air.sum())),
-        estimate=best,
-        in_air=True,
-        gain=gain,
+        displacement=best, baseline=baseline, displacement_error=error, estimate=best, in_air=True, gain=gain
     )
-
-
-@dataclass(frozen=True)
-class Onset:
-    """Where force begins, mm."""
-
-    place: float
-    error: float
-    """Standard error."""
-    gain: float
-    """By how many variances of the errors air before it fits better than contact at the start."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,8 +238,11 @@ def _near(d: FloatArray, force: FloatArray, rough: float, instrument: Instrument
     return _Near(x, whitening, level, left - level * (level @ left))
 
 
-def _onset(near: _Near, rough: float, scales: Scales) -> Onset:
-    """Return the onset of a press."""
+def _onset(near: _Near, rough: float, scales: Scales) -> tuple[float, float, float]:
+    """Return where force begins and its standard error, mm.
+
+    And by how many variances of the errors air before it fits better than contact at the start.
+    """
     first = float(near.x[0])
     last = max(rough + 0.5 * scales.way, first + 0.1 * scales.way)
     onsets = np.linspace(first, last, 101)
@@ -271,7 +253,7 @@ def _onset(near: _Near, rough: float, scales: Scales) -> Onset:
     # Against the best fit that has contact at the start: noise alone gains little.
     _, _, without = _places(near, np.array([first]), scales)
     gain = (without - cost) / max(1.0, cost / _freedom(near))
-    return Onset(best, float(np.hypot(error, _SHAPE_ERROR * scales.way)), gain)
+    return best, float(np.hypot(error, _SHAPE_ERROR * scales.way)), gain
 
 
 def _freedom(near: _Near) -> int:
@@ -287,7 +269,6 @@ def _at_start(d: FloatArray, force: FloatArray, noise: float, displacement_sd: f
         displacement=start if away and not loaded else 0.0,
         baseline=0.0,
         displacement_error=displacement_sd / np.sqrt(few),
-        baseline_error=np.inf,
         estimate=start,
         in_air=False,
     )
@@ -347,19 +328,3 @@ def _explained(force: FloatArray, rise: FloatArray, more: FloatArray) -> FloatAr
     a, b = (bb * fa - ab * fb) / det, (aa * fb - ab * fa) / det
     inside = (a > 0) & (b > 0) & (b < _MOST_STIFFENING * a)
     return np.asarray(np.where(inside, np.maximum(a * fa + b * fb, found), found))
-
-
-def _inflation(residual: FloatArray) -> float:
-    """Return samples per independent sample: the sum of the autocorrelation up to its end."""
-    centred = residual - residual.mean()
-    square = float(centred @ centred)
-    if len(residual) < 8 or square == 0.0:
-        return 1.0
-    total = 1.0
-    for lag in range(1, len(residual) // 3):
-        rho = float(centred[lag:] @ centred[:-lag]) / square
-        # Noise in the autocorrelation itself isn't to be summed.
-        if rho < 2.0 / np.sqrt(len(residual)):
-            break
-        total += 2.0 * rho
-    return total

@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +16,6 @@ from legfem.common.input_files import read_table
 from legfem.common.units import MPA_PER_KPA, MPA_PER_MMHG, FloatArray, frozen_array
 from legfem.data.formats.labels import UNIT_OF, Quantity, unit_named
 from legfem.data.formats.sheet import Column, Sheet
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,15 +133,30 @@ def since_start(time: FloatArray) -> FloatArray:
     return time - time[0] if len(time) and _A_DATE < time[0] < np.inf else time
 
 
-def not_increasing(time: FloatArray) -> list[int]:
-    """Return the rows whose time isn't after that of the row before."""
-    return [int(row) for row in np.flatnonzero(np.diff(time) <= 0) + 1]
+def check_increasing(
+    path: Path, time: FloatArray, column: str, remedy: str = "sort the rows by time", lines: Sequence[int] | None = None
+) -> None:
+    """Check that times (n,) increase, in s.
 
+    Parameters
+    ----------
+    path, column, remedy
+        What errors name as the file, the times' column, and what to do.
+    lines
+        Lines of the file in which the rows stand, where it is known.
 
-def backwards(time: FloatArray, row: int) -> str:
-    """Return what time does at such a row, its bracket open for more."""
-    word = "repeats" if time[row] == time[row - 1] else "runs backwards"
-    return f"time {word} ({time[row - 1]:g} s, then {time[row]:g} s"
+    Raises
+    ------
+    InputError
+        If one of them isn't after the one before.
+    """
+    rows = np.flatnonzero(np.diff(time) <= 0) + 1
+    if len(rows):
+        row = int(rows[0])
+        word = "repeats" if time[row] == time[row - 1] else "runs backwards"
+        problem = f"time {word} ({time[row - 1]:g} s, then {time[row]:g} s; {len(rows)} such rows)"
+        where = f"row {row + 1} of {len(time)}" if lines is None else f"line {lines[row]}"
+        raise InputError(path, f"{column}, {where}", problem, remedy)
 
 
 QUANTITIES: tuple[Quantity, ...] = ("time", "displacement", "force")
@@ -195,14 +207,8 @@ def recording_of(path: Path, sheets: Sequence[Sheet], channels: SourceColumns, a
         values = [one[1:] for one in values]
     time, displacement, force = since_start(values[0]), *values[1:]
     _check_sizes(path, time, displacement, force)
-    rows = not_increasing(time)
-    if rows:
-        raise InputError(
-            path,
-            f"'{channels.time.column}', row {rows[0] + 1} of {len(time)}",
-            f"{backwards(time, rows[0])}; {len(rows)} such rows)",
-            "save each trial in a file of its own, and record time with more digits",
-        )
+    remedy = "save each trial in a file of its own, and record time with more digits"
+    check_increasing(path, time, f"'{channels.time.column}'", remedy)
     used = {getattr(channels, q).column for q in QUANTITIES}
     further = [column for column in sheet.columns if column.name not in used]
     seen = {kind.name: column for column in reversed(further) if (kind := channel_of(column))}
@@ -322,14 +328,8 @@ def read_plain_table(path: Path, area: float | None) -> Recording:
     time, displacement, force = (table[name].to_numpy(dtype=np.float64) for name in (*HEADER[:2], column))
     time = since_start(time)
     _check_sizes(path, time, displacement, force)
-    rows = not_increasing(time)
-    if rows:
-        raise InputError(
-            path,
-            f"time_s, line {table.index[rows[0]]}",
-            f"{backwards(time, rows[0])})",
-            "sort the rows by time, remove repeated ones, and save each trial in a file of its own",
-        )
+    remedy = "sort the rows by time, remove repeated ones, and save each trial in a file of its own"
+    check_increasing(path, time, "time_s", remedy, table.index)
     channels = []
     for name, kind in further.items():
         values = table[name].to_numpy(dtype=np.float64)

@@ -29,9 +29,9 @@ from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.indenters import RigidBall, RigidIndenter, RigidPlate
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.model import Formulation, LegModel, Term
-from legfem.meshing.grid import Support
+from legfem.meshing.grid import Support, TaggedMesh
 from legfem.meshing.section import DEEP
-from legfem.meshing.structured import MeridianMesh, MeridianMeshSettings, mesh_meridian, supports
+from legfem.meshing.structured import MeridianMeshSettings, mesh_meridian, supports
 from legfem.solve.linear import LinearSettings
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.path import ForceCurve
@@ -160,7 +160,7 @@ class AxisymmetricBody[Sizes]:
             )
         return tuple(tops[:-1].tolist())
 
-    def spaces_on(self, meshed: MeridianMesh, held: Sequence[Support], symmetry: Symmetry = "axial") -> LegSpaces:
+    def spaces_on(self, meshed: TaggedMesh, held: Sequence[Support], symmetry: Symmetry = "axial") -> LegSpaces:
         """Return the spaces of the body on its mesh."""
         return build_spaces(
             *meshed.tagged,

@@ -22,7 +22,7 @@ from shapely import Polygon
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, frozen_array
 from legfem.geometry.contours import check_levels, check_nested
-from legfem.geometry.section import area_and_centroid, closed_lengths, each_at, smooth_closed_curve
+from legfem.geometry.section import arc_lengths, area_and_centroid, closed_lengths, each_at, smooth_closed_curve
 
 SKIN, HULL = "skin", "hull"
 
@@ -189,7 +189,7 @@ def _even_turns(turns: FloatArray, fine: FloatArray, n_points: int) -> FloatArra
     area, centre = area_and_centroid(fine[:-1])
     if area < 0:
         turns, fine = turns[::-1], fine[::-1]
-    arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(fine, axis=0), axis=1))])
+    arc = arc_lengths(fine)
     x, y = (fine - centre).T
     upwards = np.flatnonzero((y[:-1] <= 0) & (y[1:] > 0))
     share = -y[upwards] / (y[upwards + 1] - y[upwards])

@@ -132,6 +132,11 @@ def across(direction: FloatArray) -> FloatArray:
     return np.array([-direction[1], direction[0]])
 
 
+def cross(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Return the cross products of vectors (..., 2)."""
+    return np.asarray(one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0])
+
+
 _CHORD_MM = 15.0
 
 
@@ -208,7 +213,7 @@ class ClosedCurve:
     def evenly(self, n: int) -> FloatArray:
         """Return ``n`` points evenly spaced along the arc; (n, 2), mm."""
         fine = np.linspace(0.0, 1.0, max(8 * n, 1024) + 1)
-        arc = _arc_length(self(fine))
+        arc = arc_lengths(self(fine))
         return self(np.interp(np.arange(n) / n * arc[-1], arc, fine))
 
 
@@ -229,16 +234,16 @@ def smooth_closed_curve(points: ArrayLike, smoothing: float = 0.0) -> ClosedCurv
     """
     xy = _distinct(np.asarray(points, dtype=np.float64))
     ring = np.vstack([xy, xy[:1]])
-    arc = _arc_length(ring)
+    arc = arc_lengths(ring)
     if smoothing > 0:
         turns = arc / arc[-1]
         near, _ = splprep(ring.T, u=turns, k=3, s=len(ring) * smoothing**2, per=True)
         n = max(2 * len(xy), 64)
         ring = np.column_stack(splev(np.linspace(0.0, 1.0, n + 1), near))
         ring[-1] = ring[0]
-        arc = _arc_length(ring)
+        arc = arc_lengths(ring)
     spline = CubicSpline(arc / arc[-1], ring, bc_type="periodic")
-    length = float(_arc_length(spline(np.linspace(0.0, 1.0, 4 * len(ring) + 1)))[-1])
+    length = float(arc_lengths(spline(np.linspace(0.0, 1.0, 4 * len(ring) + 1)))[-1])
     return ClosedCurve(spline, length)
 
 
@@ -327,6 +332,7 @@ def _distinct(xy: FloatArray) -> FloatArray:
     return kept
 
 
-def _arc_length(ring: FloatArray) -> FloatArray:
+def arc_lengths(ring: FloatArray) -> FloatArray:
+    """Return the length of a line through points (n, d) up to each of them, (n,)."""
     steps = np.linalg.norm(np.diff(ring, axis=0), axis=1)
     return np.concatenate([[0.0], np.cumsum(steps)])

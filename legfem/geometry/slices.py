@@ -15,7 +15,7 @@ from scipy.interpolate import make_interp_spline
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, frozen_array
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape, largest_girth
-from legfem.geometry.section import outward_normals, smooth_closed_curve
+from legfem.geometry.section import arc_lengths, cross, outward_normals, smooth_closed_curve
 
 CONTOURS = ("outer", "inner")
 _PART = {"outer": SKIN, "inner": HULL}
@@ -108,18 +108,16 @@ def signed_distances(reference: FloatArray, other: FloatArray) -> FloatArray:
         distance.
     """
     curve = smooth_closed_curve(reference)
-    steps = np.linalg.norm(np.diff(reference, axis=0), axis=1)
-    turns = np.concatenate([[0.0], np.cumsum(steps)])
-    turns /= turns[-1] + np.linalg.norm(reference[0] - reference[-1])
-    tangent = curve.tangent(turns)
+    arc = arc_lengths(np.vstack([reference, reference[:1]]))
+    tangent = curve.tangent(arc[:-1] / arc[-1])
     normal = np.column_stack([tangent[:, 1], -tangent[:, 0]])
     ring = smooth_closed_curve(other).evenly(_FINER * len(other))
     edge = np.roll(ring, -1, axis=0) - ring
     to_start = ring[None, :, :] - reference[:, None, :]
     with np.errstate(divide="ignore", invalid="ignore"):
-        across = _cross(normal[:, None, :], edge[None, :, :])
-        along_edge = _cross(to_start, normal[:, None, :]) / across
-        along_normal = _cross(to_start, edge[None, :, :]) / across
+        across = cross(normal[:, None, :], edge[None, :, :])
+        along_edge = cross(to_start, normal[:, None, :]) / across
+        along_normal = cross(to_start, edge[None, :, :]) / across
     met = (along_edge >= -1e-12) & (along_edge < 1.0)
     distance = np.where(met, along_normal, np.inf)
     nearest = np.argmin(np.abs(distance), axis=1)
@@ -188,19 +186,11 @@ def distance_rates(reference: SliceSet, shape: LegShape, rates: Mapping[str, Flo
         for contour, ring, values in zip(
             reference.contours(name), shape.at(part, reference.levels), sliced, strict=True
         ):
-            found.append(_at_nearest(contour, ring, values))
+            # Straight between the contour's points, where the reference is nearest to it.
+            at = shapely.line_locate_point(shapely.LinearRing(ring), shapely.points(contour))
+            found.append(
+                make_interp_spline(arc_lengths(np.vstack([ring, ring[:1]])), np.concatenate([values, values[:1]]), k=1)(
+                    at
+                )
+            )
     return np.concatenate(found)
-
-
-def _at_nearest(points: FloatArray, contour: FloatArray, values: FloatArray) -> FloatArray:
-    """Return values given at a closed contour's points where it is nearest to others, (n, m)."""
-    ring = shapely.LinearRing(contour)
-    at = shapely.line_locate_point(ring, shapely.points(points))
-    steps = np.linalg.norm(np.roll(contour, -1, axis=0) - contour, axis=1)
-    arc = np.concatenate([[0.0], np.cumsum(steps)])
-    return np.asarray(make_interp_spline(arc, np.concatenate([values, values[:1]]), k=1)(at))
-
-
-def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    crossed: FloatArray = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-    return crossed

@@ -89,7 +89,8 @@ def register_points(moving: FloatArray, fixed: FloatArray) -> Registration:
     left = transform(moving) - fixed
     rows = [_rows(moving @ turn.T - turn @ here, np.tile(e, (len(moving), 1))) for e in np.eye(3)]
     residual = float(np.sqrt((left**2).sum(axis=1).mean()))
-    return _report(transform, left.T.ravel(), np.vstack(rows), residual, len(moving), 0, 1, converged=True)
+    errors = _errors(left.T.ravel(), np.vstack(rows))
+    return Registration(transform, residual, len(moving), 0, *errors, iterations=1, converged=True)
 
 
 def register_surfaces(moving: FloatArray, fixed: FloatArray, start: RigidTransform | None = None) -> Registration:
@@ -144,16 +145,9 @@ def register_surfaces(moving: FloatArray, fixed: FloatArray, start: RigidTransfo
             break
     left = off[used] + rows @ step
     # Patches share points: as many as a patch has carry the information of one.
-    return _report(
-        transform,
-        left,
-        rows / np.sqrt(share),
-        float(np.sqrt((left**2).mean())),
-        int(used.sum()),
-        int((~used).sum()),
-        iteration,
-        converged,
-    )
+    residual = float(np.sqrt((left**2).mean()))
+    errors, pairs = _errors(left, rows / np.sqrt(share)), int(used.sum())
+    return Registration(transform, residual, pairs, len(used) - pairs, *errors, iteration, converged)
 
 
 def register_shapes(moving: LegShape, fixed: LegShape) -> Registration:
@@ -240,20 +234,11 @@ def _rows(arms: FloatArray, normals: FloatArray) -> FloatArray:
     return np.hstack([np.cross(arms, normals), normals])
 
 
-def _report(
-    transform: RigidTransform,
-    left: FloatArray,
-    rows: FloatArray,
-    residual: float,
-    pairs: int,
-    left_out: int,
-    iterations: int,
-    converged: bool,
-) -> Registration:
+def _errors(left: FloatArray, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the standard errors of shifts (mm) and turns (degrees) that leave distances (n,), by their rows (n, 6)."""
     variance = float((left**2).sum()) / max(len(left) - 6, 1)
-    covariance = variance * np.linalg.pinv(rows.T @ rows)
-    error = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    return Registration(transform, residual, pairs, left_out, error[3:], np.degrees(error[:3]), iterations, converged)
+    error = np.sqrt(np.maximum(np.diag(variance * np.linalg.pinv(rows.T @ rows)), 0.0))
+    return error[3:], np.degrees(error[:3])
 
 
 def _points(points: FloatArray, name: str) -> FloatArray:

@@ -268,7 +268,11 @@ def format_of(path: Path) -> Callable[[NamedMesh, Path], None]:
 
 
 def _write_msh(mesh: NamedMesh, path: Path) -> None:
-    blocks = _by_tag([mesh.cells, *mesh.facets])
+    blocks = [  # gmsh's entities have one tag each
+        Elements(block.kind, block.nodes[block.tags == tag], block.tags[block.tags == tag])
+        for block in (mesh.cells, *mesh.facets)
+        for tag in np.unique(block.tags)
+    ]
     tags = [block.tags for block in blocks]
     dimension = mesh.dimension
     names = {name: np.array([tag, dimension]) for name, tag in mesh.regions.items()}
@@ -306,15 +310,6 @@ _FORMATS: dict[str, Callable[[NamedMesh, Path], None]] = {
     ".vtu": _write_vtu,
     ".inp": _write_inp,
 }
-
-
-def _by_tag(blocks: Sequence[Elements]) -> list[Elements]:
-    """Part blocks so that the elements of each are of one tag, as gmsh's entities are."""
-    return [
-        Elements(block.kind, block.nodes[block.tags == tag], block.tags[block.tags == tag])
-        for block in blocks
-        for tag in np.unique(block.tags)
-    ]
 
 
 def _meshio(

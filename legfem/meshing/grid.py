@@ -1,15 +1,25 @@
 """Structured grids: boxes of unit cells with graded nodes and tagged sides."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from dolfinx import mesh as dolfinx_mesh
 from mpi4py import MPI
 
 from legfem.common.units import FloatArray
+
+
+@dataclass(frozen=True)
+class ElementSizes:
+    """Sizes of a mesh's elements: the fields that are numbers with a fraction."""
+
+    def refined(self, factor: float) -> Self:
+        """Return settings with all sizes divided by ``factor``."""
+        sizes = (one.name for one in fields(self) if one.type is float)
+        return replace(self, **{name: getattr(self, name) / factor for name in sizes})
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from legfem.common.units import FloatArray
 from legfem.geometry.indenter import first_touch
 from legfem.geometry.section import BONES, ClosedCurve, LegSection, across, smooth_closed_curve
 from legfem.meshing import gmsh_mesh
-from legfem.meshing.grid import TaggedMesh
+from legfem.meshing.grid import ElementSizes, TaggedMesh
 
 Outline = Literal["skin", "fascia", "tibia", "fibula"]
 
@@ -130,7 +130,7 @@ BONE_REGIONS = {"tibia": 4, "fibula": 5}
 
 
 @dataclass(frozen=True)
-class SectionMeshSettings:
+class SectionMeshSettings(ElementSizes):
     """How fine the mesh of a section is.
 
     Parameters
@@ -149,12 +149,6 @@ class SectionMeshSettings:
     growth: float = 0.22
     far_size: float = 7.0
     layer_size: float = 3.0
-
-    def refined(self, factor: float) -> "SectionMeshSettings":
-        """Return settings with all lengths divided by ``factor``."""
-        return SectionMeshSettings(
-            self.contact_size / factor, self.growth / factor, self.far_size / factor, self.layer_size / factor
-        )
 
 
 @dataclass(frozen=True, eq=False)

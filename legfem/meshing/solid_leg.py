@@ -105,31 +105,20 @@ def _tube(
     grid = sizes(on_tube.reshape(-1, 3)).reshape(on_tube.shape[:2])
     size = bilinear(grid, (0.0, low), (around * turns[1], float(levels[1] - levels[0])))
     with gmsh_mesh.gmsh_model("tube") as model:
-        flat, triangles = _unrolled(model, around, low, high, size)
+        geometry = model.geo
+        corners = [geometry.addPoint(x, z, 0) for x, z in ((0, low), (around, low), (around, high), (0, high))]
+        lines = [geometry.addLine(corners[k], corners[(k + 1) % 4]) for k in range(4)]
+        geometry.addPlaneSurface([geometry.addCurveLoop(lines)])
+        geometry.synchronize()
+        shift = [1, 0, 0, around, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
+        model.mesh.setPeriodic(1, [lines[1]], [lines[3]], shift)
+        flat, triangles = _triangulated(model, size)
     points = surface(np.minimum(flat[:, 0] / around, 1.0), flat[:, 1])
     rings = [
         order[np.argsort(flat[order, 0])][:-1]  # the last one is the first one
         for order in (np.flatnonzero(np.isclose(flat[:, 1], z, atol=1e-9)) for z in (low, high))
     ]
     return points, triangles, rings[0], rings[1]
-
-
-def _unrolled(
-    model: Any, width: float, low: float, high: float, size: Callable[[float, float], float]
-) -> tuple[FloatArray, Triangles]:
-    geometry = model.geo
-    corners = [geometry.addPoint(x, z, 0) for x, z in ((0, low), (width, low), (width, high), (0, high))]
-    lines = [geometry.addLine(corners[k], corners[(k + 1) % 4]) for k in range(4)]
-    sides = lines[3], lines[1]
-    geometry.addPlaneSurface([geometry.addCurveLoop(lines)])
-    geometry.synchronize()
-    shift = [1, 0, 0, width, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
-    model.mesh.setPeriodic(1, [sides[1]], [sides[0]], shift)
-    model.mesh.setSizeCallback(lambda dim, tag, x, y, z, lc: size(x, y))
-    gmsh.option.setNumber("Mesh.Algorithm", 6)
-    gmsh_mesh.generate(model, 2)
-    points, triangles = _triangles(model)
-    return points[:, :2], triangles
 
 
 def _end_face(outer: FloatArray, inner: list[FloatArray], sizes: SizeField) -> tuple[FloatArray, Triangles]:
@@ -151,13 +140,14 @@ def _end_face(outer: FloatArray, inner: list[FloatArray], sizes: SizeField) -> t
             loops.append(geometry.addCurveLoop(lines))
         geometry.addPlaneSurface(loops)
         geometry.synchronize()
-        model.mesh.setSizeCallback(lambda dim, tag, x, y, z, lc: size(x, y))
-        gmsh.option.setNumber("Mesh.Algorithm", 6)
-        gmsh_mesh.generate(model, 2)
-        return _triangles(model)
+        return _triangulated(model, size)
 
 
-def _triangles(model: Any) -> tuple[FloatArray, Triangles]:
+def _triangulated(model: Any, size: Callable[[float, float], float]) -> tuple[FloatArray, Triangles]:
+    """Mesh a plane model with triangles of sizes (mm) by place; return points (n, 3) and triangles (m, 3)."""
+    model.mesh.setSizeCallback(lambda dim, tag, x, y, z, lc: size(x, y))
+    gmsh.option.setNumber("Mesh.Algorithm", 6)
+    gmsh_mesh.generate(model, 2)
     tags, coordinates, _ = model.mesh.getNodes()
     points = np.asarray(coordinates, dtype=np.float64).reshape(-1, 3)
     number = np.zeros(int(tags.max()) + 1, dtype=np.int64)

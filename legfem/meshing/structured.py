@@ -15,8 +15,8 @@ base.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Literal
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from dolfinx import mesh as dolfinx_mesh
@@ -25,7 +25,7 @@ from mpi4py import MPI
 from legfem.common.errors import InputError, check_positive
 from legfem.common.units import FloatArray
 from legfem.meshing.gmsh_mesh import MeshQuality
-from legfem.meshing.grid import Support, TaggedMesh, spaced, tagged, unit_cells
+from legfem.meshing.grid import ElementSizes, Support, TaggedMesh, spaced, tagged, unit_cells
 from legfem.meshing.section import BONE, DEEP, REGIONS, SKIN
 
 MIRROR_X, MIRROR_Z, END = 13, 14, 15
@@ -98,7 +98,7 @@ class IdealisedLeg:
 
 
 @dataclass(frozen=True)
-class LegMeshSettings:
+class LegMeshSettings(ElementSizes):
     """How fine the mesh of an idealised leg is; all lengths in mm.
 
     Parameters
@@ -133,17 +133,6 @@ class LegMeshSettings:
         if self.cells not in ("hexahedra", "tetrahedra"):
             raise InputError("mesh", "cells", f"unknown kind {self.cells!r}", "choose hexahedra or tetrahedra")
 
-    def refined(self, factor: float) -> "LegMeshSettings":
-        """Return settings with all lengths divided by ``factor``."""
-        return replace(
-            self,
-            contact_size=self.contact_size / factor,
-            depth_size=self.depth_size / factor,
-            edge_size=self.edge_size / factor,
-            growth=self.growth / factor,
-            far_size=self.far_size / factor,
-        )
-
 
 @dataclass(frozen=True, eq=False)
 class LegMesh(TaggedMesh):
@@ -175,9 +164,9 @@ def mesh_leg(
         None for the section alone, which has the same grid.
     """
     settings = settings or LegMeshSettings()
-    around, through, layer = _section_grid(leg, cylinder_radius, settings)
+    around, circles, layer = _section_grid(leg, cylinder_radius, settings)
     along = None if cylinder_length is None else _along(leg, cylinder_length, settings)
-    counts = [len(axis) - 1 for axis in (around, through, along) if axis is not None]
+    counts = [len(axis) - 1 for axis in (around, circles[0], along) if axis is not None]
     made = unit_cells(comm, counts, settings.cells == "tetrahedra")
     tags = {(0, 0): MIRROR_X, (0, counts[0]): MIRROR_X, (1, 0): BONE, (1, counts[1]): SKIN}
     supports = [Support(BONE, tuple(range(len(counts)))), Support(MIRROR_X, (0,))]
@@ -188,7 +177,9 @@ def mesh_leg(
     nodes = made.geometry.x
     if along is not None:
         nodes[:, 2] = np.interp(nodes[:, 2], np.arange(len(along)), along)
-    _bend(nodes, leg, around, through)
+    theta = np.interp(nodes[:, 0], np.arange(len(around)), around)
+    radius, centre = (np.interp(nodes[:, 1], np.arange(len(one)), one) for one in circles)
+    nodes[:, 0], nodes[:, 1] = radius * np.sin(theta), centre + radius * np.cos(theta)
     return LegMesh(made, cell_tags, facet_tags, leg.regions, tuple(supports), 2 if along is None else 4)
 
 
@@ -196,26 +187,15 @@ def grid_counts(
     leg: IdealisedLeg, cylinder_radius: float, cylinder_length: float, settings: LegMeshSettings
 ) -> tuple[int, int, int]:
     """Return the numbers of hexahedra around, through and along the mesh of `mesh_leg`."""
-    around, through, _ = _section_grid(leg, cylinder_radius, settings)
+    around, circles, _ = _section_grid(leg, cylinder_radius, settings)
     along = _along(leg, cylinder_length, settings)
-    return len(around) - 1, len(through) - 1, len(along) - 1
-
-
-@dataclass(frozen=True, eq=False)
-class _Through:
-    """Circles of the grid from the bone to the skin: radius and centre of each, (n,)."""
-
-    radius: FloatArray
-    centre: FloatArray
-
-    def __len__(self) -> int:
-        return len(self.radius)
+    return len(around) - 1, circles.shape[1] - 1, len(along) - 1
 
 
 def _section_grid(
     leg: IdealisedLeg, cylinder_radius: float, settings: LegMeshSettings
-) -> tuple[FloatArray, _Through, list[int]]:
-    """Return angles of the rays, circles, and the region's tag of every ring of cells."""
+) -> tuple[FloatArray, FloatArray, list[int]]:
+    """Return the rays' angles, the circles' radii and centres (2, n), and the region's tag of every ring of cells."""
     # The skin wraps the cylinder up to 1.4 of its radius from the middle, measured along the skin.
     reach = 1.4 * cylinder_radius
 
@@ -236,7 +216,7 @@ def _section_grid(
         radius.extend(inner + (outer - inner) * fraction[1:])
         centre.extend(start * (1 - fraction[1:]))
         layer.extend([leg.regions[name]] * (len(fraction) - 1))
-    return around, _Through(np.array(radius), np.array(centre)), layer
+    return around, np.array([radius, centre]), layer
 
 
 def _along(leg: IdealisedLeg, cylinder_length: float, settings: LegMeshSettings) -> FloatArray:
@@ -250,21 +230,11 @@ def _along(leg: IdealisedLeg, cylinder_length: float, settings: LegMeshSettings)
     return spaced(half, size, stops=(edge,))
 
 
-def _bend(nodes: FloatArray, leg: IdealisedLeg, around: FloatArray, through: _Through) -> None:
-    """Move the nodes of a box of unit cells onto the leg, in place."""
-    theta = np.interp(nodes[:, 0], np.arange(len(around)), around)
-    numbers = np.arange(len(through))
-    radius = np.interp(nodes[:, 1], numbers, through.radius)
-    centre = np.interp(nodes[:, 1], numbers, through.centre)
-    nodes[:, 0] = radius * np.sin(theta)
-    nodes[:, 1] = centre + radius * np.cos(theta)
-
-
 AXIS, BASE, SIDE, RIM, OUTSIDE = 13, BONE, 17, 18, 19
 
 
 @dataclass(frozen=True)
-class MeridianMeshSettings:
+class MeridianMeshSettings(ElementSizes):
     """How fine the mesh of a specimen is.
 
     Parameters
@@ -286,19 +256,6 @@ class MeridianMeshSettings:
         check_positive(self, "size", "far_size")
         check_positive(self, "growth", zero_allowed=True)
 
-    def refined(self, factor: float) -> "MeridianMeshSettings":
-        """Return settings with all lengths divided by ``factor``."""
-        return MeridianMeshSettings(self.size / factor, self.growth / factor, self.far_size / factor)
-
-
-@dataclass(frozen=True, eq=False)
-class MeridianMesh(TaggedMesh):
-    """A meshed half plane.
-
-    Its cells' tags are `DEEP`, and one more at each interface from the base up; its facets' `SKIN`
-    above, `BASE` below, `AXIS`, and `SKIN` or `SIDE` at the side.
-    """
-
 
 def mesh_meridian(
     radius: float,
@@ -309,8 +266,11 @@ def mesh_meridian(
     comm: MPI.Intracomm = MPI.COMM_SELF,
     interfaces: Sequence[float] = (),
     rings: Sequence[tuple[int, float]] = (),
-) -> MeridianMesh:
-    """Mesh a specimen of a radius and height (mm).
+) -> TaggedMesh:
+    """Mesh the half plane of a specimen of a radius and height (mm).
+
+    Its cells' tags are `DEEP`, and one more at each interface from the base up; its facets' `SKIN` above, `BASE` below,
+    `AXIS`, and `SKIN` or `SIDE` at the side.
 
     Parameters
     ----------
@@ -350,21 +310,12 @@ def mesh_meridian(
     nodes[:, 0] = np.interp(nodes[:, 0], np.arange(len(r)), r)
     nodes[:, 1] = np.interp(nodes[:, 1], np.arange(len(z)), z)
     if rings:
-        facet_tags = _in_rings(made, facet_tags, rings)
-    return MeridianMesh(made, cell_tags, facet_tags)
-
-
-def _in_rings(made: Any, facet_tags: Any, rings: Sequence[tuple[int, float]]) -> Any:
-    """Return facet tags with those of rings in place of `SKIN`."""
-    skin = facet_tags.find(SKIN)
-    middle = dolfinx_mesh.compute_midpoints(made, 1, skin)[:, 0]
-    number = np.searchsorted([outer for _, outer in rings], middle)
-    tags = np.array([*(tag for tag, _ in rings), OUTSIDE], dtype=np.int32)
-    kept = facet_tags.values != SKIN
-    facets = np.concatenate([facet_tags.indices[kept], skin])
-    values = np.concatenate([facet_tags.values[kept], tags[number]])
-    order = np.argsort(facets)
-    return dolfinx_mesh.meshtags(made, 1, facets[order], values[order])
+        skin = facet_tags.find(SKIN)
+        number = np.searchsorted([outer for _, outer in rings], dolfinx_mesh.compute_midpoints(made, 1, skin)[:, 0])
+        values = facet_tags.values.copy()
+        values[facet_tags.values == SKIN] = np.array([*(tag for tag, _ in rings), OUTSIDE])[number]
+        facet_tags = dolfinx_mesh.meshtags(made, 1, facet_tags.indices, values)
+    return TaggedMesh(made, cell_tags, facet_tags)
 
 
 def supports(base: Literal["bonded", "sliding"]) -> tuple[Support, ...]:

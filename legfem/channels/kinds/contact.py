@@ -25,7 +25,6 @@ from math import comb
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from legfem.channels import Sight
 from legfem.channels.kind import (
@@ -103,27 +102,22 @@ class ContactForces(ChannelFile):
 
     def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:
         """Refuse a lateral force that exceeds the force along the travel, and a moment that friction can't make."""
-        force, values = recorded.force, recorded.values
-        pressed = force > _PRESSED * force.max()
-        if kind == MOMENT:
-            return _checked_moment(values[pressed], force[pressed], recorded.site.indenter.radius)
-        if kind != LATERAL or not pressed.any() or np.median(np.abs(values[pressed]) / force[pressed]) <= 1.0:
+        pressed = recorded.force > _PRESSED * recorded.force.max()
+        values, force = recorded.values[pressed], recorded.force[pressed]
+        # A moment's arm is within the face; no lateral force exceeds the one along the travel.
+        most = recorded.site.indenter.radius if kind == MOMENT else 1.0
+        if kind == AXIAL or not len(values) or np.median(np.abs(values) / force) <= most:
             return None
-        worst = float(np.abs(values[pressed]).max())
+        worst = float(np.abs(values).max())
+        if kind == MOMENT:
+            return Impossible(
+                f"it is up to {worst:.3g} N mm, and friction of {force.max():.3g} N on the face makes less",
+                "give it about the cylinder's axis, not about the load cell's origin, and check its unit",
+            )
         return Impossible(
             f"it is up to {worst:.3g} N, more than the force along the travel ({force.max():.3g} N)",
             "check which of the load cell's axes is which, and its zero",
         )
-
-
-def _checked_moment(values: FloatArray, force: FloatArray, radius: float) -> Impossible | None:
-    """Return why moments (k,), N mm, can't be about the axis of a cylinder that forces (k,) press, N."""
-    if not len(values) or np.median(np.abs(values) / force) <= radius:
-        return None
-    return Impossible(
-        f"it is up to {np.abs(values).max():.3g} N mm, and friction of {force.max():.3g} N on the face makes less",
-        "give it about the cylinder's axis, not about the load cell's origin, and check its unit",
-    )
 
 
 def _squared(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
@@ -148,7 +142,7 @@ class ContactWidths(ChannelFile):
 
     def read(self, seen: "Seen") -> Channels:
         """Return the width; nothing before the skin touches."""
-        skin, radius = seen.line("skin"), seen.radius
+        skin, radius = seen.lines["skin"], seen.radius
         reach = radius + seen.onset
         away = skin.points - seen.centre
         # Of an edge from 0 to 1: a + b s + c s^2.
@@ -319,7 +313,14 @@ class ContactPressures(FramesFile[Site]):
         first = np.flatnonzero(np.diff(group, prepend=-1))
         edges = np.append(ends[first], ends[-1])
         places = tuple((round(float(a), 4), round(float(b), 4)) for a, b in pairwise(edges))
-        return [[_of_trial(one, angles, group, np.diff(ends), places)] for one in frames]
+        found = []
+        for one in frames:
+            sensel = np.searchsorted(angles, one.columns[:, 0])
+            keys, row = np.unique(np.column_stack([one.time, group[sensel]]), axis=0, return_inverse=True)
+            widths = np.diff(ends)[sensel]
+            means = np.bincount(row.ravel(), widths * one.columns[:, 1]) / np.bincount(row.ravel(), widths)
+            found.append([Read(PRESSURE.name, keys[:, 0], means, keys[:, 1].astype(int), places)])
+        return found
 
     def place(self, kind: ChannelKind, site: Site) -> FloatArray:
         """Return the face's deepest point at first touch."""
@@ -341,18 +342,3 @@ def _step(t: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return a smooth step from 0 at -1 to 1 at 1, and its slope."""
     inside = np.clip(t, -1.0, 1.0)
     return 0.5 + 0.75 * inside - 0.25 * inside**3, 0.75 * (1 - inside**2)
-
-
-def _of_trial(
-    frames: Frames,
-    angles: FloatArray,
-    group: NDArray[np.int_],
-    width: FloatArray,
-    places: tuple[tuple[float, ...], ...],
-) -> Read:
-    """Return the mean pressures of groups of sensels, by their widths."""
-    sensel = np.searchsorted(angles, frames.columns[:, 0])
-    keys, row = np.unique(np.column_stack([frames.time, group[sensel]]), axis=0, return_inverse=True)
-    widths = width[sensel]
-    means = np.bincount(row.ravel(), widths * frames.columns[:, 1]) / np.bincount(row.ravel(), widths)
-    return Read(PRESSURE.name, keys[:, 0], means, keys[:, 1].astype(int), places)

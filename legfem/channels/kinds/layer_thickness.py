@@ -144,7 +144,7 @@ class LayerThicknesses(ChannelFile):
                 found[name] = heights[1] - heights[0] + high - low, high_rates - low_rates
             return found
         for name, between in _BETWEEN.items():
-            above, below = (seen.line(outline).place() for outline in between)
+            above, below = (seen.lines[outline].place() for outline in between)
             if above is not None and below is not None:
                 found[name] = (below[0] - above[0], below[1] - above[1])
         return found

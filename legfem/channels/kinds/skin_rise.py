@@ -113,10 +113,9 @@ class SkinRises(FramesFile[Site]):
                 "time_s", f"{len(times)} frame", "give the points of one frame a time, two times at least"
             )
         refuse_pressed(frames, "rises are counted from it")
-        line = _NearSkin(site)
         found = []
         for offset, kind in RISES.items():
-            along = np.array([line.at(frames.columns[frame == k], offset) for k in range(len(times))])
+            along = np.array([_skin_at(frames.columns[frame == k], offset, site) for k in range(len(times))])
             if np.isfinite(along).all():
                 found.append(Read(kind.name, times[1:], along[0] - along[1:]))
         if not found:
@@ -129,24 +128,16 @@ class SkinRises(FramesFile[Site]):
         return found
 
 
-class _NearSkin:
-    """Points of the skin's near half along the line of travel."""
-
-    def __init__(self, site: Site) -> None:
-        self._aim, self._direction = np.asarray(site.indenter.aim), site.direction
-        middle = np.asarray(site.section.polygon("skin").centroid.coords[0])
-        self._half = float((middle - self._aim) @ self._direction)
-
-    def at(self, points: FloatArray, offset: float) -> float:
-        """Return where along the travel (mm) points (n, 2) have the skin at an offset; NaN where they haven't."""
-        along = (points - self._aim) @ self._direction
-        left = (points - self._aim) @ across(self._direction)
-        near = (np.abs(left - offset) <= _NEAR_MM) & (along < self._half)
-        at = left[near] - offset
-        if len(at) < 2 or at.min() > 0 or at.max() < 0 or np.ptp(at) == 0:
-            return float("nan")
-        # The skin is curved: by 0.1 mm over a few millimetres.
-        return float(Polynomial.fit(at, along[near], min(2, len(at) - 1))(0.0))
+def _skin_at(points: FloatArray, offset: float, site: Site) -> float:
+    """Return where along the travel (mm) points (n, 2) have the skin at an offset; NaN where they haven't."""
+    aim, middle = np.asarray(site.indenter.aim), np.asarray(site.section.polygon("skin").centroid.coords[0])
+    along, left = (points - aim) @ site.direction, (points - aim) @ across(site.direction)
+    near = (np.abs(left - offset) <= _NEAR_MM) & (along < (middle - aim) @ site.direction)
+    at = left[near] - offset
+    if len(at) < 2 or at.min() > 0 or at.max() < 0 or np.ptp(at) == 0:
+        return float("nan")
+    # The skin is curved: by 0.1 mm over a few millimetres.
+    return float(Polynomial.fit(at, along[near], min(2, len(at) - 1))(0.0))
 
 
 def refuse_pressed(frames: Frames, why: str) -> None:

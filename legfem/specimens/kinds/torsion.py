@@ -16,7 +16,7 @@ from legfem.common.errors import Doubt, InputError
 from legfem.common.input_files import FileTable, Positive, read_table
 from legfem.common.units import FloatArray
 from legfem.data import Instrument, Recording, Segmentation
-from legfem.data.recording import RecordedChannel, backwards, not_increasing
+from legfem.data.recording import RecordedChannel, check_increasing
 from legfem.data.smoothing import sample_noise
 from legfem.experiments.bodies import TwistedCylinder
 from legfem.specimens.course import read_specimen
@@ -118,11 +118,7 @@ class TorsionKind(SpecimenKind[TorsionEntry, TwistedCylinder]):
             what = f"has {len(angles)} columns of an angle and {len(torques)} of a torque"
             raise InputError(path, "header", what, _GIVE)
         time, angle, torque = (table[one].to_numpy(dtype=float) for one in ("time_s", angles[0], torques[0]))
-        rows = not_increasing(time)
-        if rows:
-            raise InputError(
-                path, f"time_s, row {rows[0] + 1}", f"{backwards(time, rows[0])})", "sort the rows by time"
-            )
+        check_increasing(path, time, "time_s")
         recording = Recording(time, _ANGLES[angles[0]] * angle, _TORQUES[torques[0]] * torque, name, path)
         if _NORMAL in table:
             pushed = table[_NORMAL].to_numpy(dtype=float)
