@@ -27,7 +27,8 @@ from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
 from legfem.mechanics.model import LegModel, Term
 from legfem.mechanics.terms import NormalContact, TangentialContact, Tissue
 from legfem.meshing.section import BONE, DEEP, SKIN, SectionMeshSettings
-from legfem.solve.newton import NewtonOutcome, NewtonSolver
+from legfem.solve.newton import NewtonSolver
+from legfem.solve.path import NewtonOutcome
 from legfem.solve.settings import NewtonSettings, StepSettings
 from studies.reconstruct import DEFINITION
 

@@ -47,7 +47,7 @@ def killed_at(depth: float):
 
 
 def numbers(report: SolveReport) -> list[tuple[float, bool, int]]:
-    return [(step.displacement, step.accepted, step.factorisations) for step in report.steps]
+    return [(step.displacement, step.converged, step.factorisations) for step in report.steps]
 
 
 def test_a_killed_solution_goes_on_to_the_same_curve(tmp_path: Path, every_step):

@@ -15,8 +15,8 @@ from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainS
 from legfem.fem.system import System
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.model import Body
-from legfem.solve.newton import Damping, NewtonOutcome, NewtonSolver
-from legfem.solve.path import SolveReport, Step
+from legfem.solve.newton import Damping, NewtonSolver
+from legfem.solve.path import NewtonOutcome, SolveReport, Step
 from legfem.solve.protocol import Protocol
 from legfem.solve.settings import NewtonSettings, StepSettings
 from legfem.solve.stepping import follow, press
@@ -74,12 +74,12 @@ def test_a_failed_step_leaves_the_last_good_state(stuck):
 def test_every_step_is_reported(stuck):
     report, _, accepted = stuck
     assert all(isinstance(step, Step) for step in report.steps)
-    assert [step.displacement for step in report.steps if step.accepted] == [at for at, _, _ in accepted]
+    assert [step.displacement for step in report.steps if step.converged] == [at for at, _, _ in accepted]
     assert report.rejected == sum(step.reason == "told to fail" for step in report.steps) > 2
     assert report.factorisations == sum(step.factorisations for step in report.steps)
     assert report.seconds > 0 and report.unknowns == stuck[1].spaces.unknowns
     for step in report.steps:
-        if step.accepted:
+        if step.converged:
             assert step.reason == "the residual is small" and step.residual < 1e-9
 
 
@@ -97,7 +97,7 @@ def test_steps_are_cut_after_failures_and_grow_again():
 
     report = press(system, FailingSolver(system, fails), [3.0], settings)
     assert report.complete and report.rejected > 0
-    sizes = [step.size for step in report.steps if step.accepted]
+    sizes = [step.size for step in report.steps if step.converged]
     assert min(sizes) <= 0.2 and sizes[-1] > 0.4
     disturbed = system.force()
     smooth = pressed_block()

@@ -9,7 +9,8 @@ import pytest
 from typer.testing import CliRunner
 
 from legfem.common.errors import UnsolvedError
-from legfem.solve.newton import NewtonOutcome, NewtonSolver
+from legfem.solve.newton import NewtonSolver
+from legfem.solve.path import NewtonOutcome
 from studies.cases.__main__ import app as cases_app
 from studies.people import __main__ as people
 from studies.people.__main__ import app as people_app

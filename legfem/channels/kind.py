@@ -207,14 +207,6 @@ class Frames:
     trial_force: FloatArray
 
 
-class FramesError(Exception):
-    """Frames that can't be read: the table's column, what is wrong with it, and how to mend it."""
-
-    def __init__(self, field: str, what: str, remedy: str) -> None:
-        super().__init__(what)
-        self.field, self.what, self.remedy = field, what, remedy
-
-
 @dataclass(frozen=True, eq=False)
 class Read:
     """What frames give of one channel.
@@ -347,6 +339,6 @@ class FramesFile[Where](ChannelFile):
 
         Raises
         ------
-        FramesError
+        InputError
             If they can't.
         """

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from pydantic import Field, create_model, model_validator
 
-from legfem.channels.kind import ChannelAccuracy, ChannelKind, Face, Frames, FramesError, FramesFile, Read
+from legfem.channels.kind import ChannelAccuracy, ChannelKind, Face, Frames, FramesFile, Read
 from legfem.channels.kinds import CHANNELS, OF_FRAMES, OF_LEGS, UNITS
 from legfem.common.errors import InputError
 from legfem.common.input_files import FileTable, NotNegative, Positive, Text, read_table, trouble
@@ -258,8 +258,8 @@ def _of_frames(
         frames.append(Frames(table[:, 0], table[:, 1:], one.time, one.force))
     try:
         return file.of_frames(frames, site)
-    except FramesError as error:
-        raise InputError(paths[0], error.field, error.what, error.remedy) from None
+    except InputError as error:
+        raise error.at(paths[0]) from None
 
 
 def _with_frames(

@@ -384,7 +384,9 @@ def refuse_copies(other: Recording, recordings: Sequence[Recording]) -> None:
         For two that share their noise, which no repeat does.
     """
     for one in recordings:
-        if _copied(one, other):
+        n = min(len(one), len(other))
+        pairs = [(one.force[:n], other.force[:n]), _at_times(one, other), _at_times(other, one)]
+        if np.array_equal(one.force, other.force) or any(_share_noise(*pair) for pair in pairs):
             named = one.trial if one.trial != other.trial or one.source is None else "/".join(one.source.parts[-2:])
             raise InputError(
                 str(other.source or other.trial),
@@ -392,14 +394,6 @@ def refuse_copies(other: Recording, recordings: Sequence[Recording]) -> None:
                 f"is a copy of {named}: the two have the same noise, which no repeat has",
                 "remove one of them; with a copy the result looks more certain than it is",
             )
-
-
-def _copied(one: Recording, other: Recording) -> bool:
-    if len(one) == len(other) and np.array_equal(one.force, other.force):
-        return True
-    n = min(len(one), len(other))
-    pairs = [(one.force[:n], other.force[:n]), _at_times(one, other), _at_times(other, one)]
-    return any(_share_noise(*pair) for pair in pairs)
 
 
 def _at_times(one: Recording, other: Recording) -> tuple[FloatArray, FloatArray]:

@@ -320,7 +320,11 @@ def read_plain_table(path: Path, area: float | None) -> Recording:
     InputError
         If it is none, or time doesn't increase.
     """
-    column, factor = (HEADER[2], 1.0) if area is None else _pressure_column(path, area)
+    column, factor = HEADER[2], 1.0
+    if area is not None:
+        factors = {"kPa": MPA_PER_KPA, "mbar": 0.1 * MPA_PER_KPA, "mmHg": MPA_PER_MMHG}
+        unit = next((unit for unit in factors if f"pressure_{unit}" in _first_line(path)), "kPa")
+        column, factor = f"pressure_{unit}", factors[unit] * area
     further = _channel_columns(path)
     table = read_table(path, (*HEADER[:2], column, *further), sparse=tuple(further))
     if _first_is_doubled(table["time_s"].to_numpy(dtype=np.float64)):
@@ -346,13 +350,6 @@ def _channel_columns(path: Path) -> dict[str, ChannelKind]:
     """Return the columns of further channels in a table's first line."""
     known = {kind.column: kind for kind in IN_COLUMNS}
     return {name: known[name] for cell in _first_line(path).split(",") if (name := cell.strip()) in known}
-
-
-def _pressure_column(path: Path, area: float) -> tuple[str, float]:
-    """Return the name of the column of pressures, and what makes forces on an area (mm2) of them."""
-    factors = {"kPa": MPA_PER_KPA, "mbar": 0.1 * MPA_PER_KPA, "mmHg": MPA_PER_MMHG}
-    unit = next((unit for unit in factors if f"pressure_{unit}" in _first_line(path)), "kPa")
-    return f"pressure_{unit}", factors[unit] * area
 
 
 def write_recording(recording: Recording, path: Path) -> None:

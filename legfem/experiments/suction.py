@@ -11,7 +11,7 @@ without a rim, the dome's height is that of a uniform pressure on a circle of ra
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Self
 
@@ -145,25 +145,15 @@ class _Drawn(Meshed):
             system.set_time(at[-1] + size, size)
             outcome = self.solver.solve()
             rise = float(system.unknown.x.array[self._apex])
-            converged = outcome.converged and rise > risen[-1]
-            reason = "the dome falls as the suction rises" if outcome.converged else outcome.reason
-            steps.append(
-                Step(
-                    rise if converged else risen[-1],
-                    at[-1] + size,
-                    size,
-                    converged,
-                    outcome.reason if converged else reason,
-                    outcome.factorisations,
-                    outcome.iterations,
-                    outcome.residual,
-                )
-            )
-            if not converged:
+            if outcome.converged and rise <= risen[-1]:
+                outcome = replace(outcome, converged=False, reason="the dome falls as the suction rises")
+            reached = rise if outcome.converged else risen[-1]
+            steps.append(Step(**vars(outcome), displacement=reached, time=at[-1] + size, size=size))
+            if not outcome.converged:
                 system.unknown.x.array[:] = before
                 size *= _CUT
                 if size < _LEAST * usual:
-                    stopped = f"no step of the suction above {1e3 * usual * _LEAST:.2g} kPa: {reason}"
+                    stopped = f"no step of the suction above {1e3 * usual * _LEAST:.2g} kPa: {outcome.reason}"
                     break
                 continue
             at.append(at[-1] + size)

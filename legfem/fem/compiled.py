@@ -87,8 +87,9 @@ def _compile_here(what: Any, options: dict[str, Any]) -> None:
     folder = options["cache_dir"]
     folder.mkdir(parents=True, exist_ok=True)
     with _locked(folder) as locked:
-        if _finished(folder):
-            return
+        sources = list(folder.glob("*.c"))
+        if sources and all(source.with_suffix(".c.cached").exists() for source in sources):
+            return  # all that FFCx began is complete
         _announce()
         if locked:
             for file in folder.iterdir():
@@ -104,15 +105,10 @@ def _compile_here(what: Any, options: dict[str, Any]) -> None:
                     jit_options={**options, "timeout": 10 if locked else 300},
                 )
         except VerificationError as error:
-            raise _failure(folder) from error
-
-
-def _failure(folder: Path) -> OSError:
-    """Return why the C compiler failed, as the system would say it."""
-    full = shutil.disk_usage(folder).free < _LEAST_FREE
-    number = errno.ENOSPC if full else errno.ENOEXEC
-    what = os.strerror(number) if full else "the C compiler failed on a form (is gcc there?)"
-    return OSError(number, what, str(folder))
+            if shutil.disk_usage(folder).free < _LEAST_FREE:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(folder)) from error
+            what = "the C compiler failed on a form (is gcc there?)"
+            raise OSError(errno.ENOEXEC, what, str(folder)) from error
 
 
 @contextmanager
@@ -125,12 +121,6 @@ def _locked(folder: Path) -> Iterator[bool]:
             yield False
         else:
             yield True
-
-
-def _finished(folder: Path) -> bool:
-    """Tell whether all that FFCx began in a folder is complete."""
-    sources = list(folder.glob("*.c"))
-    return bool(sources) and all(source.with_suffix(".c.cached").exists() for source in sources)
 
 
 @cache

@@ -202,7 +202,9 @@ class PointsInside:
         # Beyond the mesh the nearest of a triangle's points stands for one that is just outside.
         share = np.maximum(shares[rows, cell], 0.0)
         share /= share.sum(axis=1, keepdims=True)
-        shapes = _triangle_shapes(share) * (ranks.argmax(axis=0) == comm.rank)[:, None]
+        a, b, c = share.T
+        quadratic = a * (2 * a - 1), b * (2 * b - 1), c * (2 * c - 1), 4 * b * c, 4 * a * c, 4 * a * b
+        shapes = np.stack(quadratic, axis=-1) * (ranks.argmax(axis=0) == comm.rank)[:, None]
         shapes[ranks.max(axis=0) < -_OUTSIDE] = np.nan
         return cls(cells[cell], shapes, comm)
 
@@ -210,9 +212,3 @@ class PointsInside:
         """Return fields (..., m, d) at the points from their values at the rank's nodes, (..., nodes, d)."""
         local = np.einsum("pk,...pkd->...pd", self.shapes, nodal[..., self.nodes, :])
         return np.asarray(self.comm.allreduce(local))
-
-
-def _triangle_shapes(share: FloatArray) -> FloatArray:
-    """Return the shape functions (m, 6) at barycentric coordinates (m, 3)."""
-    a, b, c = share.T
-    return np.stack([a * (2 * a - 1), b * (2 * b - 1), c * (2 * c - 1), 4 * b * c, 4 * a * c, 4 * a * b], axis=-1)

@@ -199,24 +199,15 @@ def _nested(
     return {"skin": skin, "muscle_hull": hull, **bones}
 
 
-def _check_fat(outlines: Mapping[str, Polygon], source: str | Path) -> None:
-    """Check that the skin isn't the muscles' own surface: fat isn't to be invented."""
-    skin, hull = outlines["skin"].exterior, outlines[MUSCLE_HULL].buffer(_TOUCHING)
-    bare = float((skin & hull).length / skin.length)
-    if bare > _BARE:
-        raise InputError(
-            source,
-            "skin",
-            f"lies on the muscles' hull along {100 * bare:.0f} % of its length",
-            "give the skin's outline, outside the fat: a scan without it can't be used",
-        )
-
-
 def _check_order(outlines: Mapping[str, Polygon], source: str | Path) -> None:
-    """Check what nesting would hide: a part's size, and which lies in which."""
+    """Check what nesting would hide: a part's size, which lies in which, and a skin without fat."""
     skin, hull = outlines["skin"], outlines["muscle_hull"]
     check_girth(float(skin.exterior.length), source)
-    _check_fat(outlines, source)
+    bare = float((skin.exterior & hull.buffer(_TOUCHING)).length / skin.exterior.length)
+    if bare > _BARE:
+        problem = f"lies on the muscles' hull along {100 * bare:.0f} % of its length"
+        remedy = "give the skin's outline, outside the fat: a scan without it can't be used"
+        raise InputError(source, "skin", problem, remedy)
     for part, outline in outlines.items():
         if part != "skin" and (outline & skin).area < _INSIDE * outline.area:
             raise InputError(source, part, "lies outside the skin", f"are skin and {part} exchanged?")

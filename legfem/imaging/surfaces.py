@@ -235,14 +235,8 @@ def _fans(connectivity: _Numbers, ends: _Numbers) -> _Triangles:
 
 def _strips(connectivity: _Numbers, ends: _Numbers) -> _Triangles:
     """Return the triangles of strips, every second one turned."""
-    nodes, stops = connectivity.astype(np.intp), ends.astype(np.intp)
-    found = []
-    for start, stop in zip(np.concatenate([[0], stops[:-1]]), stops, strict=True):
-        strip = nodes[start:stop]
-        each = np.column_stack([strip[:-2], strip[1:-1], strip[2:]])
-        each[1::2] = each[1::2, ::-1]
-        found.append(each)
-    return np.concatenate(found) if found else np.zeros((0, 3), dtype=np.intp)
+    strips = np.split(connectivity.astype(np.intp), ends.astype(np.intp)[:-1])
+    return np.asarray(trimesh.util.triangle_strips_to_faces(strips), dtype=np.intp)
 
 
 _CELLS = {"POLYGONS": _fans, "TRIANGLE_STRIPS": _strips}
@@ -304,7 +298,7 @@ def _of_legacy(content: bytes) -> tuple[FloatArray, _Triangles]:
             points = cursor.numbers(3 * int(words[1]), words[2]).astype(float).reshape(-1, 3)
         elif key in ("VERTICES", "LINES", *_CELLS):
             connectivity, ends = _legacy_cells(cursor, int(version[1]), words)
-            if key in _CELLS:
+            if key in _CELLS and len(ends):
                 faces.append(_CELLS[key](connectivity, ends))
         elif key == "FIELD":
             _pass_fields(cursor, int(words[2]))

@@ -65,7 +65,11 @@ def read_volume(path: Path, meaning: Meaning | None = None, series: Path | None 
     except InputError:
         raise
     except Exception as error:  # the libraries raise all kinds
-        raise InputError(path, "file", f"can't be read ({_said(error)})", "save it again") from None
+        # Without where in its own sources the library says it.
+        found = _OF_ITK.search(str(error))
+        said = " ".join(((found["said"] or found["nrrd"]) if found else str(error)).split())[:160]
+        problem = f"can't be read ({said or type(error).__name__})"
+        raise InputError(path, "file", problem, "save it again") from None
     volume = volume_of_array(array, affine, str(path), meaning or named)
     if volume.spacing.max() > _FARTHEST_MM:
         apart = " x ".join(f"{one:g}" for one in volume.spacing)
@@ -79,13 +83,6 @@ _FARTHEST_MM = 25.0
 _MOST_VOXELS = 500_000_000
 """A CT of a whole leg at half a millimetre; more take more memory than machines have."""
 _OF_ITK = re.compile(r"ITK ERROR: (?:\w+\(0x[0-9a-f]+\): )?(?P<said>.*)|(?P<nrrd>\[nrrd\] .*)", re.DOTALL)
-
-
-def _said(error: Exception) -> str:
-    """Return what a library says of a file, without where in its own sources that is."""
-    found = _OF_ITK.search(str(error))
-    text = " ".join(((found["said"] or found["nrrd"]) if found else str(error)).split())
-    return text[:160] or type(error).__name__
 
 
 def _check_count(path: Path, shape: Sequence[int]) -> None:

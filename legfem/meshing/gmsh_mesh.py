@@ -121,6 +121,18 @@ class MeshQuality:
         return min(self.minimum, key=self.minimum.__getitem__)
 
 
+WORST_QUALITY = 0.02
+"""Quality of an element below which a mesh isn't sound."""
+
+
+def unsound(quality: MeshQuality, source: str, remedy: str) -> InputError | None:
+    """Return why a mesh can't be used; None where its elements are sound."""
+    if quality.worst > WORST_QUALITY:
+        return None
+    problem = f"cannot be meshed soundly (worst element quality {quality.worst:.2g})"
+    return InputError(source, quality.worst_region, problem, remedy)
+
+
 def element_quality(model: Any, regions: Mapping[str, int], dimension: int = 2) -> MeshQuality:
     """Measure every region (name to physical tag) of a meshed gmsh model."""
     minimum, mean, count = {}, {}, {}

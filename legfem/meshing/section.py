@@ -217,13 +217,9 @@ def mesh_section(
         gmsh_mesh.raise_everywhere(comm, error)
         outline, quality = comm.bcast((outline, quality), root=0)
         touch = first_touch(outline, radius, aim, direction)
-        if quality.worst <= 0.02:
-            raise InputError(
-                "contours",
-                quality.worst_region,
-                f"cannot be meshed soundly (worst element quality {quality.worst:.2g})",
-                "check the contours there for kinks or near contacts, or ask for a finer mesh",
-            )
+        remedy = "check the contours there for kinks or near contacts, or ask for a finer mesh"
+        if error := gmsh_mesh.unsound(quality, "contours", remedy):
+            raise error
         mesh, cell_tags, facet_tags = gmsh_mesh.mesh_from_gmsh(model, comm, gdim=2)
     return SectionMesh(mesh, cell_tags, facet_tags, touch, direction, outline, quality)
 
@@ -261,18 +257,12 @@ def _place(curve: ClosedCurve, size: Any) -> tuple[FloatArray, FloatArray]:
     number = max(8, math.ceil(count[-1]))
     at = np.interp(np.arange(number) / number * count[-1], count, turns)
     corners, tangents = curve(at), curve.tangent(at)
-    return corners + _out_of_chords(corners), tangents
-
-
-def _out_of_chords(corners: FloatArray) -> FloatArray:
-    """Return shifts that make the polygon through the corners enclose what their curve does.
-
-    A chord of length h on an arc of radius R lies h^2 / (12 R) inside it on average.
-    """
+    # The polygon is to enclose what the curve does: a chord of length h on an arc of radius R lies h^2 / (12 R) inside
+    # it on average.
     before, after = corners - np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0) - corners
     lengths = np.linalg.norm(before, axis=1), np.linalg.norm(after, axis=1)
     turn = before / lengths[0][:, None] - after / lengths[1][:, None]
-    return turn * (0.5 * (lengths[0] + lengths[1]) / 12)[:, None]
+    return corners + turn * (0.5 * (lengths[0] + lengths[1]) / 12)[:, None], tangents
 
 
 def _build(

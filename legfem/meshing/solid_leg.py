@@ -65,7 +65,11 @@ def mesh_shell(shape: LegShape, sizes: SizeField, enclosing: bool = False) -> Sh
             pieces.append(_end_face(rings[outer][end], [rings[p][end] for p in inner], sizes))
     offsets = np.cumsum([0, *(len(points) for points, _ in pieces)])
     every = np.vstack([points for points, _ in pieces])
-    points, place = _welded(every)
+    first, pairs = np.arange(len(every)), cKDTree(every).query_pairs(1e-6, output_type="ndarray")
+    # Never more than three at one place, all paired with one another: the lowest number stands.
+    np.minimum.at(first, pairs.max(axis=1), pairs.min(axis=1))
+    kept, place = np.unique(first, return_inverse=True)
+    points = every[kept]
     faces = [place[t + offset] for (_, t), offset in zip(pieces, offsets[:-1], strict=True)]
     n = len(shape.parts)
     tubes = dict(zip(shape.parts, faces[:n], strict=True))
@@ -156,18 +160,8 @@ def _triangulated(model: Any, size: Callable[[float, float], float]) -> tuple[Fl
     return points, number[corners].reshape(-1, 3)
 
 
-def _welded(points: FloatArray) -> tuple[FloatArray, NDArray[np.int64]]:
-    """Return the distinct points, and the number of each point among them."""
-    first = np.arange(len(points))
-    pairs = cKDTree(points).query_pairs(1e-6, output_type="ndarray")
-    # Never more than three at one place, all paired with one another: the lowest number stands.
-    np.minimum.at(first, pairs.max(axis=1), pairs.min(axis=1))
-    kept, place = np.unique(first, return_inverse=True)
-    return points[kept], place
-
-
 SOLID_REGIONS = {"superficial": SUPERFICIAL, "deep": DEEP}
-WORST_QUALITY = 0.02
+_REMEDY = "smooth the shape, leave more room between its parts, or ask for a finer mesh"
 
 
 def mesh_solid_leg(
@@ -211,23 +205,12 @@ def mesh_solid_leg(
             error = _fill(model, shape, shell, settings)
             if error is None:
                 quality = gmsh_mesh.element_quality(model, SOLID_REGIONS, dimension=3)
-                error = _unsound(quality)
+                error = gmsh_mesh.unsound(quality, "shape", _REMEDY)
         gmsh_mesh.raise_everywhere(comm, error)
         mesh, cell_tags, facet_tags = gmsh_mesh.mesh_from_gmsh(model, comm, gdim=3)
     quality = comm.bcast(quality, root=0)
     supports = (Support(BONE, (0, 1, 2)),)
     return LegMesh(mesh, cell_tags, facet_tags, SOLID_REGIONS, supports, 1, quality)
-
-
-def _unsound(quality: gmsh_mesh.MeshQuality) -> InputError | None:
-    if quality.worst > WORST_QUALITY:
-        return None
-    return InputError(
-        "shape",
-        quality.worst_region,
-        f"cannot be meshed soundly (worst element quality {quality.worst:.2g})",
-        "smooth the shape, leave more room between its parts, or ask for a finer mesh",
-    )
 
 
 def _fill(model: Any, shape: LegShape, shell: Shell, settings: SolidMeshSettings) -> InputError | None:
@@ -249,12 +232,7 @@ def _fill(model: Any, shape: LegShape, shell: Shell, settings: SolidMeshSettings
     except InputError as error:
         return error
     except Exception as error:  # gmsh raises nothing more specific
-        return InputError(
-            "shape",
-            "mesh",
-            f"gmsh cannot fill the surfaces ({error})",
-            "smooth the shape, leave more room between its parts, or ask for a finer mesh",
-        )
+        return InputError("shape", "mesh", f"gmsh cannot fill the surfaces ({error})", _REMEDY)
     for volume, tag in ((fat, SUPERFICIAL), (deep, DEEP)):
         model.addPhysicalGroup(3, [volume], tag)
     for surfaces, tag in (

@@ -18,6 +18,7 @@ from legfem.common.units import FloatArray
 from legfem.fem.compat import RESIDUAL_NOT_FINITE
 from legfem.fem.system import System
 from legfem.solve.linear import LinearSettings, SaddlePreconditioner, configure, prepare, renew_factors
+from legfem.solve.path import NewtonOutcome
 from legfem.solve.settings import NewtonSettings
 
 _SMALLEST = 1e-8
@@ -146,17 +147,6 @@ class Damper:
         free[self._system.owned_supports] = False
         everywhere = np.concatenate(self._system.comm.allgather(diagonal[free]))
         return np.where(free, np.median(everywhere), 0.0)
-
-
-@dataclass(frozen=True)
-class NewtonOutcome:
-    """Outcome of one step: whether it converged, why it ended, and the work it took."""
-
-    converged: bool
-    reason: str
-    factorisations: int
-    iterations: int
-    residual: float
 
 
 class NewtonSolver:

@@ -183,8 +183,20 @@ def _part(values: Mapping[str, FloatArray], part: slice) -> dict[str, FloatArray
 
 
 @dataclass(frozen=True)
-class Step:
-    """One attempted step."""
+class NewtonOutcome:
+    """Outcome of one step: whether it converged, why it ended, and the work it took."""
+
+    converged: bool
+    reason: str
+    factorisations: int
+    iterations: int
+    residual: float
+    """Norm of the residual, N/mm in 2D, N in 3D."""
+
+
+@dataclass(frozen=True)
+class Step(NewtonOutcome):
+    """One attempted step; one that converged was accepted."""
 
     displacement: float
     """Displacement at its end, mm."""
@@ -192,12 +204,6 @@ class Step:
     """Time at its end, s."""
     size: float
     """Size, mm; in a hold, s."""
-    accepted: bool
-    reason: str
-    factorisations: int
-    iterations: int
-    residual: float
-    """Norm of the residual, N/mm in 2D, N in 3D."""
 
 
 @dataclass(frozen=True)
@@ -237,7 +243,7 @@ class SolveReport:
     @property
     def rejected(self) -> int:
         """Number of rejected steps."""
-        return sum(not step.accepted for step in self.steps)
+        return sum(not step.converged for step in self.steps)
 
     @property
     def compromise(self) -> str:

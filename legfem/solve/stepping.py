@@ -11,8 +11,8 @@ import numpy as np
 from legfem.common.units import FloatArray
 from legfem.fem.system import System
 from legfem.jobs.store import Checkpoint
-from legfem.solve.newton import NewtonOutcome, NewtonSolver, relax
-from legfem.solve.path import SolveReport, Step
+from legfem.solve.newton import NewtonSolver, relax
+from legfem.solve.path import NewtonOutcome, SolveReport, Step
 from legfem.solve.protocol import Protocol, ProtocolSegment
 from legfem.solve.settings import StepSettings
 
@@ -176,7 +176,7 @@ def follow(
     segments = tuple(enumerate(protocol.segments))[walk.segment :]
     stopped = next(filter(None, (walk.through(number, one) for number, one in segments)), None)
     return SolveReport(
-        reached=max((step.displacement for step in walk.steps if step.accepted), default=0.0),
+        reached=max((step.displacement for step in walk.steps if step.converged), default=0.0),
         target=protocol.depth,
         complete=stopped is None,
         reason=stopped or "the target is reached",
@@ -375,13 +375,4 @@ def _fitted(size: float, remaining: float) -> float:
 
 
 def _step(now: float, end: float, length: float, outcome: NewtonOutcome) -> Step:
-    return Step(
-        end,
-        now,
-        length,
-        outcome.converged,
-        outcome.reason,
-        outcome.factorisations,
-        outcome.iterations,
-        outcome.residual,
-    )
+    return Step(**vars(outcome), displacement=end, time=now, size=length)

@@ -34,13 +34,13 @@ from legfem.channels.kind import (
     ChannelPlan,
     Channels,
     Frames,
-    FramesError,
     FramesFile,
     Impossible,
     PlacedReadings,
     Read,
     ReadingsAtSite,
 )
+from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.geometry.indenter import Site
 from legfem.geometry.section import across
@@ -295,16 +295,22 @@ class ContactPressures(FramesFile[Site]):
         """Return the sensels' pressures; a sensel reaches half-way to its neighbours."""
         angles = np.unique(np.concatenate([one.columns[:, 0] for one in frames]))
         if len(angles) < 2:
-            raise FramesError("angle_deg", f"{len(angles)} sensel", "give the pressures of two sensels at least")
+            raise InputError(
+                "frames", "angle_deg", f"{len(angles)} sensel", "give the pressures of two sensels at least"
+            )
         if np.abs(angles).max() > 90.0:
-            raise FramesError(
+            raise InputError(
+                "frames",
                 "angle_deg",
                 f"is up to {np.abs(angles).max():.0f}: the skin touches within 90 degrees of the line of travel",
                 "give the angle of a sensel's middle from the face's deepest point, to the left of the travel",
             )
         if np.abs(angles).max() <= _NARROWEST_DEG:
-            raise FramesError(
-                "angle_deg", f"is within ± {np.abs(angles).max():.3g}, as it would be in radians", "give it in degrees"
+            raise InputError(
+                "frames",
+                "angle_deg",
+                f"is within ± {np.abs(angles).max():.3g}, as it would be in radians",
+                "give it in degrees",
             )
         between = 0.5 * (angles[1:] + angles[:-1])
         ends = np.concatenate([[2 * angles[0] - between[0]], between, [2 * angles[-1] - between[-1]]])

@@ -18,17 +18,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from legfem.channels.kind import (
-    ChannelAccuracy,
-    ChannelKind,
-    Channels,
-    Face,
-    Frames,
-    FramesError,
-    FramesFile,
-    Impossible,
-    Read,
-)
+from legfem.channels.kind import ChannelAccuracy, ChannelKind, Channels, Face, Frames, FramesFile, Impossible, Read
+from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 
 if TYPE_CHECKING:
@@ -115,7 +106,8 @@ def _read(frames: Frames, face: Face) -> Read:
     if face.half_width is not None:
         outside |= np.abs(x) > _OUTSIDE * face.half_width
     if outside.mean() > _MOST_OUTSIDE:
-        raise FramesError(
+        raise InputError(
+            "frames",
             "x_mm, y_mm",
             f"{outside.sum()} of {len(outside)} points lie outside the specimen's face",
             "count x from the axis and y from the middle of the height, in mm, where points were before the test",
@@ -126,7 +118,8 @@ def _read(frames: Frames, face: Face) -> Read:
         for place, value in _strains(frames.columns[(frames.time == time) & ~outside], face.half_height)
     ]
     if not found:
-        raise FramesError(
+        raise InputError(
+            "frames",
             "x_mm, y_mm",
             f"no frame has {_LEAST_POINTS} points that reach from the middle to {HEIGHTS[1]:g} of half the height, "
             "above and below",

@@ -29,13 +29,13 @@ from legfem.channels.kind import (
     ChannelPlan,
     Channels,
     Frames,
-    FramesError,
     FramesFile,
     Impossible,
     Read,
     ReadingsAtSite,
 )
 from legfem.channels.laid import Laid
+from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.geometry.indenter import Site
 from legfem.geometry.section import BONES, across, first_crossing
@@ -104,7 +104,8 @@ class _InCells(FramesFile[Site], ABC):
         inside = [_in_tissue(one.columns[:, :2], site, self.beyond) for one in frames]
         kept, every = sum(int(one.sum()) for one in inside), sum(len(one.columns) for one in frames)
         if 2 * kept < every:
-            raise FramesError(
+            raise InputError(
+                "frames",
                 "x_mm, y_mm",
                 f"{kept} of {every} points lie in soft tissue",
                 "give the points in the outlines' coordinates, where they were before the cylinder pressed",

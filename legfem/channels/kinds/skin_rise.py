@@ -22,13 +22,13 @@ from legfem.channels.kind import (
     ChannelPlan,
     Channels,
     Frames,
-    FramesError,
     FramesFile,
     Impossible,
     Read,
     ReadingsAtSite,
 )
 from legfem.channels.laid import Laid
+from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.geometry.indenter import Site
 from legfem.geometry.section import across, first_crossing
@@ -109,8 +109,8 @@ class SkinRises(FramesFile[Site]):
     def _of_trial(frames: Frames, site: Site) -> Sequence[Read]:
         times, frame = np.unique(frames.time, return_inverse=True)
         if len(times) < 2:
-            raise FramesError(
-                "time_s", f"{len(times)} frame", "give the points of one frame a time, two times at least"
+            raise InputError(
+                "frames", "time_s", f"{len(times)} frame", "give the points of one frame a time, two times at least"
             )
         refuse_pressed(frames, "rises are counted from it")
         found = []
@@ -120,7 +120,8 @@ class SkinRises(FramesFile[Site]):
                 found.append(Read(kind.name, times[1:], along[0] - along[1:]))
         if not found:
             offsets = ", ".join(f"{value:+g}" for value in sorted(RISES))
-            raise FramesError(
+            raise InputError(
+                "frames",
                 "x_mm, y_mm",
                 f"no frame after the first has the skin at any of {offsets} mm beside the line of travel",
                 "give points in the outlines' coordinates, a few mm apart",
@@ -145,13 +146,14 @@ def refuse_pressed(frames: Frames, why: str) -> None:
 
     Raises
     ------
-    FramesError
+    InputError
         If it does.
     """
     first, force = float(frames.time.min()), frames.trial_force - frames.trial_force[0]
     at = float(np.interp(first, frames.trial_time, force))
     if abs(at) > _PRESSED * np.abs(force).max():
-        raise FramesError(
+        raise InputError(
+            "frames",
             "time_s",
             f"the first frame, at {first:g} s, shows a leg pressed with {at:.2g} N already",
             f"begin with a frame from before the cylinder presses: {why}",
