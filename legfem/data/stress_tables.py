@@ -114,9 +114,8 @@ def read_stress_table(path: Path, columns: StressTable) -> tuple[FloatArray, Flo
         names = ", ".join(f"'{one.name}'" for one in sheets)
         raise InputError(path, "recordings.table.sheet", f"names {len(named)} of the tables {names}", "name one")
     strain, stress = (_column(path, named[0], name) for name in (columns.strain, columns.stress))
-    unit = unit_named(columns.unit)
+    unit, (_, line) = unit_named(columns.unit), table_line(strain, stress)
     if unit is None or unit.quantity != "pressure":
-        _, line = table_line(strain, stress)
         raise InputError(
             path,
             "recordings.table.unit",
@@ -124,7 +123,6 @@ def read_stress_table(path: Path, columns: StressTable) -> tuple[FloatArray, Flo
             f"give kPa, MPa, Pa, psi or bar, as in: {line}",
         )
     if stress.quantity == "pressure" and stress.known_unit != unit:
-        _, line = table_line(strain, stress)
         problem = f"'{columns.unit}', but the file says '{stress.unit}'"
         raise InputError(path, "recordings.table.unit", problem, f"correct one of them, as in: {line}")
     values, loads = strain.values, stress.values * unit.factor
@@ -132,7 +130,6 @@ def read_stress_table(path: Path, columns: StressTable) -> tuple[FloatArray, Flo
     values, loads = values[rows], loads[rows]
     if columns.stretch:
         if len(values) and values.min() <= 0:
-            _, line = table_line(strain, stress)
             raise InputError(
                 path,
                 f"'{strain.name}'",

@@ -267,15 +267,11 @@ def _of_matrix(values: Any, names: Any) -> dict[str, Any]:
 def _sheet(path: Path, name: str, arrays: Arrays, remarks: tuple[str, ...] = ()) -> list[Sheet]:
     columns = []
     for label, (given, unit) in arrays.items():
-        values = np.squeeze(np.asarray(given)) if not isinstance(given, Mapping | str) else None
-        if values is None or values.ndim != 1 or not np.issubdtype(values.dtype, np.number):
+        values = np.squeeze(np.asarray(None if isinstance(given, Mapping | str) else given))
+        if values.ndim != 1 or not np.issubdtype(values.dtype, np.number) or len(values) < FEWEST_ROWS:
             continue
-        if len(values) < FEWEST_ROWS:
-            continue
-        short, named = name_and_unit(label)
         one = np.ravel(unit)[0] if np.size(unit) == 1 else None
-        text = one.decode() if isinstance(one, bytes) else one
-        columns.append(Column(short, one_unit(named, str(text) if text else None), values.astype(np.float64)))
+        columns.append(_column(label, one.decode() if isinstance(one, bytes) else one, values.astype(np.float64)))
     if not columns:
         return []
     check_lengths(path, name, columns)
