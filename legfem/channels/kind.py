@@ -259,6 +259,8 @@ class ChannelFile:
     """
 
     kinds: ClassVar[tuple[ChannelKind, ...]]
+    coordinates: ClassVar[int] = 0
+    """How many numbers of a place are coordinates; what follows them tells readings at one point apart."""
 
     def read(self, seen: "Seen") -> Channels:
         """Return what there is of its kinds in a state; collective over the system's ranks."""
@@ -288,8 +290,10 @@ class ChannelFile:
         return np.zeros((0, 2)), np.zeros((0, 2))
 
     def apart(self, places: FloatArray) -> FloatArray:
-        """Return how far apart readings at places (k, q) are, (k, k), mm; infinite where errors aren't alike."""
-        return np.zeros((len(places), len(places)))
+        """Return how far apart readings at places (k, q) are, (k, k), mm; infinite for unlike ones."""
+        at, way = places[:, : self.coordinates], places[:, self.coordinates :]
+        related = (way[:, None] == way[None]).all(axis=-1)
+        return np.where(related, np.linalg.norm(at[:, None] - at[None], axis=-1), np.inf)
 
     def shared(self, read: PlacedReadings, accuracy: ChannelAccuracy) -> dict[str, FloatArray]:
         """Return by name what one standard deviation of an error does that all readings share, (k,).

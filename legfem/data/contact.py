@@ -107,12 +107,8 @@ def air_is_shown(contacts: Sequence[Contact]) -> bool:
 
     Noise alone gains about one variance a trial.
     """
-    return enough_gain(sum(one.gain for one in contacts), len(contacts)) or any(one.in_air for one in contacts)
-
-
-def enough_gain(gain: float, trials: int) -> bool:
-    """Tell whether air that fits better by so many variances of the errors, in all trials, isn't noise."""
-    return gain > _LEAST_GAIN + _BY_NOISE * (trials - 1)
+    gain = sum(one.gain for one in contacts)
+    return gain > _LEAST_GAIN + _BY_NOISE * (len(contacts) - 1) or any(one.in_air for one in contacts)
 
 
 def contact_at_start() -> Contact:

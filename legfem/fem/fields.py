@@ -51,24 +51,6 @@ class LegFields:
     """Centre of the indenter, (dimension,), mm; without an indenter it means nothing."""
 
 
-def cauchy_stress(nominal: Expr, F: Expr) -> Expr:
-    r"""Return the Cauchy stress :math:`\sigma = J^{-1} P F^T` (MPa).
-
-    Parameters
-    ----------
-    nominal
-        First Piola-Kirchhoff stress :math:`P` (MPa), (3, 3).
-    F
-        Deformation gradient, (3, 3).
-
-    Returns
-    -------
-    ufl.core.expr.Expr
-        Shape (3, 3).
-    """
-    return ufl.dot(nominal, ufl.transpose(F)) / volume_ratio(F)
-
-
 def hydrostatic_pressure(stress: FloatArray) -> FloatArray:
     """Return ``-tr(sigma)/3`` of stresses (..., 3, 3), in their unit."""
     return -np.trace(stress, axis1=-2, axis2=-1) / 3
@@ -160,7 +142,8 @@ class FieldReader:
             if not stressed:
                 continue
             cells = spaces.cell_tags.find(tag).astype(np.int32)
-            sigma = cauchy_stress(sum(term.nominal_stress(body) for term in stressed), F)
+            nominal = sum(term.nominal_stress(body) for term in stressed)
+            sigma = ufl.dot(nominal, ufl.transpose(F)) / volume_ratio(F)
             both = ufl.as_tensor([[[m[i, j] for j in range(3)] for i in range(3)] for m in (F, sigma)])
             found.append((cells, _at_points(both, spaces.mesh, body.quadrature_degree)))
         return found

@@ -172,15 +172,6 @@ _FACES = {
 }
 
 
-def abaqus_text(mesh: NamedMesh) -> str:
-    """Return an Abaqus input file: nodes, elements by region, every surface as nodes and as faces.
-
-    CalculiX and FEBio Studio read it too. meshio's own writer knows neither the elements of plane
-    strain nor surfaces of elements.
-    """
-    return "\n".join(_lines(mesh)) + "\n"
-
-
 def _lines(mesh: NamedMesh) -> Iterator[str]:
     kind = mesh.cells.kind
     yield "*HEADING"
@@ -301,7 +292,7 @@ def _write_xdmf(mesh: NamedMesh, path: Path) -> None:
 
 
 def _write_inp(mesh: NamedMesh, path: Path) -> None:
-    path.write_text(abaqus_text(mesh), encoding="ascii")
+    path.write_text("\n".join(_lines(mesh)) + "\n", encoding="ascii")
 
 
 _FORMATS: dict[str, Callable[[NamedMesh, Path], None]] = {

@@ -80,6 +80,7 @@ class FaceStrains(FramesFile[Sequence[Face]]):
     kinds: ClassVar = (FACE_STRAIN,)
     entry = FACE_STRAIN.name
     columns = ("x_mm", "y_mm", "ux_mm", "uy_mm")
+    coordinates = 1
 
     def read(self, seen: "Seen") -> Channels:
         """Return the strains of a round specimen's side, which has a mirror at height 0."""
@@ -89,11 +90,6 @@ class FaceStrains(FramesFile[Sequence[Face]]):
         moved = seen.on_side(half * _SAMPLED)
         strains = np.hstack([moved[..., 0] / radius @ _TO_ACROSS.T, moved[..., 1] / half @ _TO_ALONG.T])
         return FACE_STRAIN.by_course(strains[0], strains[1:])
-
-    def apart(self, places: FloatArray) -> FloatArray:
-        """Return how far readings of one direction are apart, in half heights."""
-        heights, ways = places.T
-        return np.where(ways[:, None] == ways, np.abs(heights[:, None] - heights), np.inf)
 
     def of_frames(self, frames: Sequence[Frames], site: Sequence[Face]) -> Sequence[Sequence[Read]]:
         """Return the strains in every frame, as far out as its points reach."""

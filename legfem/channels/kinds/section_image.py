@@ -80,6 +80,7 @@ def planned_cells(site: Site) -> list[tuple[float, float]]:
 class _InCells(FramesFile[Site], ABC):
     """What an image shows, as means of the points in cells of the section; a place begins with x and y (mm)."""
 
+    coordinates = 2
     beyond: ClassVar[float]
     """Distance from the tissue to which a point may lie outside it, mm; below zero, that to which it lies inside."""
     most: ClassVar[int]
@@ -213,11 +214,6 @@ class SectionDisplacements(_InCells):
         """Return the points, and the directions of the outlines' coordinates."""
         return places[:, :2], np.eye(2)[places[:, 2].astype(int)]
 
-    def apart(self, places: FloatArray) -> FloatArray:
-        """Return the distance of readings of one direction; those of different ones err by themselves."""
-        between = np.linalg.norm(places[:, None, :2] - places[None, :, :2], axis=-1)
-        return np.where(np.equal.outer(places[:, 2], places[:, 2]), between, np.inf)
-
 
 STRAIN = ChannelKind(
     "section_strain",
@@ -278,7 +274,3 @@ class SectionStrains(_InCells):
                 "give a shortening as a strain below zero",
             )
         return None
-
-    def apart(self, places: FloatArray) -> FloatArray:
-        """Return how far readings are apart."""
-        return np.asarray(np.linalg.norm(places[:, None] - places[None], axis=-1))
