@@ -5,8 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from legfem.data import Recording
+from legfem.geometry.motion import RigidTransform
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 CROSSCHECK = Path(__file__).resolve().parent / "data" / "crosscheck"
@@ -45,6 +47,11 @@ D1_per_MPa = 22.5
 force_sd_N = 0.04
 displacement_sd_mm = 0.02
 """
+
+
+def turned_and_moved(degrees: tuple[float, float, float], translation: np.ndarray) -> RigidTransform:
+    """Turns about x, y and z, in this order, then a translation, mm."""
+    return RigidTransform(Rotation.from_euler("xyz", degrees, degrees=True).as_matrix(), np.asarray(translation, float))
 
 
 def circle(x: float, y: float, radius: float, n: int = 48) -> np.ndarray:

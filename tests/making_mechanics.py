@@ -28,8 +28,10 @@ from legfem.mechanics.model import LegModel, Term
 from legfem.mechanics.terms import NormalContact, TangentialContact, Tissue
 from legfem.meshing.section import BONE, DEEP, SKIN, SectionMeshSettings
 from legfem.solve.newton import NewtonSolver
-from legfem.solve.path import NewtonOutcome
+from legfem.solve.path import NewtonOutcome, SolveReport
+from legfem.solve.protocol import Protocol
 from legfem.solve.settings import NewtonSettings, StepSettings
+from legfem.solve.stepping import follow
 from studies.reconstruct import DEFINITION
 
 FORMULATIONS = ("displacement", "mixed")
@@ -40,6 +42,22 @@ COARSE = SectionMeshSettings(contact_size=2.5, growth=0.35, far_size=12.0, layer
 def fixed_steps(size: float) -> StepSettings:
     """Steps of one size, whatever Newton's method needs."""
     return StepSettings(first=size, largest=size, growth=100.0, easy=1000, hard=1001)
+
+
+def press(
+    system: System,
+    solver: NewtonSolver,
+    targets: Sequence[float],
+    settings: StepSettings | None = None,
+    on_step: Callable[[float], None] | None = None,
+) -> SolveReport:
+    """Press through displacements (mm) from an undeformed state, without a clock."""
+
+    def tell(time: float, displacement: float) -> None:
+        if on_step is not None:
+            on_step(displacement)
+
+    return follow(system, solver, Protocol.through(targets, rate=1.0), settings, tell)
 
 
 # --- subject 3 ---

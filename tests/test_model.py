@@ -9,14 +9,13 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 import ufl
-from making_mechanics import fixed_steps, leg_model, one_tissue, pressed_block
+from making_mechanics import fixed_steps, leg_model, one_tissue, press, pressed_block
 
 from legfem.fem.system import System
 from legfem.mechanics.contact import ContactSettings, StiffPressure
 from legfem.mechanics.model import LegModel
 from legfem.mechanics.terms import NormalContact, Tissue
 from legfem.solve.newton import NewtonSolver
-from legfem.solve.stepping import press
 
 
 @pytest.fixture

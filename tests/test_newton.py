@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from making_mechanics import fixed_steps, nodal, pressed_block
+from making_mechanics import fixed_steps, nodal, press, pressed_block
 
 from legfem.fem.system import System
 from legfem.mechanics.contact import ContactSettings
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.settings import NewtonSettings
-from legfem.solve.stepping import press
 
 
 def _at_one_millimetre(settings: NewtonSettings | None = None) -> tuple[System, NewtonSolver]:

@@ -27,16 +27,6 @@ def test_neighbours_of_one_name_are_one_phase():
     assert [segment.rate for segment in protocol.segments] == [1.0, 2.0, -2.0]
 
 
-def test_protocols_follow_one_another():
-    cycle = Protocol.cycle(4.0, rate=1.0)
-    twice = cycle.then(Protocol.cycle(6.0, rate=2.0), pause=10.0)
-    assert twice.time == (0.0, 4.0, 8.0, 18.0, 21.0, 24.0)
-    assert twice.displacement == (0.0, 4.0, 0.0, 0.0, 6.0, 0.0)
-    assert cycle.then(cycle).duration == 16.0
-    with pytest.raises(InputError, match="where they meet"):
-        Protocol.ramp(4.0, rate=1.0).then(cycle)
-
-
 def test_a_path_through_displacements_has_one_speed():
     protocol = Protocol.through([3.0, 3.0, 1.0], rate=0.5)
     assert protocol == Protocol((0.0, 6.0, 10.0), (0.0, 3.0, 1.0))

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import SimpleITK
+from making import turned_and_moved
 
 from legfem.common.errors import InputError
 from legfem.geometry.leg_shape import LegShape
@@ -18,7 +19,7 @@ from studies.making.scans import ScanSettings, SegmentationNoise, simulated_scan
 from studies.making.shapes import parametric_leg, read_legs
 
 LEGS = Path(__file__).resolve().parents[1] / "studies" / "stockings" / "legs.toml"
-PLANTED = RigidTransform.of_angles((4.0, -3.0, 12.0), np.array([6.0, -8.0, 15.0]))
+PLANTED = turned_and_moved((4.0, -3.0, 12.0), np.array([6.0, -8.0, 15.0]))
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +65,7 @@ def test_another_stretch_of_the_bones_does_no_harm(leg):
     true = scattered(leg.at_levels(np.linspace(0, 110, 23)), generator)
     other = scattered(leg.at_levels(np.linspace(25, 140, 24)), generator)
     moving, fixed = noisy(true, generator, 0.1), noisy(PLANTED(other), generator, 0.1)
-    start = RigidTransform.of_angles((0.0, 0.0, 9.0), PLANTED.translation + 2.0)
+    start = turned_and_moved((0.0, 0.0, 9.0), PLANTED.translation + 2.0)
     found = register_surfaces(moving, fixed, start)
     error = found.transform(true) - PLANTED(true)
     assert np.linalg.norm(error, axis=1).max() < 0.05
@@ -78,7 +79,7 @@ def test_another_stretch_of_the_bones_does_no_harm(leg):
 )
 def test_two_scans_are_registered(leg, noise, across, along):
     errs = None if noise is None else SegmentationNoise(boundary_sd=noise)
-    motion = RigidTransform.of_angles((2.0, -3.0, 8.0), np.array([6.0, -8.0, 11.0]))
+    motion = turned_and_moved((2.0, -3.0, 8.0), np.array([6.0, -8.0, 11.0]))
     grid = ScanSettings(subslices=1)
     if noise is None:
         leg = leg.at_levels(np.linspace(30, 110, 17))

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from making_mechanics import fixed_steps, pressed_block
+from making_mechanics import fixed_steps, press, pressed_block
 
 from legfem.fem.system import System
 from legfem.solve.newton import RELAXED, Damping, NewtonSolver, RelaxationSettings, relax
 from legfem.solve.path import NewtonOutcome
 from legfem.solve.settings import StepSettings
-from legfem.solve.stepping import press
 
 
 class OnlyFromNearby(NewtonSolver):

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from making import circle
+from making import circle, turned_and_moved
 
 from legfem.common.errors import InputError
 from legfem.geometry.leg_shape import LegShape, shape_of_contours
@@ -89,7 +89,7 @@ def test_the_same_seed_makes_the_same_scan():
 
 
 def test_a_leg_that_moved_in_the_scanner_is_found_where_it_is():
-    motion = RigidTransform.of_angles((3.0, -2.0, 10.0), [4.0, 6.0, -15.0])
+    motion = turned_and_moved((3.0, -2.0, 10.0), [4.0, 6.0, -15.0])
     found = shape_of_volume(simulated_scan(leg(60.0), 2, motion=motion))
     moved = rigidly_moved(leg(60.0), motion.rotation, motion.translation)
     for part, error in errors(found, moved).items():

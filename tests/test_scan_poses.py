@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from making import turned_and_moved
 from making_scans import PLACE, ellipse, entry_of, made_leg, subject_of_scan
 
 from legfem.common.errors import InputError
-from legfem.geometry.motion import RigidTransform
 from legfem.legs.loading import load_subject
 from legfem.legs.plausibility import doubts_about
 
@@ -49,7 +49,7 @@ def _landmarks(folder: Path, scan: np.ndarray, tracker: np.ndarray) -> str:
 SCAN_POINTS = np.array([[-10.0, -60, 5], [30, -50, 90], [60, 10, 20], [-58, 5, 70.0]])
 
 
-TRACKER = RigidTransform.of_angles((40.0, -25.0, 130.0), np.array([500.0, -200.0, 90.0]))
+TRACKER = turned_and_moved((40.0, -25.0, 130.0), np.array([500.0, -200.0, 90.0]))
 
 
 def test_landmarks_bring_a_pose_from_the_tracker_into_the_scan(tmp_path, leg_files):

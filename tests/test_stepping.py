@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from making_mechanics import COARSE, fixed_steps, pressed_block, subject_3
+from making_mechanics import COARSE, fixed_steps, press, pressed_block, subject_3
 
 from legfem.experiments import plane_strain
 from legfem.experiments.experiment import Solved
@@ -19,7 +19,7 @@ from legfem.solve.newton import Damping, NewtonSolver
 from legfem.solve.path import NewtonOutcome, SolveReport, Step
 from legfem.solve.protocol import Protocol
 from legfem.solve.settings import NewtonSettings, StepSettings
-from legfem.solve.stepping import follow, press
+from legfem.solve.stepping import follow
 
 
 class FailingSolver(NewtonSolver):

@@ -6,12 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from making import turned_and_moved
 from making_stocking import LEG_TOML, write_shape
 from shapely import Point, Polygon
 
 from legfem.common.errors import InputError
 from legfem.geometry.leg_shape import LegShape
-from legfem.geometry.motion import RigidTransform, rigidly_moved
+from legfem.geometry.motion import rigidly_moved
 from legfem.stockings.leg import GAP, default_veins
 from legfem.stockings.loading import LEGS, load_leg
 from studies.making.shapes import parametric_leg, read_legs
@@ -26,7 +27,7 @@ def shape() -> LegShape:
 @pytest.fixture
 def folder(tmp_path: Path, shape: LegShape) -> Path:
     write_shape(shape, tmp_path / "bare.csv")
-    motion = RigidTransform.of_angles((0.3, -0.2, 2.0), np.array([3.0, -2.0, 0.5]))
+    motion = turned_and_moved((0.3, -0.2, 2.0), np.array([3.0, -2.0, 0.5]))
     moved = rigidly_moved(shape, motion.rotation, motion.translation)
     write_shape(moved, tmp_path / "compressed.csv")
     (tmp_path / "leg.toml").write_text(LEG_TOML)

@@ -1,6 +1,5 @@
 """Fields of a deformed leg: displacement, stress and strain measures, pressure on the skin."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -91,7 +90,8 @@ class FieldReader:
         displacement.x.array[:] = system.unknown.x.array[spaces.displacement_dofs]
 
         linear = fem.functionspace(spaces.mesh, ("DG", 1))
-        without_stress = [t.name for t in self._terms if hasattr(t, "region") and not _gives_stress(t)]
+        terms = system.model.at("body")
+        without_stress = [t.name for t in terms if hasattr(t, "region") and not isinstance(t, Stressed)]
         without = f"_without_{'_'.join(without_stress)}" if without_stress else ""
         names = {
             "pressure": f"pressure{without}",
@@ -127,10 +127,6 @@ class FieldReader:
             **measures,
         )
 
-    @property
-    def _terms(self) -> Sequence[Any]:
-        return self.system.model.at("body")
-
     @cached_property
     def _in_tissues(self) -> list[tuple[NDArray[np.int32], Any]]:
         """Cells, and deformation gradient and Cauchy stress there, of every tissue that tells."""
@@ -138,7 +134,7 @@ class FieldReader:
         assert isinstance(body, Body)
         found, F = [], body.deformation_gradient
         for region, tag in spaces.regions.items():
-            stressed = [t for t in self._terms if _gives_stress(t) and t.region == region]
+            stressed = [t for t in self.system.model.at("body") if isinstance(t, Stressed) and t.region == region]
             if not stressed:
                 continue
             cells = spaces.cell_tags.find(tag).astype(np.int32)
@@ -182,10 +178,6 @@ class FieldReader:
         fit_in_cells(function, values, cells, SKIN_DEGREE)
         _drop_negative(function)
         return function, displacement
-
-
-def _gives_stress(term: Any) -> bool:
-    return isinstance(term, Stressed)
 
 
 def fit_in_cells(function: Any, values: FloatArray, cells: NDArray[np.int32], degree: int) -> None:

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
-from scipy.spatial.transform import Rotation
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, frozen_array
@@ -189,12 +188,6 @@ class RigidTransform:
             )
         if not np.allclose(R @ R.T, np.eye(3), atol=1e-6) or np.linalg.det(R) < 0:
             raise InputError("transform", "rotation", "is not a rotation", "give an orthogonal matrix, det 1")
-
-    @staticmethod
-    def of_angles(degrees: tuple[float, float, float], translation: FloatArray) -> "RigidTransform":
-        """Return turns about the fixed axes x, y and z, in this order, then a translation (mm)."""
-        turn = Rotation.from_euler("xyz", degrees, degrees=True).as_matrix()
-        return RigidTransform(turn, np.asarray(translation, dtype=np.float64))
 
     def __call__(self, points: FloatArray) -> FloatArray:
         """Return moved points, (..., 3), mm."""

@@ -119,7 +119,9 @@ class Protocol:
     @classmethod
     def ramp_and_hold(cls, depth: float, rate: float, hold: float) -> "Protocol":
         """Return loading to a depth (mm) at a rate (mm/s), then a hold (s)."""
-        return cls.ramp(depth, rate)._held(hold)
+        _check("hold", hold)
+        loaded = cls.ramp(depth, rate)
+        return cls((*loaded.time, loaded.duration + hold), (*loaded.displacement, depth))
 
     @classmethod
     def cycle(cls, depth: float, rate: float, hold: float = 0.0, unloading_rate: float | None = None) -> "Protocol":
@@ -129,23 +131,6 @@ class Protocol:
         loaded = cls.ramp(depth, rate) if hold == 0 else cls.ramp_and_hold(depth, rate, hold)
         end = loaded.duration + depth / back
         return cls((*loaded.time, end), (*loaded.displacement, 0.0))
-
-    def then(self, other: "Protocol", pause: float = 0.0) -> "Protocol":
-        """Return this protocol with another after it, after a pause at its end (s).
-
-        The other has to start where this one ends.
-        """
-        if other.displacement[0] != self.displacement[-1]:
-            raise _wrong(
-                "displacement",
-                f"ends at {self.displacement[-1]:g} mm, and what follows starts at {other.displacement[0]:g} mm",
-                "join protocols where they meet",
-            )
-        held = self if pause == 0 else self._held(pause)
-        shift = held.time[-1] - other.time[0]
-        return Protocol(
-            (*held.time, *(t + shift for t in other.time[1:])), (*held.displacement, *other.displacement[1:])
-        )
 
     @property
     def duration(self) -> float:
@@ -176,10 +161,6 @@ class Protocol:
                 start = joined.pop().start
             joined.append(Phase(segment.phase, start, segment.end))
         return tuple(joined)
-
-    def _held(self, hold: float) -> "Protocol":
-        _check("hold", hold)
-        return Protocol((*self.time, self.time[-1] + hold), (*self.displacement, self.displacement[-1]))
 
 
 def _check(field: str, value: float) -> None:

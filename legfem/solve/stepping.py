@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 
@@ -101,33 +101,6 @@ def curve_error(displacement: FloatArray, force: FloatArray) -> float:
 
 
 BENDS = "the curve bends too much for so long a step"
-
-
-def press(
-    system: System,
-    solver: NewtonSolver,
-    targets: Sequence[float],
-    settings: StepSettings | None = None,
-    on_step: Callable[[float], None] | None = None,
-) -> SolveReport:
-    """Follow displacements (mm) from the undeformed state at 1 mm/s.
-
-    Parameters
-    ----------
-    system, solver, settings
-        As those of `follow`.
-    targets
-        Displacements (mm) where the motion turns or ends: one for loading, more for unloading and
-        reloading.
-    on_step
-        Called as that of `follow`, with the displacement (mm) alone.
-    """
-
-    def tell(time: float, displacement: float) -> None:
-        if on_step is not None:
-            on_step(displacement)
-
-    return follow(system, solver, Protocol.through(targets, rate=1.0), settings, tell)
 
 
 def follow(

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from making_derivatives import taylor_orders, worst_error
+from making_mechanics import press
 from scipy.optimize import brentq
 
 from legfem.experiments.axisymmetric import AxisymmetricSettings, BallIndentation, CylinderCompression
@@ -21,7 +22,6 @@ from legfem.mechanics.terms import Viscoelasticity
 from legfem.meshing.structured import MeridianMeshSettings
 from legfem.solve.protocol import Protocol
 from legfem.solve.settings import NewtonSettings, StepSettings
-from legfem.solve.stepping import press
 
 C10 = 5e-3
 TIGHT = NeoHookean(C10, 1e-3 / C10)  # K = 1000 mu

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import ufl
 from dolfinx import fem
-from making_mechanics import FORMULATIONS, fixed_steps, pressed_block
+from making_mechanics import FORMULATIONS, fixed_steps, press, pressed_block
 
 from legfem.fem.compiled import compiled
 from legfem.fem.system import System
@@ -14,7 +14,6 @@ from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.terms import Tissue
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.settings import NewtonSettings
-from legfem.solve.stepping import press
 
 
 def _pressed(formulation: str, tangential: str, depth: float = 3.0) -> System:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from making_mechanics import COARSE, FORMULATIONS, block, fixed_steps, leg_model, one_tissue, subject_3
+from making_mechanics import COARSE, FORMULATIONS, block, fixed_steps, leg_model, one_tissue, press, subject_3
 
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.fem.spaces import build_spaces
@@ -14,7 +14,6 @@ from legfem.geometry.section import LegSection
 from legfem.mechanics.contact import ContactSettings
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.settings import NewtonSettings
-from legfem.solve.stepping import press
 
 RADIUS = 8.0
 

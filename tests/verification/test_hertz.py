@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from making_mechanics import at_skin, block, contact_pressure, one_tissue, pressed_block
+from making_mechanics import at_skin, block, contact_pressure, one_tissue, press, pressed_block
 
 from legfem.fem.system import System
 from legfem.mechanics.contact import ContactSettings
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.settings import StepSettings
-from legfem.solve.stepping import press
 
 RADIUS = 400.0
 C10, D1 = 1e-3, 200.0  # nu = 0.41

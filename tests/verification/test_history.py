@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from making_mechanics import COARSE, block, fixed_steps, pressed_block, subject_3
+from making_mechanics import COARSE, block, fixed_steps, press, pressed_block, subject_3
 
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.mechanics.contact import ContactSettings
 from legfem.meshing.section import SectionMeshSettings
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.protocol import Protocol
-from legfem.solve.stepping import press
 
 WINDOWS = ((0.0, 5.0), (5.0, 20.0), (20.0, 30.0))
 

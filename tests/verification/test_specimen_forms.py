@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from making_mechanics import block, one_tissue, pressed_block
+from making_mechanics import block, one_tissue, press, pressed_block
 from making_specimens import AREA, LENGTH, compressed, ramp, record
 from test_flat_punch import kappa
 
@@ -24,7 +24,6 @@ from legfem.mechanics.materials import ExponentialStiffening, NeoHookean, Yeoh
 from legfem.meshing.structured import MeridianMeshSettings
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.settings import StepSettings
-from legfem.solve.stepping import press
 
 C10 = 5e-3
 INCOMPRESSIBLE = 1e-5

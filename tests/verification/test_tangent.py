@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from making_derivatives import taylor_orders
-from making_mechanics import at_skin, fixed_steps, nodal, pressed_block
+from making_mechanics import at_skin, fixed_steps, nodal, press, pressed_block
 
 from legfem.fem.system import System
 from legfem.mechanics.contact import ContactSettings
 from legfem.solve.newton import NewtonSolver
-from legfem.solve.stepping import press
 
 STATES = [
     pytest.param("displacement", "stiff", "rough"),
