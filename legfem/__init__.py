@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from legfem.api.diagnosis import DiagnosedLeg, PlannedTests, diagnose, plan
     from legfem.api.identification import identify
     from legfem.api.loading import load_leg, load_sites, load_specimen, load_subject
-    from legfem.api.results import Identification
+    from legfem.api.results import Identification, read_result
     from legfem.api.specimens import DiagnosedFolder
     from legfem.api.stockings import stocking
     from legfem.common.errors import InputError
@@ -47,6 +47,7 @@ __all__ = [
     "load_specimen",
     "load_subject",
     "plan",
+    "read_result",
     "stocking",
 ]
 

@@ -21,6 +21,7 @@ from legfem.cohort.rows import ExpectedRun, Judged, Row, cohort_frame, cohort_mo
 from legfem.commands.cohort import app
 from legfem.inverse.catalogue import key_of
 from legfem.inverse.document import fit_document
+from legfem.inverse.stored import StoredResult
 from legfem.legs.details import LegDocument
 from legfem.legs.schema import SUBJECTS
 
@@ -186,7 +187,7 @@ def document(law: str = "both") -> dict:
 
 
 def test_a_row_holds_what_the_documents_of_commands_hold() -> None:
-    models = models_of(document())
+    models = models_of(StoredResult.read(document()).laws)
     assert set(models) == {"neo-hookean", "reduced-polynomial"}
     given = document()["laws"]["reduced-polynomial"]["parameters"]["c20_deep"]
     c20 = models["reduced-polynomial"].measures["c20_deep"]
@@ -205,7 +206,8 @@ def test_legs_are_compared_under_the_law_that_most_of_them_ask_for() -> None:
 def test_the_table_has_a_unit_and_a_meaning_for_every_column(tmp_path: Path) -> None:
     folders(tmp_path, "a", "b", table="folder,group,age\na,=patient,41\nb,control,\n")
     members = find_members(tmp_path, "identify").every
-    done = Row("a", judged=Judged("sound", "", (), "neo-hookean"), models=models_of(document()))
+    models = models_of(StoredResult.read(document()).laws)
+    done = Row("a", judged=Judged("sound", "", (), "neo-hookean"), models=models)
     rows = [done, Row("b", problem="no")]
     frame = cohort_frame(members, rows)
     units = units_frame(frame, rows).set_index("column")

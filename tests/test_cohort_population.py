@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from making_cohort import Truth, fabricated
+from pydantic import TypeAdapter
 
 import legfem as lf
 from legfem.cohort.population_model import (
@@ -23,6 +24,7 @@ from legfem.cohort.population_model import (
 from legfem.cohort.rows import Measure, models_of
 from legfem.inverse.parse_parameters import deep_prior, read_prior
 from legfem.inverse.population import cohort_prior
+from legfem.inverse.stored import StoredExplanation, StoredModel
 
 
 def test_a_likelihood_has_the_widths_of_its_interval_and_is_flat_where_that_is_open() -> None:
@@ -36,11 +38,15 @@ def test_a_likelihood_has_the_widths_of_its_interval_and_is_flat_where_that_is_o
     assert found.below[1, 1] > 4 * found.above[1, 1]
 
 
+def stored(model: dict) -> StoredModel:
+    return TypeAdapter(StoredModel).validate_python(model)
+
+
 def test_a_standard_error_is_taken_apart_by_whom_it_is_shared_with() -> None:
     shares = {"recordings": 0.5, "model": 0.2, "priors": 0.3}
     entry = {"value": 2.0, "unit": "kPa", "standard_error": 0.1, "ci95": [1.75, 2.25], "share_of_squared_error": shares}
-    law = {"parameters": {"c10_deep": entry}, "goodness": {"p_value": 0.5}}
-    one = models_of({"laws": {"neo-hookean": law}})["neo-hookean"].measures["c10_deep"]
+    law = {"parameters": {"c10_deep": entry}}
+    one = models_of({"neo-hookean": stored(law)})["neo-hookean"].measures["c10_deep"]
     assert one.sd == pytest.approx(0.1) and one.alike == pytest.approx(0.5)
     alone, among = Likelihoods.of([one]), Likelihoods.of([one], repeated=True)
     mean = 0.5 * (alone.below + alone.above)[0, 0]
@@ -121,9 +127,8 @@ def test_explanations_of_a_diagnosis_come_without_that_nothing_was_left_out() ->
         {"mechanisms": ["contact-slip"], "unknown": False, "probability": 0.3, "parameters": each},
         {"mechanisms": [], "unknown": True, "probability": 0.1, "parameters": each},
     ]
-    laws = {"neo-hookean": {"parameters": each}}
-    document = {"base_model": {"p_value": 0.5, "parameters": each}, "laws": laws}
-    found = models_of(document | {"explanations": explanations})["after repair"].measures["c10_deep"]
+    law, weighed = stored({"parameters": each}), TypeAdapter(list[StoredExplanation]).validate_python(explanations)
+    found = models_of({"neo-hookean": law}, law, weighed)["after repair"].measures["c10_deep"]
     assert [part[0] for part in found.explanations] == [0.3, 0.1]
     assert replace(found, explanations=()).value == 1.0
 

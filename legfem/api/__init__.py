@@ -15,7 +15,7 @@ _HOMES = {
     "diagnosis": ("DiagnosedLeg", "PlannedTests", "diagnose", "plan"),
     "identification": ("identify",),
     "loading": ("load_leg", "load_sites", "load_specimen", "load_subject"),
-    "results": ("Identification",),
+    "results": ("Identification", "read_result"),
     "specimens": ("DiagnosedFolder",),
     "stockings": ("stocking",),
 }

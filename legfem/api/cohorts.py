@@ -53,8 +53,7 @@ from legfem.common.errors import InputError, UnsolvedError
 from legfem.common.progress import Progress, progress_on
 from legfem.common.wording import Argument, Remedy
 from legfem.geometry.section import fat_thickness, girth
-from legfem.inverse.answer import Answer
-from legfem.inverse.notice import Notice
+from legfem.inverse.stored import StoredResult
 from legfem.jobs.engines import Died, Engine, EngineName, engine_named, outcomes
 from legfem.jobs.store import key_of
 from legfem.legs.identification import as_leg
@@ -389,8 +388,8 @@ def _dressed(options: Options, member: Member, folder: Path) -> list[Row]:
 
 
 def _fitted(found: Identification, member: Member, folder: Path) -> Row:
-    report = found.write(folder, every_rank=True)
-    content, law = found.document(), found.best.law
+    report, law = found.write(folder, every_rank=True), found.best.law
+    content = found.document()
     return replace(_row(member, content, law, report), settings=content["laws"][law]["settings"])
 
 
@@ -400,17 +399,16 @@ _DOES = {"identify": _identified, "diagnose": _diagnosed, "stocking": _dressed}
 def _row(member: Member, content: Mapping[str, Any], preferred: str, report: Path) -> Row:
     """Return the row of a member's document."""
     shown = report.with_name(PAGE) if report.with_name(PAGE).is_file() else report
-    answer = Answer.read(content["answer"])
-    parts = [content] if "notices" in content else content["laws"].values()
-    notices = dict.fromkeys(Notice(**one) for part in parts for one in part["notices"])
+    found = StoredResult.read(content)
+    sentence = headline_of(found.answer).sentence
     return Row(
         member.name,
-        judged=Judged(answer.tone_with_doubts, headline_of(answer).sentence, tuple(notices), preferred),
-        models=models_of(content),
-        verdict=content.get("verdict", ""),
-        origin=content["origin"],
+        judged=Judged(found.answer.tone_with_doubts, sentence, found.every_notice, preferred),
+        models=models_of(found.laws, found.base_model, found.explanations),
+        verdict=found.verdict,
+        origin=found.origin,
         report=(Path(MEMBERS) / member.place / shown.name).as_posix(),
-        versions=content["versions"],
+        versions=found.versions,
     )
 
 

@@ -12,11 +12,13 @@ from matplotlib.figure import Figure
 
 from legfem.api.loading import Given
 from legfem.experiments.plane_strain import PlaneStrainIndentation
+from legfem.inverse import stored
 from legfem.inverse.catalogue import LawName
 from legfem.inverse.chosen import preferred
 from legfem.inverse.document import fit_document
 from legfem.inverse.fit import Fit
 from legfem.inverse.outcome import JointForward
+from legfem.inverse.stored import StoredResult
 from legfem.legs.forward import PlaneStrainForward
 from legfem.legs.subject import SitedLeg, Subject
 from legfem.report.kinds import kind_of, page_of
@@ -69,6 +71,27 @@ class Result(ABC):
             'sandbox="allow-scripts" style="width: 100%; height: 640px; border: 1px solid #c8c8c8" '
             f'srcdoc="{html.escape(rendered(page), quote=True)}"></iframe>'
         )
+
+
+def read_result(folder: Given) -> StoredResult:
+    """Read back what an identification, a stocking or a diagnosis has written into a folder.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Folder of results, with ``result.json`` or ``diagnosis.json``.
+
+    Returns
+    -------
+    StoredResult
+        With ``answer``, ``laws``, their ``parameters``, ``notices`` and ``tests``.
+
+    Raises
+    ------
+    InputError
+        If there is no such document, or another version of legfem wrote it.
+    """
+    return stored.read_result(folder)
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,14 +3,15 @@
 import io
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from legfem.app.runs import Run
 from legfem.common.documents import literal
-from legfem.inverse.answer import Answer
+from legfem.common.errors import InputError
+from legfem.inverse.stored import StoredEstimate, StoredModel, StoredResult, read_result
 from legfem.report.answers import headline_of
 from legfem.report.plan import first_lines
 from legfem.report.words import number
@@ -32,9 +33,9 @@ class RunResult:
     state: str
     law: str = ""
     origin: str = ""
-    parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    """Estimates as documents have them, by key (``c10_deep``)."""
-    computed: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    parameters: Mapping[str, StoredEstimate] = field(default_factory=dict)
+    """Estimates by key (``c10_deep``)."""
+    computed: Mapping[str, StoredEstimate] = field(default_factory=dict)
     """What else was computed with them, likewise."""
     verdict: str = ""
 
@@ -56,23 +57,21 @@ class RunResult:
     @property
     def c10_ends(self) -> tuple[float, float, float] | None:
         """C10 and the ends of its interval, kPa; they are C10 itself where it has none. None without C10."""
-        known = self.parameters.get("c10_deep", {})
-        if known.get("value") is None:
+        known = self.parameters.get("c10_deep")
+        if known is None or math.isnan(known.value):
             return None
-        low, high = known.get("ci95") or (None, None)
-        value = float(known["value"])
-        return value, value if low is None else float(low), value if high is None else float(high)
+        low, high = (known.value if math.isnan(end) else end for end in known.ci95)
+        return known.value, low, high
 
     def _number(self, key: str) -> str:
-        known = self.parameters.get(key, {})
-        if known.get("value") is None:
+        known = self.parameters.get(key)
+        if known is None or math.isnan(known.value):
             return ""
-        ends = known.get("ci95") or ()
-        if not ends or None in ends:
-            return f"{known['value']:.3g} {known['unit']}"
-        low, high = ends
-        value, low, high = (number(one, (high - low) / 4) for one in (known["value"], low, high))
-        return f"{value} ({low} to {high}) {known['unit']}"
+        low, high = known.ci95
+        if math.isnan(low) or math.isnan(high):
+            return f"{known.value:.3g} {known.unit}"
+        shown = (number(one, (high - low) / 4) for one in (known.value, low, high))
+        return "{} ({} to {}) {}".format(*shown, known.unit)
 
 
 def relative_difference(one: tuple[float, float, float], other: tuple[float, float, float]) -> str:
@@ -93,68 +92,50 @@ def relative_difference(one: tuple[float, float, float], other: tuple[float, flo
 def answers_of(run: Run) -> list[RunResult]:
     """Return a run's results; one that says how far it is where it has none."""
     plain = (run.folder.name, run.about, run.kind, str(run.state))
-    found = []
-    for name, read in _READ.items():
-        try:
-            content = json.loads((run.results / name).read_text(encoding="utf-8"))
-            found += [RunResult(*plain, **read(one)) for one in _by_law(content)]
-        except (OSError, ValueError, KeyError, TypeError, AttributeError):
-            # It has none yet, or a legfem of other days wrote it.
-            continue
-    return found or [RunResult(*plain)]
+    try:
+        found = read_result(run.results)
+    except InputError:
+        # It has none yet, or a legfem of other days wrote it.
+        plan = _document(run, "plan.json")
+        first = next(iter(plan.get("tests", ())), None)
+        told = {} if first is None else {"origin": plan["origin"], "verdict": f"most telling: {first['test']}"}
+        return [RunResult(*plain, **told)]
+    return [
+        RunResult(*plain, name, found.origin, law.parameters, law.computed, _verdict(found, law))
+        for name, law in found.laws.items()
+    ]
+
+
+def _verdict(found: StoredResult, law: StoredModel) -> str:
+    """Return a diagnosis' verdict with its causes, else how well the parameters are known and what was computed."""
+    if found.verdict:
+        causes = dict.fromkeys(name for one in found.answer.causes for name in one.mechanisms)
+        joined = (" or " if found.verdict == "ambiguous" else ", ").join(causes)
+        return f"{found.verdict}: {joined}" if causes else found.verdict
+    c10 = law.parameters.get("c10_deep")
+    known = law.identifiability or ("" if c10 is None else c10.identifiability)
+    first = [f"{one.name} {one.value:.0f} {one.unit}" for one in list(law.computed.values())[:1]]
+    return ", ".join(filter(None, [known, *first]))
+
+
+def _document(run: Run, name: str) -> Mapping[str, Any]:
+    """Return one of a run's documents; empty where it isn't there, or is cut short."""
+    try:
+        found: Mapping[str, Any] = json.loads((run.results / name).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found
 
 
 def sentence_of(run: Run) -> str:
     """Return what a run found, as its page's first lines; empty where there is none yet, or an older legfem's."""
-    for name, said in _SAID.items():
-        try:
-            return said(json.loads((run.results / name).read_text(encoding="utf-8")))
-        except (OSError, ValueError, LookupError, TypeError):
-            continue
-    return ""
-
-
-_SAID: Mapping[str, Callable[[Mapping[str, Any]], str]] = {
-    "result.json": lambda document: headline_of(Answer.read(document["answer"])).said,
-    "diagnosis.json": lambda document: headline_of(Answer.read(document["answer"])).said,
-    "plan.json": lambda document: first_lines([one["test"] for one in document["tests"]]).said,
-    "cohort.json": lambda document: document["answer"],
-}
-
-
-def _by_law(content: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
-    """Yield one law after another, each with what the document says of all; the document itself where it has one."""
-    for own in content.get("laws", {"": {}}).values():
-        yield {**content, **own}
-
-
-def _identified(document: Mapping[str, Any]) -> dict[str, Any]:
-    known, computed = document["parameters"], document.get("computed", {})
-    verdicts = [document.get("identifiability") or known.get("c10_deep", {}).get("identifiability", "")]
-    verdicts += [f"{one['name']} {one['value']:.0f} {one['unit']}" for one in list(computed.values())[:1]]
-    return {
-        "law": document["law"],
-        "origin": document["origin"],
-        "parameters": known,
-        "computed": computed,
-        "verdict": ", ".join(filter(None, verdicts)),
-    }
-
-
-def _diagnosed(document: Mapping[str, Any]) -> dict[str, Any]:
-    named = [entry["name"] for entry in document["physics"]]
-    verdict = document["verdict"]
-    if named:
-        verdict += ": " + (" or " if verdict == "ambiguous" else ", ").join(dict.fromkeys(named))
-    known = document["parameters"]
-    return {"law": document["law"], "origin": document["origin"], "parameters": known, "verdict": verdict}
-
-
-def _planned(document: Mapping[str, Any]) -> dict[str, Any]:
-    return {"origin": document["origin"], "verdict": f"most telling: {document['tests'][0]['test']}"}
-
-
-_READ = {"result.json": _identified, "diagnosis.json": _diagnosed, "plan.json": _planned}
+    try:
+        return headline_of(read_result(run.results).answer).said
+    except InputError:
+        plan = _document(run, "plan.json")
+        if "tests" in plan:
+            return first_lines([one["test"] for one in plan["tests"]]).said
+        return str(_document(run, "cohort.json").get("answer", ""))
 
 
 _HEADER = "run of command state law data verdict parameter value low high unit identifiability"
@@ -167,9 +148,10 @@ def numbers_of(answers: Sequence[RunResult]) -> "pd.DataFrame":
     rows = []
     for one in answers:
         plain = (literal(one.run), literal(one.about), one.kind, one.state, one.law, one.origin, one.verdict)
-        for key, known in ({**one.parameters, **one.computed} or {"": {}}).items():
-            low, high = known.get("ci95") or (None, None)
-            rows.append((*plain, key, known.get("value"), low, high, known.get("unit"), known.get("identifiability")))
+        every: Mapping[str, StoredEstimate | None] = {**one.parameters, **one.computed} or {"": None}
+        for key, known in every.items():
+            shown = (None,) * 5 if known is None else (known.value, *known.ci95, known.unit, known.identifiability)
+            rows.append((*plain, key, *shown))
     return pd.DataFrame(rows, columns=_HEADER.split())
 
 

@@ -1,12 +1,13 @@
 """What was found of each member, as rows of one table from the commands' documents; what a run would still do."""
 
+import math
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 from operator import itemgetter
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import pandas as pd
 
@@ -16,6 +17,7 @@ from legfem.common.progress import duration
 from legfem.inverse.catalogue import unit_suffix
 from legfem.inverse.comparison import ErrorSource
 from legfem.inverse.notice import Notice
+from legfem.inverse.stored import StoredExplanation, StoredModel
 from legfem.jobs.store import Contents, Store
 
 
@@ -125,59 +127,63 @@ _POINTS = 40
 """Of a curve, which is drawn small."""
 
 
-def models_of(document: Mapping[str, Any]) -> dict[str, ModelResult]:
-    """What a ``result.json`` or ``diagnosis.json`` holds, by model."""
-    if "base_model" in document:
-        base, (law,) = document["base_model"], document["laws"].values()
+def models_of(
+    laws: Mapping[str, StoredModel],
+    base_model: StoredModel | None = None,
+    explanations: Sequence[StoredExplanation] = (),
+) -> dict[str, ModelResult]:
+    """Return what a result holds, by model: by law, or of a diagnosis before and after what it adds.
+
+    Parameters
+    ----------
+    laws
+        Fits by law.
+    base_model
+        Of a diagnosis.
+    explanations
+        Of a diagnosis; that nothing was left out isn't one, as in its own interval, where there are others.
+    """
+    if base_model is None:
         return {
-            "before repair": ModelResult(_measures(base["parameters"]), base["p_value"]),
-            "after repair": ModelResult(_explained(_measures(law["parameters"]), document["explanations"])),
+            name: ModelResult(_measures(one), _known(one.goodness.p_value), _curve(one)) for name, one in laws.items()
         }
-    if "laws" in document:
-        return {
-            name: ModelResult(_measures(law["parameters"]), law["goodness"]["p_value"], _curve(law))
-            for name, law in document["laws"].items()
-        }
-    return {}
+    (law,) = laws.values()
+    after = {}
+    for name, measure in _measures(law).items():
+        having = [one for one in explanations if name in one.parameters and math.isfinite(one.parameters[name].value)]
+        having = [one for one in having if one.mechanisms or one.unknown] or having
+        under = ((one.probability, one.parameters[name]) for one in having)
+        each = tuple((p, one.value, _known(one.ci95[0]), _known(one.ci95[1])) for p, one in under)
+        after[name] = replace(measure, explanations=each)
+    before = ModelResult(_measures(base_model), _known(base_model.p_value))
+    return {"before repair": before, "after repair": ModelResult(after)}
 
 
-def _measures(entries: Mapping[str, Mapping[str, Any]]) -> dict[str, Measure]:
-    return {name: _measure(entry) for name, entry in entries.items() if entry["value"] is not None}
+def _known(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
-def _explained(measures: Mapping[str, Measure], entries: Sequence[Mapping[str, Any]]) -> dict[str, Measure]:
-    return {name: replace(one, explanations=_explanations(entries, name)) for name, one in measures.items()}
+def _measures(model: StoredModel) -> dict[str, Measure]:
+    found = {}
+    for name, one in model.parameters.items():
+        low, high = map(_known, one.ci95)
+        sd = _known(one.standard_error)
+        if sd is None and low is not None and high is not None:
+            sd = (high - low) / (2 * _NORMAL)
+        alike = sum(share for source, share in one.share_of_squared_error.items() if source in _ALIKE)
+        if math.isfinite(one.value):
+            found[name] = Measure(one.value, low, high, sd, one.unit, one.identifiability, alike=min(alike, 1.0))
+    return found
 
 
-def _explanations(
-    entries: Sequence[Mapping[str, Any]], name: str
-) -> tuple[tuple[float, float, float | None, float | None], ...]:
-    """A parameter under each that has it; that nothing was left out isn't one, as in a diagnosis' own interval."""
-    having = [one for one in entries if one.get("parameters", {}).get(name, {}).get("value") is not None]
-    having = [one for one in having if one["mechanisms"] or one["unknown"]] or having
-    each = ((one["probability"], one["parameters"][name]) for one in having)
-    return tuple((p, of["value"], *(of["ci95"] or (None, None))) for p, of in each)
-
-
-def _measure(entry: Mapping[str, Any]) -> Measure:
-    low, high = entry.get("ci95") or (None, None)
-    sd = entry.get("standard_error")
-    if sd is None and low is not None and high is not None:
-        sd = (high - low) / (2 * _NORMAL)
-    shares = entry.get("share_of_squared_error") or {}
-    alike = sum(share for source, share in shares.items() if source in _ALIKE)
-    verdict = entry.get("identifiability") or ""
-    return Measure(entry["value"], low, high, sd, entry["unit"], verdict, alike=min(alike, 1.0))
-
-
-def _curve(law: Mapping[str, Any]) -> Curve | None:
-    curve = law.get("curve")
-    if curve is None or "displacement_mm" not in curve:
+def _curve(model: StoredModel) -> Curve | None:
+    if len(model.tests) != 1 or "displacement_mm" not in (curve := model.tests[0].curve):
         return None
-    columns = [curve[name] for name in ("displacement_mm", "measured_force_N", "force_N")]
-    step = max(1, -(-len(columns[0]) // _POINTS))
-    thin = [tuple(values[::step]) for values in columns]
-    return Curve(thin[0], thin[1], thin[2])
+    step = max(1, -(-len(curve["displacement_mm"]) // _POINTS))
+    displacement, recorded, force = (
+        tuple(curve[name][::step]) for name in ("displacement_mm", "measured_force_N", "force_N")
+    )
+    return Curve(displacement, recorded, force)
 
 
 def cohort_model(rows: Sequence[Row]) -> str:
@@ -226,19 +232,39 @@ def cohort_frame(members: Sequence[Member], rows: Sequence[Row]) -> pd.DataFrame
         warnings = len(row.judged.notices) if row.done else None
         entry |= {"model": row.judged.preferred, "warnings": warnings, "origin": row.origin}
         entry |= {"fat_thickness_mm": row.shape.fat_mm, "girth_mm": row.shape.girth_mm}
-        for model, found in row.models.items():
-            entry[column(model, "fit_p_value")] = found.p_value
-            for name, one in found.measures.items():
-                suffix = unit_suffix(one.unit)
-                entry[column(model, name, suffix)] = one.value
-                entry[column(model, name, "low", suffix)] = one.low
-                entry[column(model, name, "high", suffix)] = one.high
-                entry[column(model, name, "standard_error", suffix)] = one.sd
-                entry[column(model, name, "identifiability")] = one.verdict
+        entry |= {one.name: one.value for one in _columns(row)}
         entry |= {"seconds": row.seconds or None, "peak_MB": row.peak_mb or None, "report": row.report}
         entries.append(entry)
     frame = pd.DataFrame(entries)
     return frame.drop(columns=[name for name in frame if frame[name].isin(["", None]).all()])
+
+
+class _Column(NamedTuple):
+    """One number of a member, and what its column is called and means."""
+
+    name: str
+    value: object
+    unit: str
+    meaning: str
+
+
+def _columns(row: Row) -> Iterator[_Column]:
+    """Yield the columns of a member's results."""
+    for model, found in row.models.items():
+        under = f" under {model}" if model else ""
+        chance = f"probability of so poor a fit by chance{under}"
+        yield _Column(column(model, "fit_p_value"), found.p_value, "1", chance)
+        for name, one in found.measures.items():
+            of, suffix = f"of {name}{under}", unit_suffix(one.unit)
+            for part, value, meaning in (
+                ("", one.value, f"{name}{under}"),
+                ("low", one.low, f"lower end of the 95 % interval {of}"),
+                ("high", one.high, f"upper end of the 95 % interval {of}"),
+                ("standard_error", one.sd, f"{STANDARD_ERROR} {of}"),
+            ):
+                yield _Column(column(model, name, part, suffix), value, one.unit, meaning)
+            known = f"how well the recordings determine {name}{under}"
+            yield _Column(column(model, name, "identifiability"), one.verdict, "", known)
 
 
 def column(model: str, *parts: str) -> str:
@@ -249,27 +275,12 @@ def column(model: str, *parts: str) -> str:
 
 def units_frame(frame: pd.DataFrame, rows: Sequence[Row]) -> pd.DataFrame:
     """Return unit and meaning of each of a frame's columns."""
-    known: dict[str, tuple[str, str]] = {name: (_unit(name), text) for name, text in _MEANINGS.items()}
-    for row in rows:
-        for model, found in row.models.items():
-            under = f" under {model}" if model else ""
-            known[column(model, "fit_p_value")] = ("1", f"probability of so poor a fit by chance{under}")
-            for name, one in found.measures.items():
-                suffix, of = unit_suffix(one.unit), f"of {name}{under}"
-                known |= {
-                    column(model, name, suffix): (one.unit, f"{name}{under}"),
-                    column(model, name, "low", suffix): (one.unit, f"lower end of the 95 % interval {of}"),
-                    column(model, name, "high", suffix): (one.unit, f"upper end of the 95 % interval {of}"),
-                    column(model, name, "standard_error", suffix): (one.unit, f"{STANDARD_ERROR} {of}"),
-                    column(model, name, "identifiability"): ("", f"how well the recordings determine {name}{under}"),
-                }
-    given = {name: ("", "as in the cohort's table") for name in frame if name not in known}
-    every: Mapping[str, tuple[str, str]] = known | given | {name: ("", "as in the cohort's table") for name in DESIGN}
+    units = {"seconds": "s", "peak_MB": "MB", "fat_thickness_mm": "mm", "girth_mm": "mm"}
+    known = {name: (units.get(name, ""), text) for name, text in _MEANINGS.items()}
+    known |= {one.name: (one.unit, one.meaning) for row in rows for one in _columns(row)}
+    given = {name: ("", "as in the cohort's table") for name in (*frame, *DESIGN)}
+    every = given | {name: told for name, told in known.items() if name not in DESIGN}
     return pd.DataFrame([{"column": name, "unit": every[name][0], "meaning": every[name][1]} for name in frame])
-
-
-def _unit(name: str) -> str:
-    return {"seconds": "s", "peak_MB": "MB"}.get(name, "mm" if name.endswith("_mm") else "")
 
 
 def write_tables(frame: pd.DataFrame, units: pd.DataFrame, folder: Path) -> list[Path]:

@@ -21,13 +21,14 @@ from legfem.inverse.linearised import LinearisedFit
 from legfem.inverse.location import runs
 from legfem.inverse.notice import FitNotice
 from legfem.inverse.predictive import HeldOut, checks_by_phase
+from legfem.inverse.stored import SCHEMAS
 from legfem.inverse.verdict import Diagnosis, explained_share, residual_intervals
 from legfem.legs.diagnosis import notices_of
 from legfem.legs.subject import Subject
 from legfem.report.diagnosis_sentences import next_experiments
 from legfem.report.further_channels import channel_misfits, channel_sentences
 
-SCHEMA = "legfem.diagnose/6"
+SCHEMA = SCHEMAS["diagnosis.json"]
 
 
 class Recorded(Protocol):
