@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from legfem.commands.options import Jobs, optional
+from legfem.commands.options import Jobs, optional, passed, print_outcome
 from legfem.common import command_line
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -13,6 +13,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_mar
 
 @app.command(cls=command_line.FiniteNumbers)
 def cohort(
+    context: typer.Context,
     folder: Annotated[
         Path, typer.Argument(help="Folder with the members' folders and, if you have one, cohort.csv or .xlsx.")
     ],
@@ -80,33 +81,16 @@ def cohort(
         from legfem.api.cohorts import DOCUMENT
         from legfem.api.cohorts import cohort as cohort_in_full
         from legfem.cohort.rows import CSV, ExpectedRun
-        from legfem.commands.options import print_outcome
         from legfem.report.cohort import PAGE
 
         place = out or Path("results") / f"cohort-{folder.resolve().name}"
         command_line.check_out_folder(place)
         found = cohort_in_full(
             folder,
-            do=do,
-            layout=layout,
-            table=table,
-            law=law,
-            identify=identify,
-            prior=prior or (),
-            fix=fix or (),
-            depth=depth,
-            correction=correction,
-            model=model,
-            mesh=mesh,
-            library=library,
-            cells=cells,
-            seed=seed,
+            **passed(context, "do", "layout", "table", "law", "identify", "prior", "fix", "depth", "correction"),
+            **passed(context, "model", "mesh", "library", "cells", "seed", "on", "scheduler", "population", "dry_run"),
             out=place,
-            on=on,
-            scheduler=scheduler,
             jobs=processes or 1,
-            population=population,
-            dry_run=dry_run,
             progress=not quiet,
         )
         if isinstance(found, ExpectedRun):

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir, finish, results_folder
+from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir, finish, passed, results_folder
 from legfem.common.command_line import AsJson, Quiet, check_out_folder, parallel_context
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -13,6 +13,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_mar
 
 @app.command()
 def diagnose(
+    context: typer.Context,
     subject: Subject = None,
     subject_dir: SubjectDir = None,
     site: Site = None,
@@ -72,14 +73,9 @@ def diagnose(
         folder = results_folder(out, "diagnose", leg.id)
         found = diagnose_in_full(
             leg,
-            library=library,
-            correction=correction,
-            seed=seed,
+            **passed(context, "library", "correction", "seed", "specimens", "site", "prior"),
             out=folder,
             jobs=processes,
             progress=not quiet,
-            specimens=specimens or (),
-            site=site or "",
-            prior=prior or (),
         )
         finish(found, folder, DIAGNOSIS, quiet, as_json)

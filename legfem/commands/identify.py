@@ -7,7 +7,17 @@ from typing import Annotated, Literal
 
 import typer
 
-from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir, finish, optional, results_folder
+from legfem.commands.options import (
+    Jobs,
+    Site,
+    SpecimenDir,
+    Subject,
+    SubjectDir,
+    finish,
+    optional,
+    passed,
+    results_folder,
+)
 from legfem.common.command_line import AsJson, FiniteNumbers, Quiet, command_context, parallel_context, process_count
 from legfem.common.errors import InputError, UnsolvedError
 
@@ -16,6 +26,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_mar
 
 @app.command(name="identify", cls=FiniteNumbers)
 def run(
+    context: typer.Context,
     subject: Subject = None,
     subject_dir: SubjectDir = None,
     site: Site = None,
@@ -108,20 +119,9 @@ def run(
         folder = results_folder(out, "identify", leg.id)
         found = identify_in_full(
             leg,
-            law,
-            identify=identify,
-            prior=prior or (),
-            fix=fix or (),
-            c10_bounds=c10_bounds,
-            c20_bounds=c20_bounds,
-            correction=correction,
-            depth=depth,
-            model=model,
+            **passed(context, "law", "identify", "prior", "fix", "c10_bounds", "c20_bounds", "correction", "depth"),
+            **passed(context, "model", "leave_out", "weighting", "seed", "emulator"),
             site="" if specimen_dir is None else site or "",
-            leave_out=leave_out or (),
-            weighting=weighting,
-            seed=seed,
-            emulator=emulator,
             out=folder,
             jobs=processes,
             progress=not quiet,

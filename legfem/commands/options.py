@@ -24,6 +24,11 @@ def optional(text: str) -> Any:
     return typer.Option(help=text, show_default=False)
 
 
+def passed(context: typer.Context, *names: str) -> dict[str, Any]:
+    """Return the options that the front door's function takes by the same names; it has the defaults of the others."""
+    return {name: given for name in names if (given := context.params[name]) not in (None, [], ())}
+
+
 def results_folder(out: Path | None, command: str, name: str) -> Path:
     """Return the folder for results, ``results/COMMAND-NAME`` by default, that can be written to."""
     folder = out or Path("results") / f"{command}-{name}"

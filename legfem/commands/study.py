@@ -184,8 +184,7 @@ def correction(
             depth,
         )
         processes = (jobs or command_line.usable_cores()) if MPI.COMM_WORLD.size == 1 else 1
-        asked = correction_command.CorrectionOutputs(trends, legs, fields)
         with command_line.brief_output(quiet, as_json) as written:
-            correction_command.run(Calibration(case), asked, folder, processes, quiet)
+            correction_command.run(Calibration(case), folder, processes, quiet, trends=trends, legs=legs, fields=fields)
             if MPI.COMM_WORLD.rank == 0:
                 written.append(folder / correction_command.DOCUMENT)

@@ -10,7 +10,6 @@ from legfem.common.command_line import FiniteNumbers, check_out_folder, command_
 from legfem.common.documents import write_atomically, write_document
 from legfem.study.correction import command as correction_command
 from legfem.study.correction.calibration import Calibration
-from legfem.study.correction.command import CorrectionOutputs
 from legfem.study.doe.command import DoeOptions, run
 from legfem.study.doe.design import IDENTIFIED, PAPER
 from studies.command_line import DONE_IS_KEPT, Jobs, Out, Seed, new_app
@@ -60,7 +59,7 @@ def correction(out: Out = None, jobs: Jobs = None) -> None:
     """
     with study_context("correction", out, jobs, DONE_IS_KEPT) as (folder, processes):
         given = Calibration()
-        found, lengths = correction_command.run(given, CorrectionOutputs(), folder, processes)
+        found, lengths = correction_command.run(given, folder, processes)
         typer.echo(f"figure: {draw_correction(given.reference, found, lengths, folder)[0]}")
 
 

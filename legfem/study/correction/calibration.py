@@ -21,13 +21,11 @@ from legfem.common.errors import InputError
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.common.wording import Argument, Remedy
-from legfem.inverse.correction import TabulatedCorrection, first_contact_error, mesh_error, smooth_ratio
+from legfem.inverse.correction import TabulatedCorrection, first_contact_error, mesh_error
 from legfem.jobs.pool import Workers
 from legfem.legs.correction_of_leg import LegCorrections
 from legfem.meshing.structured import IdealisedLeg
 from legfem.study.correction.cases import CaseOutcome, CorrectionCase, Material, remembered_case
-
-GRID = 0.5
 
 
 @dataclass(frozen=True)
@@ -120,9 +118,8 @@ def calibrate(
     ]
     progress.stage("the correction: both models of the idealised leg", len(cases))
     outcomes = run_cases(cases, folder, jobs, progress, comm)
-    displacement = np.linspace(0, reference.depth, round(reference.depth / GRID) + 1)
-    reference_case = outcomes[0]
-    fine, middle, rough, shorter, longer, *table = _ratios(cases, outcomes, displacement)
+    displacement, reference_case = reference.displacement, outcomes[0]
+    fine, middle, rough, shorter, longer, *table = _ratios(cases, outcomes)
     shape = (len(given.c10_kPa), len(given.stiffening), len(displacement))
     errors = {
         "mesh": mesh_error(fine, rough, given.coarse),
@@ -141,9 +138,7 @@ def calibrate(
     return Calibrated(correction, tuple(outcomes[:3]), tuple(outcomes))
 
 
-def _ratios(
-    cases: Sequence[CorrectionCase], outcomes: Sequence[CaseOutcome], displacement: FloatArray
-) -> list[FloatArray]:
+def _ratios(cases: Sequence[CorrectionCase], outcomes: Sequence[CaseOutcome]) -> list[FloatArray]:
     """Return P of every case; raise an InputError for one that stops short."""
     for case, outcome in zip(cases, outcomes, strict=True):
         if not outcome.complete:
@@ -155,7 +150,7 @@ def _ratios(
                 f"C10 {case.material.C10_kPa:g} kPa)",
                 Remedy("calibrate to a smaller ", Argument("depth"), ", or with a finer mesh"),
             )
-    return [smooth_ratio(outcome.spatial, outcome.plane, displacement) for outcome in outcomes]
+    return [outcome.P(case.displacement) for case, outcome in zip(cases, outcomes, strict=True)]
 
 
 def stiffened(material: Material, c10: float, stiffening: float) -> Material:
@@ -257,8 +252,8 @@ def tabulate_legs(
     ]
     progress.stage("P of legs of several sizes", len(cases))
     outcomes = run_cases(cases, folder, jobs, progress, comm)
-    displacement = np.linspace(0, coarse.depth, round(coarse.depth / GRID) + 1)
-    between, with_layers, at_reference, *rest = _ratios(cases, outcomes, displacement)
+    displacement = coarse.displacement
+    between, with_layers, at_reference, *rest = _ratios(cases, outcomes)
     shape = (len(given.c10_kPa), len(given.stiffening), len(displacement))
     table = np.array(rest).reshape(-1, *shape)
     change = (table[1:] - table[0]).reshape(len(given.radius), len(given.depth), *shape)

@@ -13,6 +13,7 @@ from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.experiments.indenter_pose import Cylinder
 from legfem.experiments.leg_3d import IdealisedLegIndentation, IdealisedLegSettings
 from legfem.fem.compat import evaluate
+from legfem.inverse.correction import smooth_ratio
 from legfem.jobs.store import Store
 from legfem.mechanics.materials import Hyperelastic, NeoHookean, ReducedPolynomial
 from legfem.mechanics.model import Skin
@@ -87,6 +88,11 @@ class CorrectionCase:
             )
 
     @property
+    def displacement(self) -> FloatArray:
+        """Displacements (mm) at which P is tabulated: every half a millimetre."""
+        return np.linspace(0, self.depth, round(2 * self.depth) + 1)
+
+    @property
     def asked(self) -> "CorrectionCase":
         """What the outcome depends on: any linear solver finds the same."""
         return replace(self, settings=replace(self.settings, linear=_ANY_SOLVER))
@@ -118,6 +124,10 @@ class CaseOutcome:
     """Error of the balance of forces along the travel, relative to the force."""
     skin: FloatArray = field(default_factory=lambda: np.empty((0, 7)))
     """Skin of the 3D model at the end: reference and deformed position (mm), pressure (kPa)."""
+
+    def P(self, displacement: FloatArray) -> FloatArray:
+        """P at displacements (mm), (n,)."""
+        return smooth_ratio(self.spatial, self.plane, displacement)
 
 
 def solve_case(case: CorrectionCase, comm: MPI.Intracomm = MPI.COMM_SELF, keep_in: Path | None = None) -> CaseOutcome:

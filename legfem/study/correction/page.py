@@ -1,17 +1,15 @@
 """A calibrated 3D correction on paper: tables, what P depends on, and report.html."""
 
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 
 from legfem.common.documents import Cells, column_cells, row_cells
 from legfem.common.units import FloatArray, kpa_to_mpa
-from legfem.inverse.correction import DEFINITION, smooth_ratio
+from legfem.inverse.correction import DEFINITION
 from legfem.report import page as web
-from legfem.report.curves import Curves, Dash, Line, curves_figure
-from legfem.report.style import save
-from legfem.study.correction.calibration import GRID, Calibrated, Calibration, versions
+from legfem.report.curves import Curves, Dash, Line
+from legfem.study.correction.calibration import Calibrated, Calibration, versions
 
 SHOWN = np.array([2.5, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0])
 """Depths of the tables, mm."""
@@ -27,7 +25,7 @@ def correction_cells(found: Calibrated) -> Cells:
             "d (mm)": ("g", depths),
             "RF3D (N)": (".3f", reference.spatial(depths)),
             "L RF2D (N)": (".3f", reference.plane(depths)),
-            "P": ("+.4f", smooth_ratio(reference.spatial, reference.plane, depths)),
+            "P": ("+.4f", reference.P(depths)),
             **{name: ("+.4f", mode) for name, mode in modes.items()},
             "sd": (".4f", correction.standard_deviation(depths)),
         }
@@ -38,7 +36,7 @@ def meshes_cells(found: Calibrated) -> Cells:
     """P on the meshes, a row a mesh, and the finest one's error by Richardson's estimate."""
     displacement = found.correction.displacement
     depths = SHOWN[SHOWN <= displacement[-1]]
-    values = [smooth_ratio(outcome.spatial, outcome.plane, depths) for outcome in found.meshes]
+    values = [outcome.P(depths) for outcome in found.meshes]
     limit = values[0] + np.interp(depths, displacement, found.correction.errors["mesh"])
     rows = [
         {
@@ -52,9 +50,8 @@ def meshes_cells(found: Calibrated) -> Cells:
     return row_cells([*rows, {"unknowns": "limit", **_at(depths, limit), "tangents": "", "time (s)": ""}])
 
 
-def trend_cells(name: str, curves: Mapping[str, FloatArray]) -> Cells:
+def trend_cells(name: str, displacement: FloatArray, curves: Mapping[str, FloatArray]) -> Cells:
     """P, a row a value of what is varied."""
-    displacement = grid_of(curves)
     depths = SHOWN[SHOWN <= displacement[-1]]
     return row_cells(
         {name: value, **_at(depths, np.interp(depths, displacement, curve))} for value, curve in curves.items()
@@ -65,16 +62,12 @@ def _at(depths: FloatArray, P: FloatArray) -> dict[str, str]:
     return {f"{d:g} mm": "-" if np.isnan(p) else f"{p:+.4f}" for d, p in zip(depths, P, strict=True)}
 
 
-def grid_of(curves: Mapping[str, FloatArray]) -> FloatArray:
-    """Displacements (mm) of curves of P."""
-    return GRID * np.arange(len(next(iter(curves.values()))))
-
-
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#111111", "#8C8C8C")
 
 
 Trend = Mapping[str, Mapping[str, FloatArray]]
 """P by the value of what is varied, by what that is."""
+DEPENDS_ON, HOW_SURE = "What it depends on", "How sure"
 _DASHES: tuple[Dash, ...] = ("dashed", "dotted", "dotdash", "solid")
 _THREE_PARTS = (
     "The error of P has three parts, each a curve over the displacement: that of the mesh (Richardson's estimate), "
@@ -111,9 +104,11 @@ def correction_web_page(given: Calibration, found: Calibrated, trends: Trend, co
         known=_known(given, found),
         chapters=[
             web.Chapter("The correction", [_correction(given, found)]),
-            web.Chapter("What it depends on", trend_curves(trends)),
             web.Chapter(
-                "How sure",
+                DEPENDS_ON, [*trend_curves(given.reference.displacement, trends), *_trend_tables(given, trends)]
+            ),
+            web.Chapter(
+                HOW_SURE,
                 [
                     web.Prose(_THREE_PARTS),
                     web.WebTable("Forces, P and its errors by depth", *correction_cells(found)),
@@ -241,18 +236,13 @@ def _correction(given: Calibration, found: Calibrated) -> Curves:
     )
 
 
-def draw_trends(name: str, trends: Trend, out: Path) -> list[Path]:
-    """Draw P(d) of a leg for values of each thing it depends on."""
-    return save(curves_figure(trend_curves(trends), "What P depends on", name, "simulated"), out, "trends", svg=True)
-
-
-def trend_curves(trends: Trend) -> list[Curves]:
+def trend_curves(displacement: FloatArray, trends: Trend) -> list[Curves]:
     """P against all that it depends on."""
     return [
         Curves(
             f"trend{number}",
             f"P against the {name}, on a coarser mesh; lines end where a model stopped.",
-            grid_of(curves),
+            displacement,
             "displacement (mm)",
             "P",
             "",
@@ -262,4 +252,11 @@ def trend_curves(trends: Trend) -> list[Curves]:
             ],
         )
         for number, (name, curves) in enumerate(trends.items())
+    ]
+
+
+def _trend_tables(given: Calibration, trends: Trend) -> list[web.WebTable]:
+    return [
+        web.WebTable(f"P against the {name}", *trend_cells(name, given.reference.displacement, curves), folded=True)
+        for name, curves in trends.items()
     ]
