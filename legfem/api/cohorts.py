@@ -125,9 +125,6 @@ class Cohort(Result):
             write_document(out / POPULATION, population_document(self.population, self.members, self.rows))
         return write_cohort_page(self._page(), out)
 
-    def _rows(self) -> Iterator[dict[str, Any]]:
-        yield from self.to_frame().to_dict("records")
-
     def _page(self) -> WebPage:
         return cohort_web_page(self.members, self.rows, self.options.task, command_line(), self.population)
 

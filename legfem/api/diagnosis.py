@@ -1,11 +1,12 @@
 """Where model and recordings differ and which physics was left out; which tests of a leg would show which effects."""
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
+import pandas as pd
 from matplotlib.figure import Figure
 
 from legfem.api import loading
@@ -88,8 +89,9 @@ class DiagnosedLeg(Result):
     def _page(self) -> WebPage:
         return diagnosis_web_page(self.diagnosis, self.subject, self.next_tests)
 
-    def _rows(self) -> Iterator[dict[str, Any]]:
-        yield from parameter_rows(self.diagnosis)
+    def to_frame(self) -> pd.DataFrame:
+        """Return the parameters: a row each, with value, 95 % interval and unit."""
+        return pd.DataFrame(list(parameter_rows(self.diagnosis)))
 
 
 @overload
@@ -116,20 +118,6 @@ def diagnose(
     progress: bool = False,
     specimens: Sequence[str] = (),
 ) -> "DiagnosedFolder": ...
-@overload
-def diagnose(
-    leg: "Subject | SitedLeg | SpecimenFolder | loading.Given",
-    *,
-    library: loading.Given | None = None,
-    correction: loading.Given | None = None,
-    seed: int = 0,
-    out: loading.Given | None = None,
-    jobs: int = 1,
-    progress: bool = False,
-    specimens: Sequence[str] = (),
-    site: str = "",
-    prior: Sequence[str] = (),
-) -> "DiagnosedLeg | DiagnosedFolder": ...
 def diagnose(
     leg: "Subject | SitedLeg | SpecimenFolder | loading.Given",
     *,
@@ -244,10 +232,13 @@ class PlannedTests(Result):
     def _page(self) -> WebPage:
         return plan_web_page(self.ranked, self.subject, self.expected, self.doubts, versions(), command_line())
 
-    def _rows(self) -> Iterator[dict[str, Any]]:
-        for one in self.ranked:
-            for (effect, other), chance in one.chances.items():
-                yield {"test": one.design.name, "effect": effect, "against": other, "chance": chance}
+    def to_frame(self) -> pd.DataFrame:
+        """Return the chance of every test to tell an effect from another: a row each."""
+        return pd.DataFrame(
+            {"test": one.design.name, "effect": effect, "against": other, "chance": chance}
+            for one in self.ranked
+            for (effect, other), chance in one.chances.items()
+        )
 
 
 def plan(

@@ -2,7 +2,6 @@
 
 import html
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -51,12 +50,8 @@ class Result(ABC):
         """Write report, figures and numbers into a folder; return the report's path."""
 
     @abstractmethod
-    def _rows(self) -> Iterator[dict[str, Any]]:
-        """Yield a row a parameter."""
-
     def to_frame(self) -> pd.DataFrame:
-        """Return the parameters: a row each, with value, 95 % interval and unit."""
-        return pd.DataFrame(list(self._rows()))
+        """Return a table, a row a parameter."""
 
     @abstractmethod
     def _page(self) -> WebPage:
@@ -147,9 +142,6 @@ class Identification(Result):
         """The section of the only site, which a report presses; None of others."""
         only = self._section is not None and len(self._section.models) == 1
         return self._section.models[0].experiment if self._section is not None and only else None
-
-    def _rows(self) -> Iterator[dict[str, Any]]:
-        yield from self.to_frame().to_dict("records")
 
     def _page(self) -> WebPage:
         experiment = self._experiment

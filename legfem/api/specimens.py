@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 from matplotlib.figure import Figure
 
 from legfem.api import loading
@@ -121,10 +122,14 @@ class DiagnosedFolder(Result):
         one, found = self._first
         return diagnosis_web_page(found, one)
 
-    def _rows(self) -> Iterator[dict[str, Any]]:
-        for one in self.specimens:
-            for each in parameter_rows(one.diagnosis) if one.diagnosis else ():
-                yield {"specimen": one.id} | each
+    def to_frame(self) -> pd.DataFrame:
+        """Return the parameters of every specimen: a row each, with value, 95 % interval and unit."""
+        return pd.DataFrame(
+            {"specimen": one.id} | row
+            for one in self.specimens
+            if one.diagnosis
+            for row in parameter_rows(one.diagnosis)
+        )
 
 
 def _problem_of(specimens: Sequence[DiagnosedSpecimen]) -> InputError:

@@ -66,12 +66,12 @@ def versions_of(*names: str) -> dict[str, str]:
     return {name: known.get(name) or package_version(packages.get(name, name)) for name in names}
 
 
-def write_atomically(path: Path, text: str) -> None:
+def write_atomically(path: Path, content: str | bytes) -> None:
     """Write a file so that no reader, and no kill, ever meets half of it."""
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
-        with naming(path), os.fdopen(handle, "w") as file:
-            file.write(text)
+        with naming(path), os.fdopen(handle, "wb") as file:
+            file.write(content.encode() if isinstance(content, str) else content)
             file.flush()
             os.fsync(file.fileno())
         # mkstemp's files are private; the results needn't be.

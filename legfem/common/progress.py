@@ -6,7 +6,10 @@ import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Protocol, TextIO
+from typing import TYPE_CHECKING, Protocol, TextIO
+
+if TYPE_CHECKING:
+    import rich.progress
 
 _BAR = 24
 _NOTEBOOK = "ipykernel"
@@ -182,13 +185,9 @@ def progress_on(stream: TextIO | None = None, quiet: bool = False) -> Iterator[P
 
 
 class _Bar:
-    def __init__(self, bar: object) -> None:
-        from rich.progress import Progress as RichProgress
-        from rich.progress import TaskID
-
-        assert isinstance(bar, RichProgress)
+    def __init__(self, bar: "rich.progress.Progress") -> None:
         self._bar = bar
-        self._task: TaskID | None = None
+        self._task: rich.progress.TaskID | None = None
 
     def stage(self, text: str, total: int | None = None) -> None:
         if self._task is not None:

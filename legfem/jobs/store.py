@@ -26,7 +26,6 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
 from legfem.common.documents import package_version, write_atomically, write_document
-from legfem.common.errors import naming
 from legfem.common.progress import Progress
 from legfem.jobs.pool import Workers
 
@@ -295,14 +294,7 @@ def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], compressed: boo
     content = io.BytesIO()
     save = np.savez_compressed if compressed else np.savez
     save(content, **arrays)  # type: ignore[arg-type]
-    new = path.with_suffix(".new")
-    try:
-        with naming(path):
-            new.write_bytes(content.getvalue())
-            new.replace(path)
-    except OSError:
-        new.unlink(missing_ok=True)
-        raise
+    write_atomically(path, content.getvalue())
 
 
 def read_arrays(path: Path) -> Arrays:
