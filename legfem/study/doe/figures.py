@@ -1,8 +1,11 @@
 """The response surface as in the paper's Fig. 5."""
 
 from pathlib import Path
+from typing import cast
 
+import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.container import BarContainer
 
 from legfem.report.style import FAINT, new_figure, panel, save, styled, title
 from legfem.study.doe.design import Factor
@@ -66,32 +69,16 @@ def _bars(axes: Axes, analyses: list[MetricAnalysis], factors: tuple[Factor, ...
     if not analyses:
         axes.text(0.5, 0.5, "not estimable", ha="center", transform=axes.transAxes)
         return
-    chosen = [k for k, t in enumerate(analyses[0].tests) if k > 0 and t.is_interaction == interactions]
-    height = 0.8 / len(analyses)
-    windows = sorted({(a.metric.start, a.metric.end) for a in analyses})
-    for stage, analysis in enumerate(analyses):
-        window = windows.index((analysis.metric.start, analysis.metric.end))
-        colour = STAGE_COLOURS[window % len(STAGE_COLOURS)]
-        for row, k in enumerate(chosen):
-            test = analysis.tests[k]
-            at = row + (stage - (len(analyses) - 1) / 2) * height
-            axes.barh(at, test.value, height, color=colour)
-            beyond = analysis.lenth is not None and (abs(test.value) > analysis.lenth.simultaneous_margin)
-            mark = ("s" if test.significant else "") + ("L" if beyond else "")
-            if not mark:
-                continue
-            right = test.value >= 0
-            axes.annotate(
-                mark,
-                (test.value, at),
-                xytext=(3 if right else -3, 0),
-                fontsize=7,
-                textcoords="offset points",
-                va="center",
-                ha="left" if right else "right",
-            )
+    chosen = [[test for test in a.tests[1:] if test.is_interaction == interactions] for a in analyses]
+    names = [term_label(test.term, factors) for test in chosen[0]]
+    values = pd.DataFrame([[test.value for test in tests] for tests in chosen], columns=pd.Index(names)).T
+    values.plot.barh(ax=axes, width=0.8, color=[STAGE_COLOURS[k % len(STAGE_COLOURS)] for k in values], legend=False)
+    for bars, tests, analysis in zip(axes.containers, chosen, analyses, strict=True):
+        beyond = analysis.lenth.beyond if analysis.lenth else ()
+        marks = [("s" if test.significant else "") + ("L" if test.term in beyond else "") for test in tests]
+        axes.bar_label(cast(BarContainer, bars), marks, padding=3, fontsize=7)
     axes.axvline(0, color="#111111", lw=0.8)
-    axes.set_yticks(range(len(chosen)), [term_label(analyses[0].tests[k].term, factors) for k in chosen], fontsize=8)
+    axes.tick_params(axis="y", labelsize=8)
     axes.invert_yaxis()
     axes.margins(x=0.12)
     axes.ticklabel_format(axis="x", scilimits=(-2, 2))
