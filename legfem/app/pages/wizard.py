@@ -1,7 +1,7 @@
 """What a folder without a description is, asked on one page: what it is, its sizes, columns and instrument."""
 
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from html import escape
 from pathlib import Path
 from types import SimpleNamespace
@@ -143,35 +143,30 @@ def _keep_for_others(lab: Path, path: Path) -> None:
 
 _FORM = "form"
 """Where an error is that the form itself finds."""
-_GIRTH, _FAT, _DIAMETER, _LENGTH = (
-    "girth of the calf (mm)",
-    "skin and fat where it is pressed (mm)",
-    "diameter (mm)",
-    "cylinder's length (mm)",
-)
 _FIELDS = {
-    "section.girth_mm": _GIRTH,
-    "section.fat_mm": _FAT,
-    "indenter.diameter_mm": _DIAMETER,
-    "indenter.length_mm": _LENGTH,
+    ("section", "girth_mm"): "girth of the calf (mm)",
+    ("section", "fat_mm"): "skin and fat where it is pressed (mm)",
+    ("indenter", "diameter_mm"): "diameter (mm)",
+    ("indenter", "length_mm"): "cylinder's length (mm)",
 }
 """What the form calls a key of subject.toml."""
 
 
 def _of_the_form(error: InputError, folder: Path) -> str:
     """Say what is wrong as the form calls it: whoever fills it in knows of no file and key."""
-    if error.field in _FIELDS:
-        return f"{_FIELDS[error.field]}: {error.problem}; {error.remedy}"
+    for key, label in _FIELDS.items():
+        if error.field == ".".join(key):
+            return f"{label}: {error.problem}; {error.remedy}"
     if error.source == _FORM:
         return f"{error.field}: {error.problem}; {error.remedy}"
     return str(error).removeprefix(f"{folder}/")
 
 
-def _numbers(boxes: Sequence[ui.number]) -> list[float]:
+def _numbers(boxes: Mapping[tuple[str, ...], ui.number]) -> Stated:
     """Numbers of a form's fields, all of which are needed."""
-    if missing := [box.props["label"] for box in boxes if box.value is None]:
+    if missing := [box.props["label"] for box in boxes.values() if box.value is None]:
         raise InputError(_FORM, ", ".join(missing), "missing", "fill in every one")
-    return [float(box.value) for box in boxes]
+    return {key: float(box.value) for key, box in boxes.items()}
 
 
 def _number(label: str, help: str, value: float | None = None) -> ui.number:
@@ -180,42 +175,42 @@ def _number(label: str, help: str, value: float | None = None) -> ui.number:
 
 def _pressed(folder: Path, sources: list[str], lab: Mapping[str, Any]) -> Read:
     place: Stated = {}
-    sizes: list[ui.number] = []
+    boxes: dict[tuple[str, ...], ui.number] = {}
+
+    def put(table: str, key: str, help: str, value: float | None = None) -> None:
+        boxes[table, key] = _number(_FIELDS[table, key], help, value)
+
     if sources:
         tag("h2", "Where was it pressed?")
         _aimed(folder, sources, place)
     else:
         tag("h2", "How large is the calf?")
         with ui.element("div").classes("fields"):
-            sizes.append(_number(_GIRTH, "with a tape, where it was pressed"))
-            sizes.append(_number(_FAT, "by ultrasound, or half a skinfold"))
+            put("section", "girth_mm", "with a tape, where it was pressed")
+            put("section", "fat_mm", "by ultrasound, or half a skinfold")
         tag("p", _NO_CONTOURS, "quiet")
     tag("h2", "What pressed it?")
     rig = lab.get("indenter", {})
     with ui.element("div").classes("fields"):
         shape = ui.select(_SHAPES, value=rig.get("shape", "cylinder"), label="what pressed it")
         shape.props["hint"] = "the part that touches the skin"
-        diameter = _number(_DIAMETER, "of the cylinder, ball or punch", rig.get("diameter_mm"))
-        length = _number(_LENGTH, "along its axis", rig.get("length_mm"))
+        put("indenter", "diameter_mm", "of the cylinder, ball or punch", rig.get("diameter_mm"))
+        put("indenter", "length_mm", "along its axis", rig.get("length_mm"))
         axis = _number("cylinder turned by (degrees)", "0 along the leg, 90 across", 0.0)
         shape.set_visibility(bool(sources))
-        length.bind_visibility_from(shape, "value", value="cylinder")
+        boxes["indenter", "length_mm"].bind_visibility_from(shape, "value", value="cylinder")
         axis.bind_visibility_from(shape, "value", lambda value: value == "cylinder" and bool(sources))
 
     def read() -> Stated:
         cylinder = shape.value == "cylinder"
-        values = _numbers([*sizes, diameter, *([length] if cylinder else [])])
+        stated = _numbers({key: box for key, box in boxes.items() if cylinder or key[-1] != "length_mm"})
         if sources and ("indenter", "aim_mm") not in place:
             raise InputError(_FORM, "place", "missing", "click the section where the skin was pressed")
-        calf: Stated = {} if sources else {("section", "girth_mm"): values[0], ("section", "fat_mm"): values[1]}
-        return {
-            **place,
-            **calf,
-            ("indenter", "diameter_mm"): values[len(sizes)],
-            ("indenter", "length_mm"): values[-1] if cylinder else None,
-            ("indenter", "shape"): None if cylinder else shape.value,
-            ("indenter", "axis_deg"): float(axis.value or 0.0) or None if cylinder else None,
-        }
+        if not cylinder:
+            stated["indenter", "shape"] = shape.value
+        elif axis.value:
+            stated["indenter", "axis_deg"] = float(axis.value)
+        return place | stated
 
     return read
 
@@ -402,20 +397,15 @@ def _instrument(first: dict[str, Any] | None, lab: Mapping[str, Any]) -> tuple[R
         tag("p", "As lab.toml states it.")
     elif shown:
         tag("p", "These errors are estimated from the recording's noise. If you know the instrument's, give those.")
-    names = ("force_sd_N", "displacement_sd_mm")
     by_sample = tuple(float(f"{value:.2g}") for value in shown or ()) or (None, None)
     with ui.element("div").classes("fields") as fields:
-        boxes = [
-            _number("error of force (N)", "standard deviation of a reading", by_sample[0]),
-            _number("error of displacement (mm)", "standard deviation of a reading", by_sample[1]),
-        ]
+        named = {"force_sd_N": "error of force (N)", "displacement_sd_mm": "error of displacement (mm)"}
+        boxes: dict[tuple[str, ...], ui.number] = {
+            ("instrument", key): _number(label, "standard deviation of a reading", value)
+            for (key, label), value in zip(named.items(), by_sample, strict=True)
+        }
     fields.set_visibility(not known)
     keep = ui.checkbox("keep indenter and instrument for further legs (lab.toml)")
     keep.set_visibility(not known)
 
-    def read() -> Stated:
-        if known:
-            return {}
-        return {("instrument", name): value for name, value in zip(names, _numbers(boxes), strict=True)}
-
-    return read, keep
+    return (lambda: {} if known else _numbers(boxes)), keep
