@@ -27,7 +27,7 @@ from legfem.report.render import write_page
 from legfem.report.style import DATA_COLOUR, FAINT
 from legfem.study.doe.design import Definition, in_words, read_definition
 from legfem.study.doe.figures import draw_response
-from legfem.study.doe.runs import Outlook, PlaneStrainSimulator, Record, Request, Simulator, Workshop, as_csv, simulate
+from legfem.study.doe.runs import Outlook, PlaneStrainSimulator, Record, Simulator, Workshop, as_csv, simulate
 from legfem.study.doe.study import StudyResult, simulations_of, study
 from legfem.study.doe.surface import Counting, term_label
 from legfem.study.doe.tables import (
@@ -90,37 +90,23 @@ def run(options: DoeOptions, comm: Any, simulator: Simulator | None = None) -> l
         if not first:
             return []
         definitions = [read_definition(path) for path in options.definitions]
-        folder = options.subject_dir or SUBJECTS.find(options.subject_id)
-        subject = load_subject(folder, need_recordings=False)
+        subject = load_subject(options.subject_dir or SUBJECTS.find(options.subject_id), need_recordings=False)
         given = simulator or PlaneStrainSimulator.of_subject(subject)
-        with Workers(simulate, given, options.jobs, comm) as workers:
-            return _write_all(options, definitions, subject, workers)
-
-
-def _write_all(
-    options: DoeOptions,
-    definitions: Sequence[Definition],
-    subject: Subject,
-    workers: Workers[Simulator, Request, Record],
-) -> list[StudyResult]:
-    # All studies share the simulations: the same point isn't done twice.
-    store = Store(options.out / "runs", Record, workers.context.fingerprint())
-    folders = [options.folder_of(definition) for definition in definitions]
-    with progress_on(quiet=options.quiet) as progress:
-        planned = sum(simulations_of(definition, options.beyond) for definition in definitions)
-        workshop = Workshop(workers, store, progress, Outlook(planned))
-        results = [
-            _study(options, definition, subject, workshop, out)
-            for definition, out in zip(definitions, folders, strict=True)
-        ]
+        planned = Outlook(sum(simulations_of(definition, options.beyond) for definition in definitions))
+        with Workers(simulate, given, options.jobs, comm) as workers, progress_on(quiet=options.quiet) as progress:
+            # All studies share the simulations: the same point isn't done twice.
+            store = Store(options.out / "runs", Record, given.fingerprint())
+            workshop = Workshop(workers, store, progress, planned)
+            results = [_study(options, definition, subject, workshop) for definition in definitions]
     if len(results) > 1:
+        folders = map(options.folder_of, definitions)
         studies = [json.loads((folder / "result.json").read_text(encoding="utf-8")) for folder in folders]
         write_document(options.out / "result.json", {"schema": 1, "studies": studies})
     return results
 
 
-def _study(options: DoeOptions, definition: Definition, subject: Subject, workshop: Workshop, out: Path) -> StudyResult:
-    began = time.perf_counter()
+def _study(options: DoeOptions, definition: Definition, subject: Subject, workshop: Workshop) -> StudyResult:
+    began, out = time.perf_counter(), options.folder_of(definition)
 
     def keep(table: pd.DataFrame) -> None:
         out.mkdir(parents=True, exist_ok=True)
