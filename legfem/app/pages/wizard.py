@@ -207,7 +207,7 @@ def _pressed(folder: Path, sources: list[str], lab: Mapping[str, Any]) -> Read:
         if sources and ("indenter", "aim_mm") not in place:
             raise InputError(_FORM, "place", "missing", "click the section where the skin was pressed")
         if not cylinder:
-            stated["indenter", "shape"] = shape.value
+            stated["indenter", "shape"], stated["indenter", "length_mm"] = shape.value, None
         elif axis.value:
             stated["indenter", "axis_deg"] = float(axis.value)
         return place | stated
