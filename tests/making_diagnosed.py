@@ -7,13 +7,13 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-from making_diagnosis import INSTRUMENT, ClosedForm, mechanisms_in, noisy, observations, ramps
+from making_diagnosis import INSTRUMENT, MADE, ClosedForm, mechanisms_in, noisy, observations, ramps
 
 from legfem.common.progress import Silent
 from legfem.data import Recording
 from legfem.inverse.accuracy import Accuracy
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, LawName
-from legfem.inverse.diagnose import DiagnosisInput, diagnose
+from legfem.inverse.diagnose import DiagnosisInput, Identified, diagnose
 from legfem.inverse.mechanism import shown_mechanisms
 from legfem.inverse.notice import FitNotice, Notice
 from legfem.inverse.observations import Observations
@@ -98,6 +98,7 @@ def diagnosed_of(
     law: LawName = "reduced-polynomial",
     accuracy: Accuracy | None = None,
     library: ClosedForm | None = None,
+    identified: Identified | None = None,
 ) -> Diagnosis:
     """Return the diagnosis of observations, by closed-form responses.
 
@@ -113,11 +114,15 @@ def diagnosed_of(
         How well the leg is known.
     library
         Of its responses.
+    identified
+        Fit of the base model before the diagnosis.
     """
     able, _ = shown_mechanisms(mechanisms(), observed, WITHOUT_ENDS)
     left = [m.name for m in able if (m.name in UNANSWERED if asked is None else m.name not in asked)]
     missing = dict.fromkeys(left, "simulations did not reach the end of the protocol")
     library = replace(library or ClosedForm(), missing=missing)
     known = accuracy or ShapeAccuracy()
-    given = DiagnosisInput(observed, INSTRUMENT, law, library, mechanisms(), known, ruled_out=WITHOUT_ENDS)  # type: ignore[arg-type]
+    given = DiagnosisInput(
+        observed, INSTRUMENT, law, library, mechanisms(), MADE, "leg", identified, known, ruled_out=WITHOUT_ENDS
+    )  # type: ignore[arg-type]
     return diagnose(given, None, Silent())

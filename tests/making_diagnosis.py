@@ -13,6 +13,7 @@ from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.inverse.body_models import Columns
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.errors import error_model
+from legfem.inverse.fit import Identity
 from legfem.inverse.library import NuisanceChanges
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
 from legfem.inverse.map_fit import fit
@@ -32,6 +33,7 @@ SOUGHT = tuple(
 )
 
 
+MADE = Identity("closed", "a closed form", "simulated")
 INSTRUMENT = Instrument(force_sd=0.03, displacement_sd=0.01)
 NOISE = Noise(0.02, 0.02, 12.0, 0.02, 0.008, "made")
 GRID = np.arange(0.5, 20.6, 0.5)

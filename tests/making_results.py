@@ -136,7 +136,7 @@ def result(
         "notices": (Notice.of(LegNotice.NEGATIVE_POISSON_RATIO, tissue="fascia", ratio=-0.14),),
         "settings": {"grid_step_mm": 0.25},
         "versions": {"legfem": "0.1.0"},
-        "details": LegDetails(leg, {}, (correction,), spatial),
+        "details": LegDetails(leg, {}, (correction,), spatial=spatial),
     }
     return Fit(**{**given, **changes})
 

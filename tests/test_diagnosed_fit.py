@@ -5,13 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from making_diagnosed import BASE, diagnosed, diagnosed_of
-from making_diagnosis import noisy, observations, ramps
+from making_diagnosis import MADE, noisy, observations, ramps
 
 from legfem.inverse.catalogue import DEEP_C10
-from legfem.inverse.diagnosed_fit import base_fit, best_fit
-from legfem.inverse.fit import Identity
-
-SUBJECT = Identity("closed", "a closed form", "simulated")
+from legfem.inverse.diagnose import Identified
+from legfem.inverse.predictor import onset_name
+from legfem.inverse.station_test import FittedStations
 
 
 @pytest.fixture(scope="module")
@@ -21,8 +20,8 @@ def consistent():
 
 
 def test_the_base_model_is_a_fit_of_the_same_numbers(consistent):
-    base = base_fit(consistent, SUBJECT, "leg", 3)
-    assert base.subject is SUBJECT and base.law == consistent.law and base.log.seed == 3
+    base = consistent.base
+    assert base.subject is MADE and base.law == consistent.law and base.log.seed == 0
     assert base.estimates[DEEP_C10].value == consistent.base_model.value(DEEP_C10)
     assert base.estimates[DEEP_C10].ci95 == consistent.base_model.interval(DEEP_C10)
     assert base.values == consistent.base_model.fit.values
@@ -36,12 +35,12 @@ def test_the_base_model_is_a_fit_of_the_same_numbers(consistent):
 
 
 def test_the_best_model_has_its_stiffness_over_all_explanations(consistent):
-    best = best_fit(consistent, SUBJECT, "leg", 0)
+    best = consistent.best_fit
     assert best.estimates[DEEP_C10].ci95 == consistent.intervals[DEEP_C10]
 
 
 def test_trials_of_one_stiffness_agree(consistent):
-    base = base_fit(consistent, SUBJECT, "leg", 0)
+    base = consistent.base
     assert base.agreement.fits and base.agreement.degrees_of_freedom == 2
     for one in base.tests:
         own = one.by_itself[DEEP_C10]
@@ -53,7 +52,7 @@ def test_a_trial_that_is_stiffer_asks_for_more_by_itself():
     force = predictor(BASE, ())
     force = np.where(observed.trial == 0, 1.15, 1.0) * force
     found = diagnosed_of(noisy(observed, force, 2), asked=("support-compliance",))
-    base = base_fit(found, SUBJECT, "leg", 0)
+    base = found.base
     first, *others = [one.by_itself[DEEP_C10] for one in base.tests]
     assert base.agreement.p_value < 1e-3
     assert first.departure > 3 and first.value > max(one.value for one in others) * 1.1
@@ -62,7 +61,7 @@ def test_a_trial_that_is_stiffer_asks_for_more_by_itself():
 def test_one_trial_says_nothing_by_itself():
     observed, predictor = observations(list(ramps())[:1])
     found = diagnosed_of(noisy(observed, predictor(BASE, ()), 2), asked=("support-compliance",))
-    base = base_fit(found, SUBJECT, "leg", 0)
+    base = found.base
     assert base.agreement.degrees_of_freedom == 0 and not base.tests[0].by_itself
 
 
@@ -70,5 +69,30 @@ def test_what_is_set_aside_counts_for_no_trial(consistent):
     problem = consistent.weighted_base.problem
     aside = problem.predictor.observed.trial == 1
     model = replace(consistent.weighted_base, problem=problem.setting_aside(aside))
-    base = base_fit(replace(consistent, explained=replace(consistent.explained, base=model)), SUBJECT, "leg", 0)
+    base = replace(consistent, base_model=model, explained=replace(consistent.explained, base=model)).base
     assert [one.fitted for one in base.tests] == [True, False, True]
+
+
+@pytest.mark.parametrize("weighting", ["covariance", "equal"])
+def test_a_diagnosis_begins_from_what_was_identified(consistent, weighting):
+    """The base model has the numbers of the identification, and predicts there what that did."""
+    observed, before = consistent.observed, consistent.base_model.fit
+    values = {**before.values, DEEP_C10: 1.004 * before.values[DEEP_C10]}
+    estimates = {
+        name: replace(one, value=values[name], standard_error=1.1 * one.standard_error)
+        for name, one in consistent.base.estimates.items()
+    }
+    known = replace(consistent.base, values=values, estimates=estimates, weighting=weighting)
+    contacts = np.array([values[onset_name(k)] for k in range(len(observed.trials))])
+    stations = FittedStations(contacts, {"force": 1.001 * before.prediction})
+    found = diagnosed_of(observed, asked=("support-compliance",), identified=Identified(known, stations))
+    assert found.equally == (weighting == "equal") and found.verdict == "consistent"
+    assert found.base.estimates == estimates and found.base.weighting == weighting
+    assert [one.name for one in found.base.tests] == list(observed.trials)
+    shown = found.base_model
+    assert shown.value(DEEP_C10) == values[DEEP_C10] and shown.interval(DEEP_C10) == estimates[DEEP_C10].ci95
+    assert shown.fit.values[DEEP_C10] == pytest.approx(values[DEEP_C10], rel=1e-9)
+    np.testing.assert_allclose(shown.fit.prediction, 1.001 * before.prediction, rtol=1e-9)
+    assert 0.0 < found.emulator_error < 0.02
+    low, high = found.intervals[DEEP_C10]
+    assert low < values[DEEP_C10] < high

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from making_diagnosis import (
     INSTRUMENT,
+    MADE,
     TRUTH,
     ClosedForm,
     force_at,
@@ -89,7 +90,9 @@ def told(observed, library, possible):
         "reduced-polynomial",
         library,
         mechanisms(),
-        ShapeAccuracy(),
+        MADE,
+        "leg",
+        accuracy=ShapeAccuracy(),
         ruled_out=WITHOUT_ENDS,
         possible=possible or {},
     )

@@ -150,6 +150,7 @@ def test_a_misfit_that_is_large_or_moves_c10_beyond_its_interval_is_not(small_mi
 
 def test_a_misfits_size_is_that_of_what_is_left_over_the_largest_force(small_misfit):
     found = small_misfit
-    left = found.ordinary_base.fit.residual
+    assert found.equally
+    left = found.base_model.fit.residual
     expected = np.sqrt(np.mean(left**2)) / found.observed.force.max()
-    assert misfit_of(found.explained.base.problem, found.ordinary_base.fit).size == pytest.approx(expected)
+    assert misfit_of(found.explained.base.problem, found.base_model.fit).size == pytest.approx(expected)

@@ -30,7 +30,7 @@ from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import SitedLeg, Subject
 from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_curves import recording_figure
-from legfem.report.diagnosis_document import base_fit_of, document, parameter_rows, versions
+from legfem.report.diagnosis_document import document, parameter_rows, versions
 from legfem.report.folder import NUMBERS, REPORT, ReportFile, keep_another, made_in_place
 from legfem.report.page import WebPage, command_line
 from legfem.report.plan import RANKED, SHOWN, plan_document, plan_web_page
@@ -63,7 +63,7 @@ class DiagnosedLeg(Result):
     @property
     def base(self) -> Fit[None]:
         """Return the base model's fit to all recordings, as an identification's, each recording a test."""
-        return base_fit_of(self.diagnosis, self.subject, self.seed)
+        return self.diagnosis.base
 
     def summary(self) -> str:
         """Return the report's text."""

@@ -1,9 +1,10 @@
 """From recordings to a verdict: noise, fit of the base model, location of its misfit, explanations, limits."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.errors import ErrorModel, error_model
 from legfem.inverse.explain import explain
 from legfem.inverse.explanation import Explained, Explanation
+from legfem.inverse.fit import LEAST_CHANCE, Fit, Identity
 from legfem.inverse.hidden import Limit
 from legfem.inverse.least_squares import sandwich
 from legfem.inverse.library import Library
@@ -28,8 +30,9 @@ from legfem.inverse.mechanism import Mechanism, Occurrence, shown_mechanisms
 from legfem.inverse.nuisances import nuisance_effects
 from legfem.inverse.observations import Observations
 from legfem.inverse.predictive import held_out, misfit_of
-from legfem.inverse.predictor import LawName, Predictor, Responses, values_of
+from legfem.inverse.predictor import LawName, Predictor, Responses, onset_name, values_of
 from legfem.inverse.setting_aside import SetAside, touched_part
+from legfem.inverse.station_test import FittedStations
 from legfem.inverse.trial_noise import estimate_noise
 from legfem.inverse.verdict import ADEQUATE, SHOWN_MOST, Diagnosis, Verdict, limits_of
 
@@ -41,6 +44,13 @@ class FullSolutions(Responses, Protocol):
     def solutions(self) -> int:
         """How many were solved so far."""
         ...
+
+
+class Identified(NamedTuple):
+    """A fit of the base model, and its recordings at their stations."""
+
+    fit: Fit[Any]
+    stations: FittedStations
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +69,11 @@ class DiagnosisInput:
         Of the body's responses.
     mechanisms
         That the body may have.
+    subject, kind
+        Whose recordings they are, and of what: ``leg`` or ``specimens``.
+    identified
+        The base model's fit to all that was recorded, about which explanations are sought; the diagnosis makes its own
+        without it.
     accuracy
         How well the body is known.
     ends
@@ -74,6 +89,9 @@ class DiagnosisInput:
     law: LawName
     library: Library
     mechanisms: Sequence[Mechanism]
+    subject: Identity
+    kind: str
+    identified: Identified | None = None
     accuracy: Accuracy = field(default_factory=Accuracy)
     ends: TabulatedCorrection | None = None
     ruled_out: Mapping[str, str] = field(default_factory=dict)
@@ -107,8 +125,7 @@ def diagnose(given: DiagnosisInput, solved: FullSolutions | None, progress: Prog
     predictor = Predictor(observed, library, given.law, given.ends, accuracy.measured.get(DEEP_C10))
     progress.stage("fitting the base model")
     made = solved.solutions if solved is not None else 0
-    problem, ordinary = _fitted(given, predictor)
-    problem, ordinary, error = base_about_solution(problem, ordinary, solved)
+    problem, ordinary, error = _begun(given, predictor, solved)
     problem = replace(
         problem,
         measured=measured_strengths(accuracy, able),
@@ -116,7 +133,9 @@ def diagnose(given: DiagnosisInput, solved: FullSolutions | None, progress: Prog
         unseen=unseen_of(there, observed, given.possible),
         nuisances=given.nuisances if observed.channels else None,
     )
-    base = fit(problem, (), ordinary.values)
+    identified = given.identified
+    by_errors = identified is not None and identified.fit.weighting != "equal"
+    base = fit(problem, (), ordinary.values, evaluations=0 if by_errors else None)
     progress.stage(f"weighing {len(able)} mechanisms")
     confirm = None if solved is None else partial(refitted_about_solutions, solved)
     explained = explain(problem, base, able, confirm, ordinary.values)
@@ -138,14 +157,18 @@ def diagnose(given: DiagnosisInput, solved: FullSolutions | None, progress: Prog
     progress.stage("where the base model is wrong")
     assessment = score_tests(problem, base, able, seed)
     verdict, models = _verdict(explained)
-    plainly = ordinary_explanation(problem, ordinary, explained.base)
-    shown = explained.base if verdict == "consistent" else plainly
+    if identified is None or aside is not None:
+        by_errors = base.lack_of_fit >= LEAST_CHANCE
+    shown = explained.base if by_errors else ordinary_explanation(problem, ordinary, explained.base)
+    if identified is not None and aside is None:
+        shown = replace(shown, identified=identified.fit.estimates)
     return Diagnosis(
         verdict,
         given.law,
         observed,
         explained,
-        plainly,
+        shown,
+        identified.fit if identified is not None and aside is None else None,
         models,
         assessment,
         held_out(shown.problem, shown.fit, problem.errors),
@@ -157,6 +180,9 @@ def diagnose(given: DiagnosisInput, solved: FullSolutions | None, progress: Prog
         (solved.solutions if solved is not None else 0) - made,
         error,
         misfit_of(problem, ordinary),
+        given.subject,
+        given.kind,
+        seed,
         aside,
     )
 
@@ -183,18 +209,38 @@ def starts(law: LawName, middle: float) -> list[dict[str, float]]:
     return [{DEEP_C10: factor * middle, DEEP_C20: share * middle} for factor, share in factors]
 
 
-def _fitted(given: DiagnosisInput, predictor: Predictor) -> tuple[LinearisedProblem, LinearisedFit]:
-    """Fit the base model by ordinary least squares, and find errors that are shares of its force.
+def _begun(
+    given: DiagnosisInput, predictor: Predictor, solved: FullSolutions | None
+) -> tuple[LinearisedProblem, LinearisedFit, float]:
+    """Return the base model about its fit, with errors that are shares of its force, and the emulator's error there.
 
-    The noise is estimated anew once the trials' first contacts are fitted.
+    The fit is what was identified, else one by ordinary least squares about a full solution. The noise is estimated
+    anew once the trials' first contacts are fitted.
     """
     observed, slowest = predictor.observed, predictor.observed.slowest
     noise = estimate_noise(observed, given.instrument, slowest)
-    middle = float(np.sqrt(np.prod(predictor.parameters[0].bounds)))
     problem = LinearisedProblem(predictor, error_model(observed, noise, observed.values))
-    found = ordinary_fit(problem, starts(predictor.law, middle))
+    error = math.nan
+    if given.identified is None:
+        middle = float(np.sqrt(np.prod(predictor.parameters[0].bounds)))
+        found = ordinary_fit(problem, starts(predictor.law, middle))
+    else:
+        problem, found, error = _about(given.identified, problem)
     noise = estimate_noise(observed, given.instrument, slowest, found.residual[: len(observed.force)])
-    return problem.with_nuisances(noise, found, given.nuisances(found)), found
+    problem = problem.with_nuisances(noise, found, given.nuisances(found))
+    return base_about_solution(problem, found, solved) if given.identified is None else (problem, found, error)
+
+
+def _about(identified: Identified, problem: LinearisedProblem) -> tuple[LinearisedProblem, LinearisedFit, float]:
+    """Return a problem that predicts what was identified where it was, the fit there, and the emulator's error."""
+    predictor, (contacts, predicted) = problem.predictor, identified.stations
+    known = {**identified.fit.values, **{onset_name(k): float(at) for k, at in enumerate(contacts)}}
+    values = {one.name: known.get(one.name, 0.0) for one in predictor.parameters}
+    offset = np.concatenate([predicted[one.name] for one in predictor.observed.data.channels]) - predictor(values)
+    problem = problem.corrected(offset)
+    forces = slice(len(predictor.observed.force))
+    error = float(np.abs(offset[forces]).max() / np.abs(predicted["force"]).max())
+    return problem, fit(problem, (), values, evaluations=0), error
 
 
 def _verdict(explained: Explained) -> tuple[Verdict, tuple[Explanation, ...]]:

@@ -3,11 +3,13 @@
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.inverse.catalogue import DEEP_C20
+from legfem.inverse.catalogue import DEEP_C20, LawName
+from legfem.inverse.estimates import Estimate
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.fit import (
     EXACT,
@@ -22,54 +24,51 @@ from legfem.inverse.fit import (
     versions,
 )
 from legfem.inverse.map_fit import fit
-from legfem.inverse.notice import FitNotice, Notice
 from legfem.inverse.predictor import onset_name
 from legfem.inverse.readings import Data, MeasuredTest
 from legfem.inverse.trial import SearchLog
-from legfem.inverse.verdict import Diagnosis
 
 _LEAST = 1e-3
 """Of a trial's own standard error: that of its difference from the joint value at least."""
 
 
-def base_fit(found: Diagnosis, subject: Identity, kind: str, seed: int) -> Fit[None]:
-    """Return the base model's fit to all that was recorded, by itself.
+def fit_of_model(
+    model: Explanation,
+    estimates: Mapping[str, Estimate],
+    subject: Identity,
+    kind: str,
+    law: LawName,
+    log: SearchLog,
+    settings: Mapping[str, Any],
+    weighted: Explanation | None,
+    equally: bool = False,
+) -> Fit[None]:
+    """Return a model of a diagnosis as the fit of all recordings, each a test.
 
     Parameters
     ----------
-    found
-        The diagnosis.
-    subject
-        Whose recordings they are.
-    kind
-        ``leg`` or ``specimens``.
-    seed
-        Of the diagnosis' draws.
+    model
+        The explanation.
+    estimates
+        What was fitted in it, by full name.
+    subject, kind, law, log, settings
+        As of a `legfem.inverse.fit.Fit`.
+    weighted
+        The base model by its errors, which each recording is fitted with by itself; none of them without it.
+    equally
+        Whether the base model's readings weigh equally.
     """
-    return _fit_of(found, found.base_model, subject, kind, seed, False)
-
-
-def best_fit(found: Diagnosis, subject: Identity, kind: str, seed: int) -> Fit[None]:
-    """Return the fit of the best model, the stiffness with its interval over all explanations; see `base_fit`."""
-    return _fit_of(found, found.best, subject, kind, seed, True)
-
-
-def _fit_of(found: Diagnosis, model: Explanation, subject: Identity, kind: str, seed: int, over_all: bool) -> Fit[None]:
-    fitted, problem = model.fit, model.problem
-    observed = problem.predictor.observed
-    known = found.estimates_of(model, over_all)
-    by_itself, agreement = [dict[str, OwnEstimate]() for _ in observed.trials], EXACT
-    if not model.names:
-        by_itself, agreement = _each_trial(found.weighted_base)
+    fitted, observed = model.fit, model.problem.predictor.observed
     force = observed.data.spans[0]
     squares = float(np.sum(fitted.residual[force] ** 2))
-    equal = model is found.ordinary_base
+    equal = weighted is not None and equally
+    tests, agreement = fits_of_trials(model, weighted)
     return Fit(
         kind=kind,
         subject=subject,
-        law=found.law,
-        estimates=known,
-        correlations=_correlations(model, tuple(known)),
+        law=law,
+        estimates=estimates,
+        correlations=_correlations(model, tuple(estimates)),
         values=dict(fitted.values),
         assumed={},
         goodness=Goodness(fitted.cost, len(fitted.whitened), fitted.lack_of_fit),
@@ -86,28 +85,51 @@ def _fit_of(found: Diagnosis, model: Explanation, subject: Identity, kind: str, 
             definition="sum over the stations of all trials of (F_simulated - F_measured)^2",
         ),
         agreement=agreement,
-        tests=tuple(_trial_fits(model, by_itself)),
-        log=SearchLog(
-            names=fitted.free,
-            solves=(),
-            generations=(),
-            cost_map=None,
-            converged=fitted.converged,
-            seed=seed,
-            wall_s=math.nan,
-            emulator_error=found.emulator_error * float(np.abs(observed.force).max()),
-            forward_solves=found.solutions,
-            failed_solves=0,
-            reused_solves=0,
-            factorisations=0,
-            compromise="",
-        ),
-        neo_hookean_limit=DEEP_C20 in known and known[DEEP_C20].at_bound == "lower",
-        weighting="paper" if equal else "covariance",
-        settings={"mechanisms": list(model.names), "cylinder_ends": found.with_ends},
+        tests=tests,
+        log=log,
+        neo_hookean_limit=DEEP_C20 in estimates and estimates[DEEP_C20].at_bound == "lower",
+        weighting="equal" if equal else "covariance",
+        settings=settings,
         versions=versions(),
         details=None,
     )
+
+
+def log_of_solutions(model: Explanation, seed: int, emulator_error: float, solutions: int) -> SearchLog:
+    """Return the course of a fit by tabulated responses, whose emulator's error (over the largest force) is known."""
+    fitted = model.fit
+    largest = float(np.abs(model.problem.predictor.observed.force).max())
+    return SearchLog(
+        names=fitted.free,
+        solves=(),
+        generations=(),
+        cost_map=None,
+        converged=fitted.converged,
+        seed=seed,
+        wall_s=math.nan,
+        emulator_error=emulator_error * largest,
+        forward_solves=solutions,
+        failed_solves=0,
+        reused_solves=0,
+        factorisations=0,
+        compromise="",
+    )
+
+
+def fits_of_trials(model: Explanation, weighted: Explanation | None) -> tuple[tuple[TestFit, ...], Goodness]:
+    """Return every trial beside a model, the force first, and whether trials by themselves agree on its stiffness.
+
+    Parameters
+    ----------
+    model
+        The explanation.
+    weighted
+        The base model by its errors, which each trial is fitted with by itself; none of them without it.
+    """
+    by_itself, agreement = [dict[str, OwnEstimate]() for _ in model.problem.predictor.observed.trials], EXACT
+    if weighted is not None:
+        by_itself, agreement = _each_trial(weighted)
+    return tuple(_trial_fits(model, by_itself)), agreement
 
 
 def _correlations(model: Explanation, names: tuple[str, ...]) -> FloatArray:
@@ -172,14 +194,3 @@ def _trial_fits(model: Explanation, by_itself: Sequence[Mapping[str, OwnEstimate
             fitted=bool(len(here)),
             by_itself=by_itself[trial],
         )
-
-
-def solution_notices(found: Diagnosis) -> Iterator[Notice]:
-    """Yield which parameters stand at the ends of what was searched, and whether no solution confirmed the forces."""
-    for model in (found.base_model, *found.models):
-        for name in model.fit.at_bound:
-            shown = model.shown(name)
-            value = (shown.value, (shown.ci95[1] - shown.ci95[0]) / 4)
-            yield Notice.of(FitNotice.MODEL_AT_BOUND, name=name, value=value, mechanisms=model.names)
-    if not found.solutions and not found.emulator_error > 0:
-        yield Notice.of(FitNotice.UNCONFIRMED)

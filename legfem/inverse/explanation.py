@@ -1,7 +1,7 @@
 """An explanation of the recordings, and the probabilities of all explanations together."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -51,6 +51,8 @@ class Explanation:
     """Logarithms of the shares of unknown errors beside its mechanisms."""
     fit_without_discrepancy: LinearisedFit | None = None
     """Its mechanisms' fit with nothing unknown beside them, where that is another one."""
+    identified: Mapping[str, Estimate] = field(default_factory=dict)
+    """What an identification says of its parameters, which stands before what its posterior does."""
 
     @cached_property
     def degrees_of_freedom(self) -> FloatArray:
@@ -130,6 +132,8 @@ class Explanation:
 
     def value(self, name: str) -> float:
         """Return a parameter's expected value, in its unit."""
+        if name in self.identified:
+            return self.identified[name].value
         return self.fit.moved(self.posterior.mean)[name]
 
     def determined(self, name: str) -> bool:
@@ -139,6 +143,8 @@ class Explanation:
 
     def interval(self, name: str, tail: float = 0.025) -> tuple[float, float]:
         """Return a parameter's 95 % interval, or that without other tails, in its unit."""
+        if name in self.identified and tail == 0.025:
+            return self.identified[name].ci95
         k, mixture = self.fit.free.index(name), self.distribution(name)
         ends = []
         for probability in (tail, 1 - tail):

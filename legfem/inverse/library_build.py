@@ -10,7 +10,7 @@ from legfem.common.units import FloatArray
 from legfem.inverse.body_models import Columns, channels_of, derivative_of
 from legfem.inverse.emulator import Emulator, Kriging, Samples
 from legfem.inverse.library import NO_CHANNELS, ChannelTables, Library, NuisanceChanges, Table, coordinates, unchanged
-from legfem.inverse.library_tasks import ONE, Outcome, Task, middle_of, outcomes_of, tasks_for
+from legfem.inverse.library_tasks import ONE, Outcome, Task, outcomes_of, tasks_for
 from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, prior_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.responses import ELASTIC_DERIVATIVES, SolvedResponses
@@ -33,8 +33,8 @@ def build_library(
     asked: Sequence[Mechanism],
     jobs: int,
     progress: Progress,
+    middle: float,
     stiffening: float = 0.0,
-    middle: float | None = None,
     stiffenings: Sequence[float] = STIFFENINGS,
     pairs: bool = True,
 ) -> Library:
@@ -54,18 +54,15 @@ def build_library(
         Processes.
     progress
         Told of every solution.
+    middle
+        C10 (MPa) about which.
     stiffening
         ln(1 + C20 / C10) at which changes are tabulated.
-    middle
-        C10 (MPa) about which; that of the recordings by default.
     stiffenings
         ln(1 + C20 / C10) of the elastic curves.
     pairs
         Whether two mechanisms at once are solved, too.
     """
-    if middle is None:
-        progress.stage("how stiff the leg is, roughly")
-        middle = middle_of(observed, coarse, stiffening)
     tissue = [m for m in asked if isinstance(m, TissueMechanism)]
     tasks = tasks_for(observed, tissue, middle, stiffening, coarse.variants, stiffenings, pairs)
     found = outcomes_of((solved, coarse), tasks, jobs, progress)

@@ -235,7 +235,7 @@ class LinearisedProblem:
 
     def beside(self, fitted: LinearisedFit) -> "LinearisedProblem":
         """Return the problem with what nuisances and images' places do to a fit, beside its mechanisms."""
-        if self.nuisances is None:
+        if self.nuisances is None or not fitted.mechanisms:
             return self
         made = self.with_nuisances(self.errors.noise, fitted, self.nuisances(fitted)).errors
         # Errors of the readings themselves are one for all explanations.

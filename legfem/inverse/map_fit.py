@@ -45,7 +45,7 @@ def fit(
     held
         Full names of parameters that stay at ``start``.
     evaluations
-        Most of the search from the best start; as many as a fit takes without it.
+        Most of the search from the best start, which is kept where there is none; as many as a fit takes without it.
     """
     starts = [dict(start)]
     for mechanism in mechanisms:
@@ -61,7 +61,7 @@ def fit(
         tried = [_fit_from(problem, mechanisms, values, held, _FEW) for values in starts]
         best = min(tried, key=lambda f: f.cost)
         starts = [dict(best.values)]
-    return _fit_from(problem, mechanisms, starts[0], held, evaluations or _MANY)
+    return _fit_from(problem, mechanisms, starts[0], held, _MANY if evaluations is None else evaluations)
 
 
 def refitted_beside(problem: LinearisedProblem, fitted: LinearisedFit) -> tuple[LinearisedProblem, LinearisedFit]:
@@ -115,7 +115,8 @@ def _fit_from(
     def slopes_by(known: _Secants, z: FloatArray) -> FloatArray:
         return np.vstack([-problem.whitened(known.at(z, predicted(tuple(z)))), np.eye(len(z))])
 
-    for _ in range(_SEARCHES):
+    misses, converged = misfit(at), True
+    for _ in range(_SEARCHES if evaluations else 0):
         begun = _Secants(at, predicted(tuple(at)), change_at(tuple(at)))
         found = least_squares(
             misfit,
@@ -127,24 +128,22 @@ def _fit_from(
             gtol=1e-9,
             max_nfev=evaluations,
         )
-        at = found.x
+        at, misses, converged = found.x, found.fun, found.status > 0
         there = slopes_by(_Secants(at, predicted(tuple(at)), change_at(tuple(at))), at)
-        if evaluations < _MANY or _still_falls(found.fun, there, at, ends) < _LEAST_FALL:
+        if evaluations < _MANY or _still_falls(misses, there, at, ends) < _LEAST_FALL:
             break
-    values = values_at(found.x)
-    prediction, change = predicted(tuple(found.x)), change_at(tuple(found.x))
-    count = len(found.fun) - len(free)
+    prediction, change = predicted(tuple(at)), change_at(tuple(at))
     return LinearisedFit(
         tuple(mechanisms),
-        values,
+        values_at(at),
         free,
-        np.asarray(found.x),
+        np.asarray(at),
         prediction,
         predictor.observed.values - prediction,
         change,
-        np.asarray(found.fun[:count]),
+        np.asarray(misses[: len(misses) - len(free)]),
         problem.whitened(change),
-        found.status > 0,
+        converged,
     )
 
 

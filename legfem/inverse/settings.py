@@ -210,6 +210,8 @@ class SearchRequest:
         Of the search.
     out : Path, optional
         Folder in whose ``solves`` every full solve is kept; none is without it.
+    responses : Path, optional
+        Folder that keeps what displaced geometries do; ``responses`` in `out` without it.
     jobs : int
         Processes.
     progress : Progress
@@ -221,6 +223,7 @@ class SearchRequest:
     depth: float | None = None
     settings: IdentificationSettings = field(default_factory=IdentificationSettings)
     out: Path | None = None
+    responses: Path | None = None
     jobs: int = 1
     progress: Progress = field(default_factory=Silent)
 

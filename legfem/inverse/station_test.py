@@ -51,6 +51,15 @@ class Unknown(NamedTuple):
     """Whether all tests of a problem have it alike."""
 
 
+class FittedStations(NamedTuple):
+    """Recordings at their stations beside a fit."""
+
+    contacts: FloatArray
+    """First contacts of the trials (K,), mm, after those counted from."""
+    predicted: Mapping[str, FloatArray]
+    """Readings (n,) of each channel at these contacts, by its name."""
+
+
 @dataclass(frozen=True, eq=False)
 class StationTest(Test):
     """Recordings of one site at their stations.
@@ -391,6 +400,12 @@ class StationTest(Test):
     def derivatives(self, curve: ForceCurve, values: Values) -> dict[str, FloatArray]:
         """Return the derivatives (N,) of all readings of a solve by the model's parameters, by their names."""
         return {name: np.asarray(self.station.plain @ rates) for name, rates in self.on_grid(curve, values)[1].items()}
+
+    def fitted(self, curve: ForceCurve, values: Values) -> FittedStations:
+        """Return the recordings beside a solve at the model's values, about which they are weighed."""
+        data, every = self.observed.data, self.every_reading(curve, values)
+        pairs = zip(data.channels, data.spans, strict=True)
+        return FittedStations(self.contacts, {one.name: every[span] for one, span in pairs})
 
     def every_reading(self, curve: ForceCurve, values: Values) -> FloatArray:
         """Return all readings (N,) of a solve, those too that don't count."""

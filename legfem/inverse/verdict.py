@@ -1,9 +1,9 @@
 """What is found in recordings: the verdict, explanations, limits of what may hide, and where the base model errs."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,13 +11,16 @@ from numpy.typing import NDArray
 from legfem.common.units import mpa_to_kpa
 from legfem.inverse.averaging import as_seen, robust_interval
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
+from legfem.inverse.diagnosed_fit import fit_of_model, fits_of_trials, log_of_solutions
 from legfem.inverse.errors import ErrorModel
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.evidence import possible_discrepancies
 from legfem.inverse.explanation import Explained, Explanation, unknown_course
+from legfem.inverse.fit import Fit, Identity
 from legfem.inverse.hidden import HiddenEnd, Limit, profile_of
 from legfem.inverse.linearised import LinearisedFit
 from legfem.inverse.location import MisfitAssessment, runs
+from legfem.inverse.notice import FitNotice, Notice
 from legfem.inverse.observations import Observations
 from legfem.inverse.predictive import HeldOut, Misfit
 from legfem.inverse.predictor import LawName, onset_name
@@ -57,8 +60,10 @@ class Diagnosis:
     law: LawName
     observed: Observations
     explained: Explained
-    ordinary_base: Explanation
-    """The base model by ordinary least squares."""
+    base_model: Explanation
+    """The base model: by its errors, or as near to the data as equal weights bring it where these miss."""
+    identified: Fit[Any] | None
+    """Its fit to all that was recorded, where that was identified before."""
     models: tuple[Explanation, ...]
     """Explanations that are listed, the most probable first; none if consistent."""
     assessment: MisfitAssessment
@@ -81,13 +86,44 @@ class Diagnosis:
     without a full solution."""
     misfit: Misfit
     """Misfit of the base model, by its size."""
+    subject: Identity
+    kind: str
+    """``leg`` or ``specimens``."""
+    seed: int
+    """Of its draws."""
     aside: SetAside | None = None
     """A part of a trial that something unknown touched: all else is said of the rest."""
 
     @property
-    def base_model(self) -> Explanation:
-        """The base model: by its errors, or as near to the data as it gets if it is wrong."""
-        return self.explained.base if self.verdict == "consistent" else self.ordinary_base
+    def equally(self) -> bool:
+        """Whether the base model is that of equal weights."""
+        return self.base_model.fit is not self.weighted_base.fit
+
+    @cached_property
+    def base(self) -> Fit[Any]:
+        """The base model's fit, each recording a test: what was identified; to the rest where a part is set aside."""
+        if self.identified is None:
+            return self._fit_of(self.base_model, False)
+        tests, agreement = fits_of_trials(self.base_model, self.weighted_base)
+        return replace(self.identified, tests=tests, agreement=agreement)
+
+    @cached_property
+    def best_fit(self) -> Fit[Any]:
+        """Fit of the best model, the stiffness with its interval over all explanations."""
+        return self._fit_of(self.best, True)
+
+    def _fit_of(self, model: Explanation, over_all: bool) -> Fit[None]:
+        return fit_of_model(
+            model,
+            self._estimates(model, over_all),
+            self.subject,
+            self.kind,
+            self.law,
+            log_of_solutions(model, self.seed, self.emulator_error, self.solutions),
+            {"mechanisms": list(model.names), "cylinder_ends": self.with_ends},
+            None if model.names else self.weighted_base,
+            self.equally,
+        )
 
     @property
     def weighted_base(self) -> Explanation:
@@ -103,7 +139,9 @@ class Diagnosis:
     def best(self) -> Explanation:
         """What the parameters are given with: the first that is named, else the base model."""
         named = [model for model in self.models if model.names]
-        return named[0] if named else self.base_model
+        if named:
+            return named[0]
+        return self.weighted_base if self.verdict == "consistent" and self.equally else self.base_model
 
     def first_contact(self, trial: int) -> tuple[float, tuple[float, float]]:
         """Return where a trial was touched, and its 95 % interval; mm of its recording."""
@@ -151,16 +189,7 @@ class Diagnosis:
             return 0.0
         return max(abs(end / self.best.value(DEEP_C10) - 1.0) for end in self.intervals[DEEP_C10])
 
-    def estimates_of(self, model: Explanation, over_all: bool) -> dict[str, Estimate]:
-        """Return what was fitted in a model, by full name.
-
-        Parameters
-        ----------
-        model
-            One of the explanations.
-        over_all
-            Whether the stiffness has its interval over all explanations, in place of this one's.
-        """
+    def _estimates(self, model: Explanation, over_all: bool) -> dict[str, Estimate]:
         ends = self.intervals if over_all else {}
         fits = not self.withheld if over_all else self.verdict == "consistent" or model is not self.base_model
         return {name: model.estimate(name, ends.get(name), fits) for name in _fitted_names(model)}
@@ -168,12 +197,12 @@ class Diagnosis:
     @property
     def estimates(self) -> dict[str, Estimate]:
         """What was fitted in the best model: the stiffness with its interval over all explanations."""
-        return self.estimates_of(self.best, True)
+        return self._estimates(self.best, True)
 
     @property
     def base_estimates(self) -> dict[str, Estimate]:
         """What was fitted in the base model."""
-        return self.estimates_of(self.base_model, False)
+        return dict(self.base.estimates)
 
     @property
     def hidden(self) -> tuple[tuple[Limit, HiddenEnd], ...]:
@@ -240,3 +269,14 @@ def residual_intervals(found: Diagnosis, model: Explanation) -> list[ResidualInt
                     )
                 )
     return sorted(result, key=lambda one: -abs(one.size_N))
+
+
+def solution_notices(found: Diagnosis) -> Iterator[Notice]:
+    """Yield which parameters stand at the ends of what was searched, and whether no solution confirmed the forces."""
+    for model in (found.base_model, *found.models):
+        for name in model.fit.at_bound:
+            shown = model.shown(name)
+            value = (shown.value, (shown.ci95[1] - shown.ci95[0]) / 4)
+            yield Notice.of(FitNotice.MODEL_AT_BOUND, name=name, value=value, mechanisms=model.names)
+    if not found.solutions and not found.emulator_error > 0:
+        yield Notice.of(FitNotice.UNCONFIRMED)

@@ -21,6 +21,7 @@ from legfem.inverse.answer import Answer
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values, with_units
 from legfem.inverse.chosen import preferred
 from legfem.inverse.fit import Fit, answer_of
+from legfem.inverse.station_test import FittedStations
 from legfem.jobs.store import read_arrays, write_arrays
 from legfem.legs.site import curve_of
 from legfem.legs.subject import SitedLeg, Subject
@@ -119,6 +120,8 @@ class LegDetails:
     """Standard deviations by which each site's instrument errs, by full name."""
     corrections: tuple[AppliedCorrection | None, ...]
     """Correction of each site's force at the optimum."""
+    stations: tuple[FittedStations, ...] = ()
+    """Each site's recordings, as they were weighed."""
     spatial: SpatialEvidence | SpatialSites | None = None
     """What the leg's own solves in 3D are and say; None of a model in plane strain with a table's correction."""
 

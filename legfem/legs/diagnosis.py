@@ -8,22 +8,24 @@ from typing import Any, NamedTuple
 from legfem.common.errors import Doubt, InputError
 from legfem.common.progress import Progress
 from legfem.common.wording import Argument
-from legfem.inverse.catalogue import DEEP_C10
+from legfem.inverse.catalogue import DEEP_C10, LAWS
 from legfem.inverse.correction import TabulatedCorrection
-from legfem.inverse.diagnose import DiagnosisInput, diagnose
-from legfem.inverse.diagnosed_fit import solution_notices
+from legfem.inverse.diagnose import DiagnosisInput, Identified, diagnose
 from legfem.inverse.elastography import disagreement, elastography_priors
+from legfem.inverse.fit import Identity
 from legfem.inverse.library import Library
 from legfem.inverse.library_build import build_library
-from legfem.inverse.library_tasks import STIFFENING
+from legfem.inverse.library_tasks import STIFFENING, rounded
 from legfem.inverse.measured_strength import check_measured
 from legfem.inverse.mechanism import shown_mechanisms
 from legfem.inverse.notice import FitNotice, Notice, doubted
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.responses import SolvedResponses
-from legfem.inverse.verdict import Diagnosis
+from legfem.inverse.settings import SearchRequest
+from legfem.inverse.verdict import Diagnosis, solution_notices
 from legfem.legs.correction_of_leg import choose_correction, why_without_fibres
 from legfem.legs.finite_element_models import solved_responses
+from legfem.legs.identification import fit_leg
 from legfem.legs.notices import LegNotice
 from legfem.legs.nuisances import ShapeAccuracy, accuracy_of_shape
 from legfem.legs.plausibility import doubts_about, doubts_about_stiffness
@@ -70,26 +72,42 @@ class Diagnoser:
             told.append(Notice.of(FitNotice.NOT_REPEATED))
         return replace(observed, notices=tuple(told))
 
-    def library(self, subject: Subject, observed: Observations, progress: Progress) -> tuple[Library, SolvedResponses]:
-        """Return the library for recordings, and full solutions of the leg."""
+    def library(
+        self, subject: Subject, observed: Observations, middle: float, progress: Progress
+    ) -> tuple[Library, SolvedResponses]:
+        """Return the library for recordings about a middle C10 (MPa), and full solutions of the leg."""
         fine, coarse = solved_responses(subject, observed, self.folder)
         leg = repr(sorted(fine.fingerprint.items()))
         fine, coarse = self._legs.setdefault(leg, (fine, coarse))
-        keys = f"{leg}{bool(observed.channels)}" + "".join(sorted(stations.key for stations in observed.protocols))
+        keys = f"{leg}{middle}{bool(observed.channels)}" + "".join(
+            sorted(stations.key for stations in observed.protocols)
+        )
         if keys not in self._libraries:
             able, _ = shown_mechanisms(with_correction(mechanisms(), self.correction), observed, WITHOUT_ENDS)
             self._libraries[keys] = build_library(
-                fine, coarse, observed, able, self.jobs, progress, STIFFENING[subject.tissues["deep"].law]
+                fine, coarse, observed, able, self.jobs, progress, middle, STIFFENING[subject.tissues["deep"].law]
             )
         return self._libraries[keys], fine
 
+    def identified(self, subject: Subject, progress: Progress) -> Identified:
+        """Return the base model's fit, as an identification has it."""
+        law = subject.tissues["deep"].law
+        request = SearchRequest(out=self.folder, responses=self.folder, jobs=self.jobs, progress=progress)
+        # A neo-Hookean fit is weighed by errors about one with C20, as where both laws are identified.
+        every = fit_leg(subject, LAWS if law == LAWS[0] else [law], request, [choose_correction("auto", subject)])
+        (found,) = (one for one in every if one.law == law)
+        return Identified(found, found.details.stations[0])
+
     def diagnose(self, subject: Subject, progress: Progress, seed: int = 0) -> Diagnosis:
         """Diagnose a subject's recordings."""
-        observed = self.observations(subject)
-        library, solved = self.library(subject, observed, progress)
-        return diagnose(self.given(subject, observed, library), solved, progress, seed)
+        observed, identified = self.observations(subject), self.identified(subject, progress)
+        middle = rounded(identified.fit.values[DEEP_C10])
+        library, solved = self.library(subject, observed, middle, progress)
+        return diagnose(self.given(subject, observed, library, identified), solved, progress, seed)
 
-    def given(self, subject: Subject, observed: Observations, library: Library) -> DiagnosisInput:
+    def given(
+        self, subject: Subject, observed: Observations, library: Library, identified: Identified
+    ) -> DiagnosisInput:
         """Return what a subject's diagnosis is given, with its recordings at their stations."""
         ends = choose_correction("auto", subject)
         return DiagnosisInput(
@@ -98,6 +116,9 @@ class Diagnoser:
             subject.tissues["deep"].law,
             library,
             with_correction(mechanisms(), self.correction),
+            Identity(subject.id, subject.title, subject.origin),
+            "leg",
+            identified,
             accuracy_of(subject),
             ends,
             ruled_out_of(subject, ends),

@@ -214,6 +214,8 @@ def _with_what_is_known(given: Sequence[Parameter], subject: Subject, nominal: c
     priors, fibres = elastography_priors(subject.elastography), subject.fibres
     if catalogue.DEEP_RATIO in nominal and fibres is not None and fibres.sd:
         priors[catalogue.DEEP_RATIO] = Prior(fibres.value, fibres.sd, "linear", fibres.source)
+    if subject.stiffness_prior is not None:
+        priors.setdefault(catalogue.DEEP_C10, subject.stiffness_prior)
     for name, prior in priors.items():
         own = known.get(name) or replace(catalogue.parameter_of(name, nominal), role="nuisance")
         known[name] = replace(own, prior=own.prior or prior)

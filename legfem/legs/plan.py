@@ -77,7 +77,8 @@ def plan_after(found: Diagnosis, subject: Subject, diagnoser: Diagnoser, progres
         return []
     models = found.models
     rates = found.observed.rates
-    library, _ = diagnoser.library(subject, found.observed, progress)
+    library = found.base_model.problem.predictor.responses
+    assert isinstance(library, Library)
     deepest, site = float(library.grid[-1]), Site(subject.section, subject.indenter)
     tests = designs(found.observed.depth, rates[0], deepest, site, found.observed.shows_air)
     tests = _beside(tests, found.observed.channels)
@@ -178,7 +179,7 @@ def _library(
     blank = blank_observations(list(dict.fromkeys(p for t in tests for p in t.protocols)))
     fine, coarse = solved_responses(subject, blank, diagnoser.folder)
     return build_library(
-        fine, coarse, blank, asked, diagnoser.jobs, progress, STIFFENING[subject.tissues["deep"].law], middle
+        fine, coarse, blank, asked, diagnoser.jobs, progress, middle, STIFFENING[subject.tissues["deep"].law]
     )
 
 

@@ -169,6 +169,8 @@ class LegProblem:
             for test, curve in zip(self.tests, self.curves, strict=True)
         )
         tests = tuple(self._test_fits(found, single))
+        pairs = zip(comparison.tests, best.outcome.curves, strict=True)
+        stations = tuple(one.fitted(curve, best.values) for one, curve in pairs if isinstance(one, StationTest))
         result = Fit(
             kind="leg",
             subject=Identity(self.leg.id, self.leg.title, self.leg.origin),
@@ -186,7 +188,7 @@ class LegProblem:
             weighting=comparison.weighting,
             settings=self._settings(found, times),
             versions=versions(),
-            details=LegDetails(self.leg, self.own_errors, corrections, spatial),
+            details=LegDetails(self.leg, self.own_errors, corrections, stations, spatial),
         )
         return replace(result, notices=notices_about(result))
 

@@ -23,10 +23,6 @@ from legfem.legs.nuisances import ShapeAccuracy, accuracy_of_shape
 from legfem.legs.subject import TYPICAL_FORCE_SD, SitedLeg, Subject
 from legfem.solve.path import ForceCurve
 
-RESPONSES = "responses"
-"""Folder, of what keeps solves, for those of displaced geometries."""
-
-
 type Geometry = Callable[[int, Stiffness], NuisanceChanges | None]
 """Changes of the courses of a site, by its number, by outlines, aim and direction that are off, near a stiffness (MPa);
 None where they aren't known."""
@@ -59,7 +55,7 @@ class SectionGeometry:
         """Return the changes at a site by each geometry, near the stiffness (MPa) that is asked for first."""
         if site not in self._known:
             subject, observed, request = self.leg.sites[site], self.tests[site].observed, self.request
-            folder = None if request.out is None else request.out / RESPONSES
+            folder = request.responses or (None if request.out is None else request.out / "responses")
             c10 = rounded(stiffness[0])
             centre = c10, c10 * float(np.expm1(STIFFENING[subject.tissues["deep"].law]))
             responses = solved_responses(subject, observed, folder)

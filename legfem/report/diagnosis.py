@@ -17,7 +17,7 @@ from legfem.report import diagnosis_headline, diagnosis_sentences, estimates
 from legfem.report import diagnosis_numbers as tables
 from legfem.report import page as web
 from legfem.report.diagnosis_curves import curves_of, model_name, places_of, plain
-from legfem.report.diagnosis_document import Recorded, base_fit_of, kind_of, r_squared_of, versions
+from legfem.report.diagnosis_document import Recorded, kind_of, r_squared_of, versions
 from legfem.report.diagnosis_signatures import signatures_of
 from legfem.report.further_channels import channel_chapter, misfit_in_section
 from legfem.report.notices import sentence_of
@@ -95,7 +95,7 @@ def diagnosis_web_page(
     """
     leg = subject if isinstance(subject, Subject) else None
     located = misfit_in_section(found, leg) if leg else []
-    each = _each_recording(base_fit_of(found, subject))
+    each = _each_recording(found.base)
     curves = [block for k in range(len(found.observed.protocols)) for block in curves_of(found, k)]
     notices = notices_of(found, subject)
     doubts = sum(one.code == FitNotice.DOUBTFUL for one in notices)

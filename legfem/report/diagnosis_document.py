@@ -12,11 +12,10 @@ from legfem.data.recording import Origin
 from legfem.inverse.accuracy import MeasuredEffect
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, key_of
 from legfem.inverse.diagnosed_answer import answer_of
-from legfem.inverse.diagnosed_fit import base_fit, best_fit
 from legfem.inverse.document import estimate_document, fitted_document
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.explanation import Explanation
-from legfem.inverse.fit import Fit, Identity, r_squared
+from legfem.inverse.fit import Fit, r_squared
 from legfem.inverse.linearised import LinearisedFit
 from legfem.inverse.location import runs
 from legfem.inverse.notice import FitNotice
@@ -55,16 +54,6 @@ def kind_of(subject: Recorded) -> str:
     return "Subject" if isinstance(subject, Subject) else "Specimen"
 
 
-def base_fit_of(found: Diagnosis, subject: Recorded, seed: int = 0) -> Fit[None]:
-    """Return the base model's fit, of whoever was recorded."""
-    return base_fit(found, *_identity_of(subject), seed)
-
-
-def _identity_of(subject: Recorded) -> tuple[Identity, str]:
-    kind = "leg" if isinstance(subject, Subject) else "specimens"
-    return Identity(subject.id, subject.title, subject.origin), kind
-
-
 def measured_of(subject: Recorded) -> tuple[MeasuredEffect, ...]:
     """Return the effects that were measured by themselves: of a leg's folder."""
     return subject.measured if isinstance(subject, Subject) else ()
@@ -72,17 +61,16 @@ def measured_of(subject: Recorded) -> tuple[MeasuredEffect, ...]:
 
 def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> dict[str, Any]:
     """Return the diagnosis as JSON types; what isn't finite is null."""
-    posterior, (identity, kind) = found.base_model.posterior, _identity_of(subject)
+    posterior, base = found.base_model.posterior, found.base
     notices = notices_of(found, subject)
-    base, best = base_fit(found, identity, kind, seed), best_fit(found, identity, kind, seed)
     return json_types(
         {
             "schema": SCHEMA,
-            "kind": kind,
+            "kind": found.kind,
             "subject": subject.id,
             "title": subject.title,
             "origin": subject.origin,
-            "laws": {found.law: {**_law(best), "verdict": found.verdict}},
+            "laws": {found.law: {**_law(found.best_fit), "verdict": found.verdict}},
             "answer": answer_of(found, sum(one.code == FitNotice.DOUBTFUL for one in notices)).document(),
             "notices": [asdict(one) for one in notices],
             "verdict": found.verdict,

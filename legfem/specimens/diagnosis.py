@@ -15,6 +15,7 @@ from legfem.data.recording import Origin
 from legfem.inverse.accuracy import Accuracy
 from legfem.inverse.catalogue import DEEP_C10, RATIO
 from legfem.inverse.diagnose import DiagnosisInput, diagnose
+from legfem.inverse.fit import Identity
 from legfem.inverse.library_build import build_library
 from legfem.inverse.library_tasks import STIFFENING, middle_of
 from legfem.inverse.mechanism import shown_mechanisms
@@ -188,13 +189,17 @@ def _diagnosed(
     scale = Scale(observed.depth, float(observed.force.max()), last, middle, asked.bulk_ratio)
     every, unable = mechanisms_of(sizes, scale, used[0].recording.timed)
     able, _ = shown_mechanisms(every, observed, {})
-    library = build_library(solved, solved, observed, able, jobs, progress, stiffening, middle, _STIFFENINGS, False)
+    library = build_library(solved, solved, observed, able, jobs, progress, middle, stiffening, _STIFFENINGS, False)
     library = replace(library, missing={**unable, **library.missing}, reach=_REACH)
     observed, stiff = observed.with_channels(library.beside.names), stiffness_doubts(folder, middle)
     doubts = (*folder.doubts, *(one for one in stiff if one.field not in folder.confirmed))
     observed = replace(observed, notices=(*doubted(doubts), *observed.notices))
     accuracy = Accuracy() if folder.origin == "measured" else _DRAWN
-    given = DiagnosisInput(observed, _instrument(folder, used), folder.base_law, library, every, accuracy)
+    subject = Identity(folder.id, folder.title, folder.origin)
+    instrument = _instrument(folder, used)
+    given = DiagnosisInput(
+        observed, instrument, folder.base_law, library, every, subject, "specimens", accuracy=accuracy
+    )
     return diagnose(given, solved, progress, seed), tuple(left)
 
 

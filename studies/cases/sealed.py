@@ -16,7 +16,7 @@ from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.diagnose import diagnose
 from legfem.inverse.library import Library
 from legfem.inverse.library_build import build_library
-from legfem.inverse.library_tasks import STIFFENING, middle_of
+from legfem.inverse.library_tasks import STIFFENING, rounded
 from legfem.inverse.mechanism import Mechanism, TissueMechanism, shown_mechanisms
 from legfem.inverse.responses import SolvedResponses
 from legfem.inverse.verdict import Diagnosis
@@ -228,16 +228,17 @@ class Lab:
             deeper = replace(observed, depths=(*observed.depths, DEEPEST_MM))
             fine, coarse = solved_responses(subject, deeper, self.folder)
             if case.leg not in self._middles:
-                self._middles[case.leg] = middle_of(observed, coarse, STIFFENING[law])
+                self._middles[case.leg] = rounded(diagnoser.identified(subject, progress).fit.values[DEEP_C10])
             middle = self._middles[case.leg]
-            library = build_library(fine, coarse, observed, able, 1, progress, STIFFENING[law], middle)
+            library = build_library(fine, coarse, observed, able, 1, progress, middle, STIFFENING[law])
             self._libraries[key] = library, fine
         return self._libraries[key]
 
     def diagnose(self, subject: Subject, library: Library, solved: SolvedResponses | None) -> Diagnosis:
         """Diagnose recordings by a library, and by full solutions where there are any."""
         diagnoser = Diagnoser(self.folder, self.correction)
-        given = diagnoser.given(subject, diagnoser.observations(subject), library)
+        identified = diagnoser.identified(subject, Silent())
+        given = diagnoser.given(subject, diagnoser.observations(subject), library, identified)
         return diagnose(replace(given, instrument=INSTRUMENT), solved, Silent())
 
     def said(self, case: SealedCase, subset: str) -> Said | None:

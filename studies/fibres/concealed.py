@@ -20,6 +20,7 @@ from legfem.experiments.leg_3d import IdealisedLegIndentation
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.correction import read_correction
 from legfem.inverse.diagnose import DiagnosisInput, diagnose
+from legfem.inverse.fit import Identity
 from legfem.inverse.observations import observe
 from legfem.inverse.verdict import Diagnosis
 from legfem.jobs.store import Store
@@ -109,10 +110,12 @@ def diagnosed(given: Concealed, number: int, folder: Path, jobs: int, progress: 
                 "neo-hookean",
                 tables,
                 with_correction(MECHANISMS, correction),
-                ShapeAccuracy(),
-                correction if ends else None,
-                with_ends if ends else WITHOUT_ENDS,
-                OCCURRENCES,
+                Identity("calf", "An idealised calf", "simulated"),
+                "leg",
+                accuracy=ShapeAccuracy(),
+                ends=correction if ends else None,
+                ruled_out=with_ends if ends else WITHOUT_ENDS,
+                possible=OCCURRENCES,
             ),
             solved,
             Silent(),

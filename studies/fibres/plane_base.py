@@ -15,6 +15,7 @@ from legfem.inverse.body_models import Displaced, Stopped
 from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.library import Library
 from legfem.inverse.library_build import build_library
+from legfem.inverse.library_tasks import middle_of
 from legfem.inverse.mechanism import Solution, shown_mechanisms
 from legfem.inverse.observations import Observations
 from legfem.inverse.responses import SolvedResponses
@@ -146,7 +147,8 @@ def plane_library(
 ) -> Library:
     """Return the base model's library for recordings."""
     tabulated, missing = offered(observed, correction)
-    library = build_library(solved, solved, observed, tabulated, jobs, progress)
+    middle = middle_of(observed, solved, 0.0)
+    library = build_library(solved, solved, observed, tabulated, jobs, progress, middle)
     return replace(library, missing={**library.missing, **missing})
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from making_diagnosis import INSTRUMENT
+from making_diagnosis import INSTRUMENT, MADE
 from numpy.typing import NDArray
 from scipy.stats import binomtest
 
@@ -26,7 +26,7 @@ from legfem.inverse.diagnose import DiagnosisInput, diagnose
 from legfem.inverse.errors import IMAGE_LEFT
 from legfem.inverse.library import Library
 from legfem.inverse.library_build import build_library
-from legfem.inverse.library_tasks import STIFFENING
+from legfem.inverse.library_tasks import STIFFENING, middle_of
 from legfem.inverse.mechanism import prior_of, shown_mechanisms
 from legfem.inverse.nuisances import nuisance_effects
 from legfem.inverse.observations import Observations, observe
@@ -130,7 +130,8 @@ def library_of(observed: Observations) -> Library:
     variants = LegVariants(SUBJECT.section, SUBJECT.indenter, tissues_of(SUBJECT), SETTINGS, sights=places)
     solved = SolvedResponses(variants, DEPTH + 1.0, None, {})
     asked = [one for one in map(mechanism_named, ASKED) if isinstance(one, TissueMechanism)]
-    library = build_library(solved, solved, observed, asked, 1, Silent(), STIFFENING[LAW], pairs=False)
+    middle = middle_of(observed, solved, STIFFENING[LAW])
+    library = build_library(solved, solved, observed, asked, 1, Silent(), middle, STIFFENING[LAW], pairs=False)
     able, _ = shown_mechanisms(mechanisms(), observed, WITHOUT_ENDS)
     others = [one.name for one in able if isinstance(one, TissueMechanism) and one not in asked]
     return replace(library, missing={**library.missing, **dict.fromkeys(others, "isn't tabulated")})
@@ -138,7 +139,9 @@ def library_of(observed: Observations) -> Library:
 
 def diagnosed(observed: Observations, library: Library) -> Diagnosis:
     known = ShapeAccuracy()
-    given = DiagnosisInput(observed, INSTRUMENT, LAW, library, mechanisms(), known, ruled_out=WITHOUT_ENDS)
+    given = DiagnosisInput(
+        observed, INSTRUMENT, LAW, library, mechanisms(), MADE, "leg", accuracy=known, ruled_out=WITHOUT_ENDS
+    )
     return diagnose(given, None, Silent())
 
 
