@@ -58,9 +58,7 @@ def fit_of_model(
     equally
         Whether the base model's readings weigh equally.
     """
-    fitted, observed = model.fit, model.problem.predictor.observed
-    force = observed.data.spans[0]
-    squares = float(np.sum(fitted.residual[force] ** 2))
+    fitted = model.fit
     equal = weighted is not None and equally
     tests, agreement = fits_of_trials(model, weighted)
     return Fit(
@@ -72,18 +70,7 @@ def fit_of_model(
         values=dict(fitted.values),
         assumed={},
         goodness=Goodness(fitted.cost, len(fitted.whitened), fitted.lack_of_fit),
-        cost=Cost(
-            value=squares,
-            points=force.stop,
-            per_length=math.nan,
-            r_squared=r_squared(squares, observed.force),
-            minimised="the sum with equal weights within each channel"
-            if equal
-            else "the sum weighted with the inverse covariance (dimensionless), and the priors' squared departures",
-            minimised_value=fitted.cost,
-            minimised_unit="1",
-            definition="sum over the stations of all trials of (F_simulated - F_measured)^2",
-        ),
+        cost=_cost_of(model, equal),
         agreement=agreement,
         tests=tests,
         log=log,
@@ -92,6 +79,23 @@ def fit_of_model(
         settings=settings,
         versions=versions(),
         details=None,
+    )
+
+
+def _cost_of(model: Explanation, equal: bool) -> Cost:
+    fitted, observed = model.fit, model.problem.predictor.observed
+    force = observed.data.spans[0]
+    squares = float(np.sum(fitted.residual[force] ** 2))
+    by_errors = "the sum weighted with the inverse covariance (dimensionless), and the priors' squared departures"
+    return Cost(
+        value=squares,
+        points=force.stop,
+        per_length=math.nan,
+        r_squared=r_squared(squares, observed.force),
+        minimised="the sum with equal weights within each channel" if equal else by_errors,
+        minimised_value=fitted.cost,
+        minimised_unit="1",
+        definition="sum over the stations of all trials of (F_simulated - F_measured)^2",
     )
 
 
