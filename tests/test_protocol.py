@@ -7,23 +7,23 @@ import pytest
 
 from legfem.common.errors import InputError
 from legfem.solve.path import Path
-from legfem.solve.protocol import Phase, Protocol
+from legfem.solve.protocol import Protocol
 
 
 def test_a_cycle_loads_holds_and_unloads():
     protocol = Protocol.cycle(10.0, rate=2.0, hold=60.0, unloading_rate=5.0)
     assert protocol.time == (0.0, 5.0, 65.0, 67.0)
     assert protocol.displacement == (0.0, 10.0, 10.0, 0.0)
-    assert protocol.phases() == (Phase("loading", 0.0, 5.0), Phase("hold", 5.0, 65.0), Phase("unloading", 65.0, 67.0))
+    phases = [(one.phase, one.start, one.end) for one in protocol.segments]
+    assert phases == [("loading", 0.0, 5.0), ("hold", 5.0, 65.0), ("unloading", 65.0, 67.0)]
     np.testing.assert_allclose(protocol.displacement_at([2.5, 30.0, 66.0, 99.0]), [5, 10, 5, 0])
     assert (protocol.depth, protocol.duration) == (10.0, 67.0)
     assert Protocol.cycle(10.0, rate=2.0).time == (0.0, 5.0, 10.0)
 
 
-def test_neighbours_of_one_name_are_one_phase():
+def test_segments_have_a_phase_and_a_rate():
     protocol = Protocol((0, 1, 3, 4), (-1, 0, 4, 2))
-    assert [phase.name for phase in protocol.phases()] == ["loading", "unloading"]
-    assert protocol.phases()[0].end == 3.0
+    assert [segment.phase for segment in protocol.segments] == ["loading", "loading", "unloading"]
     assert [segment.rate for segment in protocol.segments] == [1.0, 2.0, -2.0]
 
 

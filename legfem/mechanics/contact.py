@@ -27,9 +27,6 @@ class PressureLaw(Protocol):
     def pressure(self, overclosure: Expr) -> Expr:
         """Return the pressure (MPa) at an overclosure (mm, negative across an open gap)."""
 
-    def scaled(self, factor: float) -> "PressureLaw":
-        """Return a law that is ``factor`` times stiffer, with the same shape."""
-
 
 @dataclass(frozen=True)
 class ExponentialPressure:
@@ -71,10 +68,6 @@ class ExponentialPressure:
         beyond = tangent * ufl.max_value(z - limit, 0)
         return self.p0 / (math.e - 1) * (bounded * (ufl.exp(bounded) - 1) + beyond)
 
-    def scaled(self, factor: float) -> "ExponentialPressure":
-        """Return the law with ``p0`` multiplied."""
-        return ExponentialPressure(self.p0 * factor, self.c0)
-
 
 @dataclass(frozen=True)
 class StiffPressure:
@@ -108,10 +101,6 @@ class StiffPressure:
         h, w = overclosure, self.width
         rounded = ufl.max_value(h + w, 0) ** 2 / (4 * w)
         return self.stiffness * ufl.conditional(ufl.gt(h, w), h, rounded)
-
-    def scaled(self, factor: float) -> "StiffPressure":
-        """Return the law with its stiffness multiplied."""
-        return StiffPressure(self.stiffness * factor, self.width)
 
 
 class TangentialLaw(Protocol):

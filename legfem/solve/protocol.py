@@ -11,19 +11,6 @@ from numpy.typing import ArrayLike
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 
-type PhaseName = Literal["loading", "hold", "unloading"]
-
-
-@dataclass(frozen=True)
-class Phase:
-    """A part of a protocol in which the indenter goes one way, or stays."""
-
-    name: PhaseName
-    start: float
-    """Time at its start, s."""
-    end: float
-    """Time at its end, s."""
-
 
 @dataclass(frozen=True)
 class ProtocolSegment:
@@ -39,7 +26,7 @@ class ProtocolSegment:
     """Displacement at its end, mm."""
 
     @property
-    def phase(self) -> PhaseName:
+    def phase(self) -> Literal["loading", "hold", "unloading"]:
         """Kind of phase that it belongs to."""
         if self.last == self.first:
             return "hold"
@@ -151,16 +138,6 @@ class Protocol:
     def displacement_at(self, time: ArrayLike) -> FloatArray:
         """Return the displacement (mm) at times (s); the ends hold beyond them."""
         return np.interp(np.asarray(time, dtype=float), self.time, self.displacement)
-
-    def phases(self) -> tuple[Phase, ...]:
-        """Return loading, holds and unloading in order, neighbours of the same name joined."""
-        joined: list[Phase] = []
-        for segment in self.segments:
-            start = segment.start
-            if joined and joined[-1].name == segment.phase:
-                start = joined.pop().start
-            joined.append(Phase(segment.phase, start, segment.end))
-        return tuple(joined)
 
 
 def _check(field: str, value: float) -> None:
