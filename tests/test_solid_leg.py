@@ -116,19 +116,11 @@ def test_about_as_many_tetrahedra_as_asked_for(cells):
     assert sum(leg.quality.elements.values()) == pytest.approx(cells, rel=0.3)
 
 
-def test_part_of_the_leg_may_be_meshed():
-    leg = mesh_solid_leg(calf(), SolidMeshSettings(skin_size=8, z_range=(15.0, 55.0)))
-    z = leg.mesh.geometry.x[:, 2]
-    assert (z.min(), z.max()) == pytest.approx((15, 55))
-
-
 def test_bad_shapes_and_settings_give_one_line():
     shape = calf()
     crossing = LegShape(shape.levels, {**shape.contours, "tibia": shape.contours["tibia"] + [0, -8]})
     with pytest.raises(InputError, match="tibia, level 0 mm: crosses or touches the hull"):
         mesh_solid_leg(crossing)
-    with pytest.raises(InputError, match="not within the segment"):
-        mesh_solid_leg(shape, SolidMeshSettings(z_range=(-5.0, 20.0)))
     with pytest.raises(InputError, match=r"--cells: \d+: this leg cannot be meshed with"):
         settings_for_cells(shape, 10)
 

@@ -144,8 +144,6 @@ class SolidMeshSettings:
         Growth of the edge length per mm of distance from the surfaces.
     clearance : float
         Least distance between the parts' surfaces that is meshed.
-    z_range : (float, float), optional
-        Part of the leg to mesh; the whole by default.
     strip : FineStrip, optional
         Strip of the skin with smaller elements.
     enclosing : bool
@@ -160,7 +158,6 @@ class SolidMeshSettings:
     turn_elements: float = 12.0
     growth: float = 0.25
     clearance: float = 0.5
-    z_range: tuple[float, float] | None = None
     strip: FineStrip | None = None
     enclosing: bool = False
 
@@ -192,7 +189,6 @@ def settings_for_cells(shape: LegShape, cells: int) -> SolidMeshSettings:
         If the leg can't be meshed with so few.
     """
     settings = SolidMeshSettings()
-    shape = meshed_part(shape, settings)
     grid = TissueGrid.over(shape, spacing=5.0)
 
     def excess(log_factor: float) -> float:
@@ -209,15 +205,6 @@ def settings_for_cells(shape: LegShape, cells: int) -> SolidMeshSettings:
             f"choose from {1000 * math.ceil(least / 1000)} to {1000 * math.floor(most / 1000)}",
         )
     return settings.refined(math.exp(brentq(excess, low, high, xtol=0.01)))
-
-
-def meshed_part(shape: LegShape, settings: SolidMeshSettings) -> LegShape:
-    """Return the part of a leg that is meshed."""
-    if settings.z_range is None:
-        return shape
-    low, high = settings.z_range
-    inside = shape.levels[(shape.levels > low + 0.1) & (shape.levels < high - 0.1)]
-    return shape.at_levels(np.concatenate([[low], inside, [high]]))
 
 
 def size_field(shape: LegShape, settings: SolidMeshSettings, spacing: float) -> SizeField:

@@ -24,7 +24,7 @@ from legfem.geometry.leg_shape import HULL, SKIN, LegShape, check_shape
 from legfem.geometry.leg_surface import PartSurface
 from legfem.meshing import gmsh_mesh
 from legfem.meshing.grid import Support
-from legfem.meshing.leg_sizes import SizeField, SolidMeshSettings, TissueGrid, bilinear, meshed_part, size_field
+from legfem.meshing.leg_sizes import SizeField, SolidMeshSettings, TissueGrid, bilinear, size_field
 from legfem.meshing.section import BONE, DEEP, SUPERFICIAL
 from legfem.meshing.section import HULL as HULL_TAG
 from legfem.meshing.section import SKIN as SKIN_TAG
@@ -189,7 +189,6 @@ def mesh_solid_leg(
         If the parts do not nest, or no mesh of sound quality can be made.
     """
     settings = settings or SolidMeshSettings()
-    shape = meshed_part(shape, settings)
     shell = error = None
     if comm.rank == 0:
         try:
