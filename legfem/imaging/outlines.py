@@ -276,7 +276,10 @@ def shape_of_volume(
     """
     settings = settings or OutlineSettings()
     masks = {SKIN: volume.labels != BACKGROUND, HULL: volume.labels >= DEEP}
-    _check_one_leg(masks[SKIN], volume)
+    middle = masks[SKIN].shape[2] // 2
+    sizes = np.sort(np.bincount(ndimage.label(masks[SKIN][:, :, middle])[0].ravel())[1:])
+    if len(sizes) > 1 and sizes[-2] > _LEAST_LEG * sizes[-1]:
+        raise InputError(volume.source, f"slice {middle}", "shows two legs", "remove the labels of the other leg")
     _slices_with({**masks, "bone": volume.labels == BONE}, volume)
     masks |= _bones(volume)
     slices = _slices_with(masks, volume)
@@ -296,14 +299,6 @@ def shape_of_volume(
     if clearances is not None:
         check_shape(shape, volume.source, clearance=0.5)
     return shape
-
-
-def _check_one_leg(skin: NDArray[np.bool_], volume: LabelVolume) -> None:
-    k = skin.shape[2] // 2
-    pieces, _ = ndimage.label(skin[:, :, k])
-    sizes = np.sort(np.bincount(pieces.ravel())[1:])
-    if len(sizes) > 1 and sizes[-2] > _LEAST_LEG * sizes[-1]:
-        raise InputError(volume.source, f"slice {k}", "shows two legs", "remove the labels of the other leg")
 
 
 def _bones(volume: LabelVolume) -> dict[str, NDArray[np.bool_]]:

@@ -129,10 +129,12 @@ def doubts_about_second_scan(bare: LegShape, compressed: LegShape, toml: Path) -
     """
     bones = np.log(_areas(compressed, "tibia") / _areas(bare, "tibia"))
     if np.sqrt(np.mean(bones**2)) > _BONE:
+        low, high = (100 * float(np.exp(f(bones))) for f in (np.min, np.max))
+        spread = f"{low:.0f} to {high:.0f} %" if high - low > 1 else f"{high:.0f} %"
         raise InputError(
             toml,
             "compressed",
-            f"is not the leg of [bare]: its shinbone's section is {_spread(bones)} of that in the bare scan",
+            f"is not the leg of [bare]: its shinbone's section is {spread} of that in the bare scan",
             "give two scans of one leg, the same way up and to one scale",
         )
     ratio = float(np.mean(perimeter(compressed) / perimeter(bare)))
@@ -190,8 +192,3 @@ _OTHERWISE = (
     ("mirrored along the leg", _upended, "check the order and the axis of both scans' slices"),
 )
 """What a scan may be, what undoes it, and how to mend it; a turn about the leg is found by the registration."""
-
-
-def _spread(logs: FloatArray) -> str:
-    low, high = (100 * float(np.exp(f(logs))) for f in (np.min, np.max))
-    return f"{low:.0f} to {high:.0f} %" if high - low > 1 else f"{high:.0f} %"

@@ -14,7 +14,7 @@ from typing import Any
 import h5py
 import lvm_read
 import numpy as np
-from nptdms import TdmsChannel, TdmsFile
+from nptdms import TdmsFile
 from nptdms.log import log_manager
 from pymatreader import read_mat
 from scipy.io import whosmat
@@ -37,7 +37,13 @@ def read_tdms(path: Path) -> list[Sheet]:
         file = TdmsFile.read(content)
     for group in file.groups():
         channels = [c for c in group.channels() if len(c) and c.dtype.kind in "iufM"]
-        columns = [_of_channel(c) for c in channels]
+        columns = []
+        for c in channels:
+            unit = next((c.properties[key] for key in _UNIT_PROPERTIES if c.properties.get(key)), None)
+            values = np.asarray(c[:])
+            if values.dtype.kind == "M":  # times of day
+                unit, values = "s", (values - values[0]) / np.timedelta64(1, "s")
+            columns.append(_column(c.name, unit, values.astype(np.float64)))
         steps = {float(c.properties.get("wf_increment", 0.0)) for c in channels} - {0.0}
         remarks: tuple[str, ...] = ()
         if len(steps) == 1 and columns and not any("time" in c.name.lower() or c.unit == "s" for c in columns):
@@ -48,15 +54,6 @@ def read_tdms(path: Path) -> list[Sheet]:
             check_lengths(path, group.name, columns)
             sheets.append(Sheet(group.name, tuple(columns), remarks))
     return sheets
-
-
-def _of_channel(channel: TdmsChannel) -> Column:
-    """Return a channel as a column; times of day as seconds since the first."""
-    values = np.asarray(channel[:])
-    if values.dtype.kind == "M":
-        return _column(channel.name, "s", (values - values[0]) / np.timedelta64(1, "s"))
-    unit = next((channel.properties[key] for key in _UNIT_PROPERTIES if channel.properties.get(key)), None)
-    return _column(channel.name, unit, values.astype(np.float64))
 
 
 def read_lvm(path: Path) -> list[Sheet]:
