@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from itertools import pairwise
 
 import numpy as np
@@ -159,17 +159,6 @@ def follow(
     )
 
 
-@dataclass(frozen=True)
-class _Sizes:
-    """Sizes of the steps along one segment: mm where the indenter moves, s in a hold."""
-
-    first: float
-    largest: float
-    smallest: float
-    growth: float
-    unit: str
-
-
 class _Walk:
     """Progress along a protocol: the last converged state, and its last change as a prediction of the next."""
 
@@ -235,7 +224,7 @@ class _Walk:
         """Step to the end of a segment; return the reason where that failed, else None."""
         self.segment = number
         holds = segment.phase == "hold"
-        sizes = self._sizes(segment)
+        sizes, unit = self._sizes(segment), "s" if holds else "mm"
         position, target = (segment.start, segment.end) if holds else (segment.first, segment.last)
         size, sign = sizes.first, 1.0 if target > position else -1.0
         if self._resumed is not None:
@@ -243,11 +232,11 @@ class _Walk:
         else:
             self._watch.start(position, self._system.force() if self.steps else 0.0)
             if holds:
-                self._changes.pop(sizes.unit, None)
+                self._changes.pop(unit, None)
         while position != target:
             length = _fitted(size, abs(target - position))
             end = target if length == abs(target - position) else position + sign * length
-            outcome = self._attempt(segment, position, end, sizes.unit)
+            outcome = self._attempt(segment, position, end, unit)
             force = self._system.force() if outcome.converged else 0.0
             excess = self._watch.excess(end, force) if segment.phase == "loading" else 0.0
             if outcome.converged and excess > 1 and length > 0.1 * self._settings.first:
@@ -265,12 +254,12 @@ class _Walk:
                     continue
                 snapped = self._snap(segment, position)
                 if snapped is None:
-                    limit = f"{sizes.smallest:g} {sizes.unit}"
+                    limit = f"{sizes.smallest:g} {unit}"
                     return f"no step above {limit} converges: {outcome.reason}"
                 position, size = snapped, self._settings.first
                 continue
             self._watch.points.append((end, force))
-            self._accept(segment, end, end - position, sizes.unit)
+            self._accept(segment, end, end - position, unit)
             position = end
             if outcome.factorisations <= self._settings.easy:
                 size = min(sizes.largest, max(size, length * sizes.growth))
@@ -283,12 +272,13 @@ class _Walk:
             self._keep(segment, position, size)
         return None
 
-    def _sizes(self, segment: ProtocolSegment) -> _Sizes:
+    def _sizes(self, segment: ProtocolSegment) -> StepSettings:
+        """Return sizes of a segment's steps: mm, or s in a hold."""
         given = self._settings
         if segment.phase != "hold":
-            return _Sizes(self._size, given.largest, given.smallest, given.growth, "mm")
+            return replace(given, first=self._size)
         first = min(given.hold_first * segment.duration, given.hold_first_time)
-        return _Sizes(first, segment.duration, 1e-3 * first, given.hold_growth, "s")
+        return replace(given, first=first, largest=segment.duration, smallest=1e-3 * first, growth=given.hold_growth)
 
     def _attempt(self, segment: ProtocolSegment, start: float, end: float, unit: str) -> NewtonOutcome:
         self._move(segment, start, end)
