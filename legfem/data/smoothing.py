@@ -21,8 +21,6 @@ class LocalLine:
     slope: FloatArray
     leverage: FloatArray
     """Variance of ``value`` over that of one sample."""
-    count: FloatArray
-    """Samples in the window."""
 
 
 def local_line(
@@ -76,7 +74,6 @@ def local_line(
         value=y0 + mean_w + slope * lever,
         slope=slope / scale,
         leverage=1.0 / count + np.where(slanted, lever**2 / safe, 0.0),
-        count=count,
     )
 
 
