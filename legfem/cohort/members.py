@@ -1,5 +1,6 @@
 """Who is in a cohort: folders below one, and what a table says of each."""
 
+import csv
 import difflib
 import hashlib
 import unicodedata
@@ -254,55 +255,63 @@ def _cells(table: Path) -> pd.DataFrame:
     if table.suffix.lower() not in (".csv", ".txt", ".tsv", ".xlsx"):
         raise InputError(table, "file", "is neither CSV nor .xlsx", "save it as one of them")
     try:
-        if table.suffix.lower() == ".xlsx":
-            _check_unmerged(table)
-            cells = pd.read_excel(table, dtype=str)
-        else:
-            text = read_text(table, "check the path", "save it as CSV UTF-8")
-            first = text.partition("\n")[0]
-            mark = next((mark for mark in ";\t" if mark in first), ",")
-            cells = pd.read_csv(StringIO(text), sep=mark, dtype=str, skip_blank_lines=False)
+        cells = _workbook_cells(table) if table.suffix.lower() == ".xlsx" else _text_cells(table)
     except InputError:
         raise
-    except pd.errors.EmptyDataError:
-        raise InputError(table, "file", "is empty", "write a header, and a row a folder") from None
-    except pd.errors.ParserError as error:
-        said = str(error).strip().removeprefix("Error tokenizing data. C error: ")
-        raise InputError(table, "rows", f"cells don't match the header ({said})", _QUOTE) from None
     except Exception as error:  # whatever a library meets in a damaged file
         said = " ".join(str(error).split())[:120]
         raise InputError(table, "file", f"can't be read ({said})", "save it as CSV or .xlsx again") from None
-    if not isinstance(cells.index, pd.RangeIndex):
-        raise InputError(table, "rows", "have more cells than the header", _QUOTE)
-    cells.columns = pd.Index([str(name).strip() for name in cells.columns])
-    for number, name in enumerate(cells, 1):
-        if name.startswith("Unnamed: ") and cells[name].notna().any():
+    cells = cells.fillna("").map(lambda cell: str(cell).strip())
+    header, cells = cells.iloc[0], cells.iloc[1:]
+    for number, name in enumerate(header):
+        if not name and (cells[number] != "").any():
             raise InputError(
-                table, "header", f"column {number} has no name", "name it, or remove it; the first row is the header"
+                table,
+                "header",
+                f"column {number + 1} has no name",
+                "name it, or remove it; the first row is the header",
             )
-    cells = cells[[name for name in cells if not name.startswith("Unnamed: ")]]
-    lower = [name.lower() if name.lower() in _KNOWN else name for name in cells]
+    cells = cells[[number for number, name in enumerate(header) if name]]
+    lower = [name.lower() if name.lower() in _KNOWN else name for name in header if name]
     if twice := sorted({name for name in lower if lower.count(name) > 1}):
         raise InputError(table, "header", f"column '{twice[0]}' is there twice", "rename one")
-    cells.columns = pd.Index(lower)
-    cells.index = pd.Index(range(2, len(cells) + 2))
-    cells = cells.fillna("").map(lambda cell: str(cell).strip())
+    cells = cells.set_axis(lower, axis=1).set_axis(range(2, len(cells) + 2), axis=0)
     cells = cells[(cells != "").any(axis=1)]
     if cells.empty:
         raise InputError(table, "rows", "there are none", "give a row a folder")
     return cells
 
 
-_QUOTE = "put texts that contain the separator in quotes"
+def _text_cells(table: Path) -> pd.DataFrame:
+    """Cells of a text, its header first."""
+    text = read_text(table, "check the path", "save it as CSV UTF-8")
+    first = text.partition("\n")[0]
+    mark = next((mark for mark in ";\t" if mark in first), ",")
+    widths = [len(row) for row in csv.reader(StringIO(text), delimiter=mark, strict=True)]
+    if not any(widths):
+        raise InputError(table, "file", "is empty", "write a header, and a row a folder")
+    quote = "put texts that contain the separator in quotes"
+    wide = [line for line, width in enumerate(widths, 1) if width > widths[0]]
+    if wide and all(width > widths[0] for width in widths[1:] if width):
+        raise InputError(table, "rows", "have more cells than the header", quote)
+    if wide:
+        said = f"Expected {widths[0]} fields in line {wide[0]}, saw {widths[wide[0] - 1]}"
+        raise InputError(table, "rows", f"cells don't match the header ({said})", quote)
+    places = range(widths[0])
+    return pd.read_csv(StringIO(text), sep=mark, dtype=str, header=None, names=places, skip_blank_lines=False)
 
 
-def _check_unmerged(table: Path) -> None:
-    """Refuse merged cells, of which all but the first are empty: a leg would be another person's."""
+def _workbook_cells(table: Path) -> pd.DataFrame:
+    """Cells of a workbook, its header first; merged ones, of which all but the first are empty, are refused."""
     from openpyxl import load_workbook
 
     merged = next(iter(load_workbook(table).worksheets[0].merged_cells.ranges), None)
     if merged is not None:
         raise InputError(table, f"cells {merged}", "are merged", "split them, and fill each")
+    cells = pd.read_excel(table, dtype=str, header=None)
+    if cells.empty:
+        raise InputError(table, "file", "is empty", "write a header, and a row a folder")
+    return cells
 
 
 def _as_numbers(column: "pd.Series[str]", name: str) -> list[float] | None:
