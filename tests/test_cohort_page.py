@@ -145,7 +145,7 @@ def test_warnings_are_of_a_kind_that_leaves_numbers_out_and_names_in():
 def test_a_cohort_without_any_result_is_not_called_measured():
     members, rows = fabricated(1, sides=1)
     page = cohort_web_page(members, [Row(one.member, problem=GRAVE) for one in rows], "identify")
-    assert page.data == "no data that could be used" and page.headline.tone == "wrong"
+    assert str(page.data) == "no data that could be used" and page.headline.tone == "wrong"
 
 
 def test_a_cohort_of_one_is_written_as_one():

@@ -38,6 +38,7 @@ from legfem.report.page import (
     WebTable,
 )
 from legfem.report.render import embed, markdown_page, rendered, write_tables
+from legfem.report.words import DataKind
 from legfem.stockings.assessment import assessed
 from legfem.stockings.details import StockingFit
 from legfem.stockings.identification import StockingSettings, identify_in_stocking
@@ -90,7 +91,7 @@ def page_saying(text: str) -> WebPage:
         WebTable(text, [text], [[text]], folded=True),
         Verbatim(text, text),
         Bars(text, (text, text), [LabelledBar(text, 1.0, text, (0.5, 1.5))]),
-        Curves("curves", text, x, text, text, text, [Line(text, x, x)], x, text, [(0.1, 0.2)], text),
+        Curves("curves", text, text, x, text, text, text, [Line(text, x, x)], x, text, [(0.1, 0.2)], text),
         PressedSection(text, {text: [text]}, 1.0, [text], [[text] * 5]),
         StillSection(text, "0 0 1 1", [(text, "red", "0,0 1,1 1,0")], (0.0, 0.0, 1.0), (0.0, 0.0, 1.0, 1.0)),
         surface,
@@ -105,7 +106,7 @@ def page_saying(text: str) -> WebPage:
         [Known(text, text, "estimated", text, text, text)],
         [Chapter(text, blocks)],
         Repeat(text, {text: text}, {text: text}),
-        data=text,
+        data=DataKind(text, text),
         warned=text,
     )
 

@@ -324,9 +324,9 @@ def test_a_solve_whose_states_were_not_kept_shows_the_section_alone(tmp_path):
 def test_bars_are_in_proportion_and_ends_stay_within():
     bars = Bars("c", ("a", "b"), [LabelledBar("x", 5.0, "5", (4.0, 10.0)), LabelledBar("y", 0.0, "0")])
     half, none = bars.drawn
-    assert half.width == 50.0 and half.interval == (40.0, 100.0) and none.width == 0.0
+    assert half.value == 50.0 and half.interval == (40.0, 100.0) and none.value == 0.0
     (over,) = replace(bars, bars=[LabelledBar("x", 120.0, "")], greatest=100.0).drawn
-    assert over.width == 100.0
+    assert over.value == 100.0
     assert Bars("c", ("a", "b"), []).drawn == []
 
 
@@ -353,7 +353,7 @@ def test_files_that_were_looked_at_say_their_grades_and_how_they_were_read(tmp_p
 def test_curves_of_one_panel_and_of_names_with_signs_are_drawn():
     x = np.linspace(0.0, 1.0, 5)
     lines = [Line("a@b <$c>", np.where(x < 0.6, x, np.nan), None)]
-    one = Curves("one", "caption", x, "mm", "N", "", lines, band=np.full(5, 0.1))
+    one = Curves("one", "caption", "", x, "mm", "N", "", lines, band=np.full(5, 0.1))
     assert one.rows[-1] == ["1.00", "–"]
     drawn = json.loads(embed(one.data))
     assert drawn["lines"][0]["name"] == "a@b <$c>" and "<" not in embed(one.data)

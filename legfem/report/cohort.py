@@ -22,7 +22,7 @@ from legfem.report.curves import Bundle, Cell, Forest, ForestMetric, Group, Sort
 from legfem.report.notices import kind_of_notice
 from legfem.report.render import plain_page, rendered
 from legfem.report.style import LAW_NAMES
-from legfem.report.words import BEYOND_A_FIT, ORIGINS, capital, number, short_probability
+from legfem.report.words import BEYOND_A_FIT, DataKind, capital, number, short_probability
 
 _DONE = {
     "identify": "Stiffness of the deep tissue was identified from indentation recordings of {what} by legfem {legfem}",
@@ -178,12 +178,12 @@ def _origin(origins: Counter[str]) -> str:
     return next((name for name in ("simulated", "reconstructed", "measured") if origins[name]), "measured")
 
 
-def _data(origins: Counter[str]) -> str:
+def _data(origins: Counter[str]) -> DataKind | None:
     if not origins:
-        return "no data that could be used"
+        return DataKind("no data that could be used")
     if len(origins) < 2:
-        return ORIGINS[_origin(origins)]
-    return "data of several kinds: " + ", ".join(f"{count} {name}" for name, count in origins.items())
+        return None
+    return DataKind("data of several kinds: " + ", ".join(f"{count} {name}" for name, count in origins.items()))
 
 
 def _answer(members: Sequence[Member], rows: Sequence[Row], found: Mapping[str, ModelResult]) -> str:

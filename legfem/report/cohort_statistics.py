@@ -142,9 +142,9 @@ def _plot(one: Analysed, by: str, pair: Pair) -> Curves:
         Line("upper limit", level(pair.limits.high), None, colour="#D55E00", dash="dashed"),
     ]
     unit = "%" if one.logarithmic else one.unit
-    levels = f"{by} {pair.levels[1]} minus {by} {pair.levels[0]}"
-    caption = f"{called(one.name)}: {levels} over their mean, leg by leg."
-    return Curves(f"agreement-{one.name}-{by}", caption, x, f"mean ({one.unit})", f"difference ({unit})", "", lines)
+    more = f": {by} {pair.levels[1]} minus {by} {pair.levels[0]} over their mean, leg by leg."
+    name, mean, difference = f"agreement-{one.name}-{by}", f"mean ({one.unit})", f"difference ({unit})"
+    return Curves(name, called(one.name), more, x, mean, difference, "", lines)
 
 
 def _effects(some: Sequence[Analysed]) -> web.WebTable:

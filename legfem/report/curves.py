@@ -1,7 +1,6 @@
 """Curves of a page, as a script, a figure and a table show them; blocks that show thousands of things at once."""
 
 import base64
-import re
 import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -46,8 +45,10 @@ class Curves:
     kind: ClassVar[str] = "curves"
     name: str
     """Short, without spaces; one of its own in a page."""
-    caption: str
-    """What is seen, in words: also for those who can't see it."""
+    title: str
+    """What is seen, in short: the beginning of the caption."""
+    more: str
+    """How the caption goes on, with the mark between."""
     x: FloatArray
     """(n,)."""
     x_label: str
@@ -61,6 +62,11 @@ class Curves:
     located: Sequence[tuple[float, float]] = ()
     """Stretches of the abscissa that are marked in the lower panel."""
     located_name: str = ""
+
+    @property
+    def caption(self) -> str:
+        """What is seen, in words: also for those who can't see it."""
+        return f"{self.title}{self.more}"
 
     @property
     def header(self) -> list[str]:
@@ -149,7 +155,7 @@ def curves_figure(blocks: Sequence[Curves], what: str, subject: str, origin: str
     Parameters
     ----------
     blocks
-        Their first clause titles them.
+        Each is a panel of its title.
     what
         Is drawn; lines.
     subject, origin
@@ -165,8 +171,7 @@ def curves_figure(blocks: Sequence[Curves], what: str, subject: str, origin: str
     panels = [column for row in range(down) for column in grid[rows * row : rows * (row + 1)].T]
     for k, axes in enumerate(panels):
         if k < len(blocks):
-            name = re.split(r"[:;]|, (?=over|recorded)", blocks[k].caption)[0].rstrip(".")
-            panel(axes[0], chr(ord("A") + k), textwrap.fill(name, _LETTERS))
+            panel(axes[0], chr(ord("A") + k), textwrap.fill(blocks[k].title, _LETTERS))
             _draw(axes[0], axes[-1], blocks[k])
         else:
             for one in axes:

@@ -25,7 +25,7 @@ from legfem.report.page import PressedSection
 from legfem.report.plan import chance_text
 from legfem.report.pressed_section import still_section
 from legfem.report.style import LAW_NAMES
-from legfem.report.words import capital
+from legfem.report.words import DataKind, capital
 
 
 def next_blocks(found: Diagnosis, plan: Sequence[DesignValue]) -> list[web.Block]:
@@ -118,7 +118,7 @@ def diagnosis_web_page(
             web.Chapter("Noise and accuracy", [web.Prose(_noise(found))]),
         ],
         web.Repeat(command, versions()),
-        "" if leg else f"{subject.origin} data",
+        None if leg else DataKind(f"{subject.origin} data"),
         " for the person who recorded and described the test",
     )
 

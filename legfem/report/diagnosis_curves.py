@@ -206,9 +206,10 @@ def _over(found: Diagnosis, number: int, time: bool, lines: list[Line], left: li
     stations = observed.protocols[number]
     return Curves(
         f"recording{number}-{time:d}",
-        f"Force over {'time' if time else 'displacement'}, {stations.label}: recorded, and of the "
-        f"{LAW_NAMES[found.law]} model, each as near to the recordings as it gets; beneath, model less recorded; for "
-        f"single trials, the {BASE_NAME} less the trial. Root mean square over all trials: {', '.join(left)}.",
+        f"Force over {'time' if time else 'displacement'}, {stations.label}",
+        f": recorded, and of the {LAW_NAMES[found.law]} model, each as near to the recordings as it gets; beneath, "
+        f"model less recorded; for single trials, the {BASE_NAME} less the trial. Root mean square over all trials: "
+        f"{', '.join(left)}.",
         stations.time if time else stations.displacement,
         "time (s)" if time else "displacement (mm)",
         "force (N)",

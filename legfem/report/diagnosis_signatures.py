@@ -44,8 +44,9 @@ def _signatures(found: Diagnosis, number: int, names: list[str]) -> Curves:
     hides = " and ".join(map(symbol_of, found.base_model.fit.stiffness))
     return Curves(
         f"signature{number}",
-        f"Does the difference look like what a mechanism would leave; {stations.label}: base model less recorded, on "
-        f"average over trials, and mechanisms' signatures, less what a fit of {hides} hides, scaled to the misfit.",
+        "Does the difference look like what a mechanism would leave",
+        f"; {stations.label}: base model less recorded, on average over trials, and mechanisms' signatures, less what "
+        f"a fit of {hides} hides, scaled to the misfit.",
         stations.time if timed else stations.displacement,
         "time (s)" if timed else "displacement (mm)",
         "base model − recorded (N)",

@@ -47,7 +47,7 @@ def channel_name(one: ChannelFit) -> str:
 
 def beside_curves(
     key: str,
-    title: str,
+    caption: tuple[str, str],
     kind: ChannelKind,
     at: FloatArray,
     lines: list[Line],
@@ -60,8 +60,8 @@ def beside_curves(
     ----------
     key
         Of the panels in the page.
-    title
-        What is shown.
+    caption
+        Title of the panels, and how the caption goes on.
     kind
         Of the channel.
     at
@@ -75,7 +75,7 @@ def beside_curves(
     """
     return Curves(
         key,
-        title,
+        *caption,
         at,
         "displacement (mm)",
         f"{kind.name.replace('_', ' ')} ({kind.unit})",
@@ -100,14 +100,12 @@ def channel_curves(fits: Sequence[Fit[Any]], number: int, k: int) -> Curves:
         lines.append(Line(name, model.predicted[order], model.residual[order], colour, points=True))
     kind = CHANNELS[first.name]
     where = f"{test.name}. " if len(fits[0].tests) > 1 else ""
+    more = (
+        ", over the cylinder's displacement after first contact; beneath, the model less the recording. The band has "
+        "the instrument's errors, which readings share in part, and those of the outlines."
+    )
     return beside_curves(
-        f"channel{number}-{k}",
-        f"{where}The {kind.words}, over the cylinder's displacement after first contact; beneath, the model less the "
-        "recording. The band has the instrument's errors, which readings share in part, and those of the outlines.",
-        kind,
-        first.station[order],
-        lines,
-        first.sd[order],
+        f"channel{number}-{k}", (f"{where}The {kind.words}", more), kind, first.station[order], lines, first.sd[order]
     )
 
 
@@ -243,10 +241,13 @@ def _channel_curves(found: Diagnosis, protocol: int) -> Iterator[Curves]:
             *(_line(shown.name, shown.model, at, REPAIRED_COLOUR, bool(one.places)) for shown in models),
         ]
         here = set(at.ravel().tolist())
+        more = (
+            ": recorded, and of the models, with what isn't known of the leg and of the instruments as fitted; "
+            "beneath, model less recorded."
+        )
         yield beside_curves(
             f"channel{protocol}-{one.name}",
-            f"{one.kind.words.capitalize()}, {observed.protocols[protocol].label}: recorded, and of the models, "
-            "with what isn't known of the leg and of the instruments as fitted; beneath, model less recorded.",
+            (f"{one.kind.words.capitalize()}, {observed.protocols[protocol].label}", more),
             one.kind,
             one.displacement[rows].mean(axis=0),
             lines,

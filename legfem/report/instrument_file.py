@@ -22,6 +22,7 @@ from legfem.inverse.answer import Tone
 from legfem.report.curves import Curves, Line
 from legfem.report.page import Bullets, Chapter, Headline, Repeat, Verbatim, WebPage, WebTable
 from legfem.report.style import DATA_COLOUR, FAINT, new_figure, panel, save, styled
+from legfem.report.words import DataKind
 
 _PHASE_COLOURS = {AIR: "#FFFFFF", LOADING: "#D6E6F4", HOLD: "#F3E9D2", UNLOADING: "#E3E3E3"}
 _MOST_PARTS = 12
@@ -339,7 +340,7 @@ def look_web_page(seen: Sequence[Looked], toml: str, text: str, command: str = "
             ),
         ],
         repeat=Repeat(command, versions_of("legfem", "python")),
-        data="files of an instrument; they do not say whether they were measured or simulated",
+        data=DataKind("files of an instrument; they do not say whether they were measured or simulated"),
     )
 
 
@@ -364,7 +365,8 @@ def _recording(number: int, one: Looked, count: int) -> list[Curves]:
     return [
         Curves(
             f"time-{number}",
-            f"{name}, grade {quality.grade}: displacement and, beneath, force over time.{few}",
+            f"{name}, grade {quality.grade}",
+            f": displacement and, beneath, force over time.{few}",
             time,
             "time (s)",
             "displacement (mm)",
@@ -375,7 +377,8 @@ def _recording(number: int, one: Looked, count: int) -> list[Curves]:
         ),
         Curves(
             f"curve-{number}",
-            f"{name}: force over displacement; loading begins {contact_text(quality)}.",
+            name,
+            f": force over displacement; loading begins {contact_text(quality)}.",
             moved,
             "displacement (mm)",
             "force (N)",

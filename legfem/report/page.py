@@ -13,6 +13,7 @@ from legfem.inverse.answer import Tone
 from legfem.report.curves import Bundle, Curves, Forest, SortableTable
 from legfem.report.folder import ReportFile
 from legfem.report.style import BONE_COLOUR, REGION_COLOURS, REGION_NAMES
+from legfem.report.words import ORIGINS, DataKind
 
 PAGE = "report.html"
 TESTED = "What was tested"
@@ -156,16 +157,6 @@ class LabelledBar:
 
 
 @dataclass(frozen=True)
-class DrawnBar:
-    """A bar as it is drawn: width and ends of its interval are per cent of the greatest."""
-
-    name: str
-    text: str
-    width: float
-    interval: tuple[float, float] | None
-
-
-@dataclass(frozen=True)
 class Bars:
     """Numbers of one unit beside each other."""
 
@@ -185,8 +176,8 @@ class Bars:
         return [(one.name, one.text) for one in self.bars]
 
     @property
-    def drawn(self) -> list[DrawnBar]:
-        """Return the bars as they are drawn."""
+    def drawn(self) -> list[LabelledBar]:
+        """Return the bars as they are drawn: values and ends of intervals are per cent of the greatest."""
         ends = [max(b.value, b.interval[1] if b.interval else b.value) for b in self.bars]
         greatest = max(ends, default=1.0) if self.greatest is None else self.greatest
         span = greatest - self.least
@@ -196,7 +187,7 @@ class Bars:
             return round(100 * min(max(share, 0.0), 1.0), 2)
 
         return [
-            DrawnBar(b.name, b.text, at(b.value), (at(b.interval[0]), at(b.interval[1])) if b.interval else None)
+            replace(b, value=at(b.value), interval=(at(b.interval[0]), at(b.interval[1])) if b.interval else None)
             for b in self.bars
         ]
 
@@ -419,11 +410,16 @@ class WebPage:
     chapters: Sequence[Chapter]
     """In their order; the table of what is known follows the first."""
     repeat: Repeat
-    data: str = ""
-    """What kind of data, in words, where `ORIGINS` don't say it."""
+    data: DataKind | None = None
+    """What kind of data, where `ORIGINS` don't say it."""
     warned: str = ""
     """Whom the warnings are for, where it isn't the reader."""
     made: date = field(default_factory=date.today)
+
+    @property
+    def kind_of_data(self) -> DataKind:
+        """What kind of data."""
+        return self.data or ORIGINS[self.origin]
 
     @property
     def made_on(self) -> str:

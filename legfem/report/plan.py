@@ -16,6 +16,7 @@ from legfem.report.leg_options import options_of
 from legfem.report.page import Bars, LabelledBar
 from legfem.report.pressed_section import still_section
 from legfem.report.style import LAW_NAMES
+from legfem.report.words import DataKind
 
 SCHEMA = 1
 NOTHING = "nothing"
@@ -126,7 +127,7 @@ def plan_web_page(
             web.Chapter("What was not weighed", [web.Bullets(_NOT_WEIGHED)]),
         ],
         web.Repeat(command, versions),
-        f"simulated data (no test has been made yet; section of the leg: {subject.origin})",
+        DataKind("simulated data", f"no test has been made yet; section of the leg: {subject.origin}"),
     )
 
 

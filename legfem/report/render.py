@@ -19,7 +19,6 @@ from legfem.inverse.catalogue import key_of
 from legfem.report import page as web
 from legfem.report.curves import Curves, SortableTable
 from legfem.report.folder import REPORT, ReportFile
-from legfem.report.words import ORIGINS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -77,13 +76,11 @@ def _headline(name: str) -> str:
 
 def _opening(page: web.WebPage, underlined: bool) -> list[str]:
     line = "\n" + "=" * min(len(page.title), WIDTH) if underlined else ""
-    data = page.data or ORIGINS[page.origin]
-    what, _, explanation = data.partition(" (")
-    given = page.headline
+    data, given = page.kind_of_data, page.headline
     answers = [f"{question}: {answer}" for question, answer in given.answers]
     return [
         f"{page.title}{line}\n{page.subject}",
-        f"*** {what.upper()} ***" + (f" ({explanation}" if explanation else ""),
+        f"*** {data.what.upper()} ***" + (f" ({data.explanation})" if data.explanation else ""),
         fill(f"{given.shown_heading.upper().rstrip('.')}. {given.sentence}"),
         bullets(answers),
         *([f"Warnings{page.warned}:\n{bullets(page.warnings)}"] if page.warnings else []),
@@ -161,7 +158,7 @@ def markdown_page(page: web.WebPage) -> str:
     given = page.headline
     parts = [
         f"# {_text(page.title)}",
-        f"{_text(page.subject)}. **{_text(page.data or ORIGINS[page.origin])}**",
+        f"{_text(page.subject)}. **{_text(str(page.kind_of_data))}**",
         f"**{_text(given.shown_heading.rstrip('.'))}.** {_text(given.sentence)}",
         _bullets([f"{question}: {answer}" for question, answer in given.answers]),
     ]
@@ -258,7 +255,7 @@ def rendered(page: web.WebPage) -> str:
     return environment.get_template("report.html").render(
         page=page,
         tone=page.headline.shown_heading,
-        data=page.data or ORIGINS[page.origin],
+        data=str(page.kind_of_data),
         provenances=web.PROVENANCE,
         scripts=list(dict.fromkeys(name for kind in _SCRIPTS if kind in kinds for name in _SCRIPTS[kind])),
         legfem=legfem_build(),

@@ -7,19 +7,11 @@ from legfem.inverse.fit import Fit
 from legfem.report import estimates
 from legfem.report.further_channels import channel_lines
 from legfem.report.style import LAW_NAMES
-from legfem.report.words import ORIGINS, fit_probability
+from legfem.report.words import fit_probability
 from legfem.specimens.comparison import SHAPE_SD_OF_LAYERS
 from legfem.specimens.details import SampleFit, SpecimenDetails, compared, rms_percent
 
 type SpecimenFit = Fit[SpecimenDetails]
-
-_SIMULATED = "simulated data (forces computed by a model; no specimen was measured)"
-
-
-def origin_text(result: SpecimenFit) -> str:
-    """Return what kind of data they are, in words."""
-    origin = result.details.folder.origin
-    return _SIMULATED if origin == "simulated" else ORIGINS[origin]
 
 
 def procedure(result: SpecimenFit) -> str:

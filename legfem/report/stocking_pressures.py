@@ -20,10 +20,6 @@ from legfem.stockings.pressures import TissuePressures, too_low_by
 ALONG = "Pressure along the leg"
 PRESSURES = "Pressures on the skin and inside"
 """Titles of chapters."""
-ORIGINS = {
-    "measured": "measured data",
-    "simulated": "simulated data (the scans were computed by a model; no leg was scanned)",
-}
 
 
 def both_units(pressure: float) -> str:
@@ -180,10 +176,10 @@ def fat_curves(details: StockingDetails) -> list[Curves]:
         Line(name, round_leg(angles, mpa_to_mmhg(values[row])), None, colour, dash)
         for name, values, colour, dash in shown
     ]
-    caption = f"Pressures over and in the fat, round the leg at z = {fat.levels[row]:.1f} mm; beneath, its thickness."
+    title = f"Pressures over and in the fat, round the leg at z = {fat.levels[row]:.1f} mm"
     lines.append(Line("thickness of the fat", None, round_leg(angles, fat.thickness[row]), tabled=False))
     x = Directions.of(details.leg.bare).axis()
-    return [Curves("fat", caption, ROUND, x, "pressure (mmHg)", "fat thickness (mm)", lines)]
+    return [Curves("fat", title, "; beneath, its thickness.", ROUND, x, "pressure (mmHg)", "fat thickness (mm)", lines)]
 
 
 def _postures(details: StockingDetails) -> list[Block]:
@@ -267,8 +263,8 @@ def level_blocks(details: StockingDetails) -> list[Block]:
     blocks.append(
         Curves(
             "along",
-            "Pressure of the stocking on the skin over the height: mean round the leg with its 95 % interval, and the "
-            "least and greatest round the leg.",
+            "Pressure of the stocking on the skin over the height",
+            ": mean round the leg with its 95 % interval, and the least and greatest round the leg.",
             along.levels,
             "height z (mm)",
             "pressure (mmHg)",

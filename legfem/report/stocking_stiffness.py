@@ -154,8 +154,9 @@ def contour_curves(details: StockingDetails) -> list[Curves]:
         blocks.append(
             Curves(
                 f"contour-{name}",
-                f"{capital(CONTOUR_NAMES[name])}: distance of the model outside the scan, round the leg at the heights "
-                "that were compared; dotted: of the bare leg, which is what the stocking did.",
+                capital(CONTOUR_NAMES[name]),
+                ": distance of the model outside the scan, round the leg at the heights that were compared; dotted: of "
+                "the bare leg, which is what the stocking did.",
                 ROUND,
                 Directions.of(leg.bare).axis(),
                 "distance outside the scan (mm)",

@@ -7,17 +7,33 @@ The fibula, where it is named beside the tibia, is on the lateral side.
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from legfem.common.units import FloatArray, decimals
 from legfem.geometry.leg_shape import LegShape
 
+
+class DataKind(NamedTuple):
+    """What kind of data a page is of, in words."""
+
+    what: str
+    explanation: str = ""
+    """To stand in brackets behind it."""
+
+    def __str__(self) -> str:
+        """Return both."""
+        return f"{self.what} ({self.explanation})" if self.explanation else self.what
+
+
 ORIGINS = {
-    "measured": "measured data",
-    "reconstructed": "reconstructed data (made to resemble a published study; no leg was measured)",
-    "simulated": "simulated data (forces computed by a model; no leg was measured)",
+    "measured": DataKind("measured data"),
+    "reconstructed": DataKind("reconstructed data", "made to resemble a published study; no leg was measured"),
+    "simulated": DataKind("simulated data", "forces computed by a model; no leg was measured"),
 }
+
+
 ENERGIES = {
     "neo-hookean": "U = C10 (I1 - 3) + (J - 1)^2 / D1",
     "reduced-polynomial": ("U = C10 (I1 - 3) + C20 (I1 - 3)^2 + (J - 1)^2 / D1 + (J - 1)^4 / D2"),

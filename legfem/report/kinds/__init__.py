@@ -19,6 +19,7 @@ from legfem.report.answers import headline_of
 from legfem.report.folder import ReportFile
 from legfem.report.notices import sentences_of
 from legfem.report.page import TESTED, Chapter, Known, PressedSection, Repeat, WebPage
+from legfem.report.words import DataKind
 
 
 class ReportKind(ABC):
@@ -60,9 +61,9 @@ class ReportKind(ABC):
     def chapters(self, fits: Sequence[Fit[Any]], pressed: PressedSection | None, note: str) -> list[Chapter]:
         """Return the chapters."""
 
-    def data(self, chosen: Fit[Any]) -> str:
-        """Return what kind of data they are, in words; nothing where the origin says it."""
-        return ""
+    def data(self, chosen: Fit[Any]) -> DataKind | None:
+        """Return what kind of data they are; None where the origin says it."""
+        return None
 
     @abstractmethod
     def figure(self, fits: Sequence[Fit[Any]]) -> Figure:

@@ -166,8 +166,8 @@ def _curves(fits: Sequence[LegFit], chosen: LegFit) -> list[Curves]:
         blocks.append(
             Curves(
                 f"site{number}" if several else "fit",
-                f"{f'{one.name}. ' if several else ''}Force over the cylinder's displacement after first contact: "
-                f"recorded, and of the model with each law; beneath, the model less the recording.{against}",
+                f"{f'{one.name}. ' if several else ''}Force over the cylinder's displacement after first contact",
+                f": recorded, and of the model with each law; beneath, the model less the recording.{against}",
                 measured.displacement,
                 "displacement (mm)",
                 "force (N)",

@@ -19,9 +19,9 @@ from legfem.report.folder import ReportFile
 from legfem.report.further_channels import SHOWS, channels_figure, drawn
 from legfem.report.kinds import ReportKind
 from legfem.report.page import Bars, LabelledBar
-from legfem.report.specimen_sentences import SpecimenFit, followed, origin_text, procedure, tested
+from legfem.report.specimen_sentences import SpecimenFit, followed, procedure, tested
 from legfem.report.style import DATA_COLOUR, LAW_COLOURS, LAW_NAMES, save
-from legfem.report.words import capital, fit_probability
+from legfem.report.words import DataKind, capital, fit_probability
 from legfem.specimens.artefacts import KNOW_THE_RIG
 from legfem.specimens.details import SampleFit, SpecimenDocument, compared
 
@@ -109,9 +109,10 @@ class SpecimenReport(ReportKind):
             web.Chapter("How it was done", [web.Prose(procedure(chosen)), *estimates.how_found(fits)]),
         ]
 
-    def data(self, chosen: SpecimenFit) -> str:
-        """Return what kind of data they are: no leg was measured."""
-        return origin_text(chosen)
+    def data(self, chosen: SpecimenFit) -> DataKind | None:
+        """Return what kind of data they are: of a specimen, and no leg."""
+        simulated = DataKind("simulated data", "forces computed by a model; no specimen was measured")
+        return simulated if chosen.subject.origin == "simulated" else None
 
     def figure(self, fits: Sequence[SpecimenFit]) -> Figure:
         """Return recordings beside the laws, those with the poorest fit."""
@@ -227,12 +228,13 @@ def _face_profile(fits: Sequence[SpecimenFit]) -> list[Curves]:
     lines = [Line("recorded", seen, None, DATA_COLOUR, points=True)]
     for law, (_, recorded, model) in faces:
         lines.append(Line(f"model, {LAW_NAMES[law]}", model, model - recorded, LAW_COLOURS[law]))
-    caption = (
+    title = (
         "Strain across of the specimen's face at the deepest readings, from its middle (0) towards its end (1), the "
-        "mean over recordings; beneath, the model less the recording. Ends that stick make a barrel of it."
+        "mean over recordings"
     )
+    more = "; beneath, the model less the recording. Ends that stick make a barrel of it."
     label = "height from the middle, over half the specimen's"
-    return [Curves("face-profile", caption, heights, label, "strain across (-)", "model − recorded (-)", lines)]
+    return [Curves("face-profile", title, more, heights, label, "strain across (-)", "model − recorded (-)", lines)]
 
 
 def _test_in_numbers(samples: Sequence[SampleFit], law: str, test: str) -> web.WebTable:
@@ -279,8 +281,8 @@ def _curves(
     after = " after first contact" if one.course.samples.timed else ""
     return Curves(
         f"{along.split()[0]}{number}",
-        f"{one.name}{'' if one.fitted else ' (left out, predicted)'}: {axes.load} over {along}{after}, recorded and of "
-        "the model; beneath, the model less the recording.",
+        f"{one.name}{'' if one.fitted else ' (left out, predicted)'}",
+        f": {axes.load} over {along}{after}, recorded and of the model; beneath, the model less the recording.",
         x,
         f"{along} ({unit})" if unit != "-" else along,
         f"{axes.load} ({axes.load_unit})",

@@ -22,7 +22,7 @@ from legfem.report.folder import ReportFile
 from legfem.report.kinds import ReportKind
 from legfem.report.stocking_figures import stocking_pressure_figure, stocking_section_figure
 from legfem.report.style import save
-from legfem.report.words import capital, moduli_text
+from legfem.report.words import DataKind, capital, moduli_text
 from legfem.stockings.assessment import KIND, TISSUES
 from legfem.stockings.details import StockingDetails, StockingDocument, StockingFit
 
@@ -96,9 +96,10 @@ class StockingReport(ReportKind):
             web.Chapter("How it was computed", [_computed(fit)]),
         ]
 
-    def data(self, chosen: StockingFit) -> str:
+    def data(self, chosen: StockingFit) -> DataKind | None:
         """Return what kind of data they are: scans."""
-        return stocking_pressures.ORIGINS[chosen.details.leg.origin]
+        simulated = DataKind("simulated data", "the scans were computed by a model; no leg was scanned")
+        return simulated if chosen.subject.origin == "simulated" else None
 
     def figure(self, fits: Sequence[StockingFit]) -> Figure:
         """Return the pressure of the stocking on the skin, unrolled and on the leg."""

@@ -25,6 +25,7 @@ from legfem.report import page as web
 from legfem.report.curves import Curves, Line, curves_figure
 from legfem.report.render import rendered, table
 from legfem.report.style import save
+from legfem.report.words import DataKind
 from legfem.solve.path import ForceCurve
 from legfem.study.correction.calibration import versions
 from legfem.study.correction.page import SHOWN
@@ -108,7 +109,8 @@ def run(
     print(f"P(d) of {subject.title}, {found.stiffness}\n{table(*cells)}\n")
     curves = Curves(
         "leg",
-        f"P over the cylinder's displacement; {DEFINITION}. Grey: 95 % of this leg's.",
+        "P over the cylinder's displacement",
+        f"; {DEFINITION}. Grey: 95 % of this leg's.",
         found.displacement,
         "displacement (mm)",
         "P",
@@ -232,5 +234,5 @@ def _page(found: LegAndTable, curves: Curves, cells: Cells) -> web.WebPage:
             web.Chapter("What could not be tested", [web.Bullets(_NOT_TESTED)]),
         ],
         repeat=web.Repeat(web.command_line(), versions()),
-        data="simulated data (this leg's shape; nothing was pressed)",
+        data=DataKind("simulated data", "this leg's shape; nothing was pressed"),
     )

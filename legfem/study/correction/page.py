@@ -9,6 +9,7 @@ from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.inverse.correction import DEFINITION
 from legfem.report import page as web
 from legfem.report.curves import Curves, Dash, Line
+from legfem.report.words import DataKind
 from legfem.study.correction.calibration import Calibrated, Calibration, versions
 
 SHOWN = np.array([2.5, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0])
@@ -119,7 +120,7 @@ def correction_web_page(given: Calibration, found: Calibrated, trends: Trend, co
             web.Chapter("What to do next", [web.Bullets(_next())]),
         ],
         repeat=web.Repeat(command, versions()),
-        data="simulated data (an idealised leg; no leg was measured)",
+        data=DataKind("simulated data", "an idealised leg; no leg was measured"),
     )
 
 
@@ -225,7 +226,8 @@ def _correction(given: Calibration, found: Calibrated) -> Curves:
         lines.append(Line(f"C10 {c10:g} kPa", at, None, COLOURS[k % 7], _DASHES[k % 4]))
     return Curves(
         "correction",
-        f"P over the cylinder's displacement, by the deep tissue's C10; {DEFINITION}. Grey: 95 % of the reference's.",
+        "P over the cylinder's displacement, by the deep tissue's C10",
+        f"; {DEFINITION}. Grey: 95 % of the reference's.",
         x,
         "displacement (mm)",
         "P",
@@ -241,7 +243,8 @@ def trend_curves(displacement: FloatArray, trends: Trend) -> list[Curves]:
     return [
         Curves(
             f"trend{number}",
-            f"P against the {name}, on a coarser mesh; lines end where a model stopped.",
+            f"P against the {name}, on a coarser mesh",
+            "; lines end where a model stopped.",
             displacement,
             "displacement (mm)",
             "P",

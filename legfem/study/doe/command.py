@@ -25,6 +25,7 @@ from legfem.report.folder import REPORT, RESULT, ReportFile
 from legfem.report.page import PAGE, Bars, LabelledBar, ResponseSurface, SurfaceFactor, SurfaceMetric
 from legfem.report.render import write_page
 from legfem.report.style import DATA_COLOUR, FAINT
+from legfem.report.words import DataKind
 from legfem.study.doe.design import Definition, in_words, read_definition
 from legfem.study.doe.figures import draw_response
 from legfem.study.doe.runs import Outlook, PlaneStrainSimulator, Record, Simulator, Workshop, as_csv, simulate
@@ -175,7 +176,7 @@ def study_web_page(result: StudyResult, seed: int, command: str) -> web.WebPage:
         known=_known(result),
         chapters=chapters,
         repeat=web.Repeat(command, versions(), {"seed": f"{seed}"}),
-        data=f"simulated data (forces of a model; section of the leg: {result.subject.origin})",
+        data=DataKind("simulated data", f"forces of a model; section of the leg: {result.subject.origin}"),
     )
 
 
@@ -302,8 +303,8 @@ def _curves(result: StudyResult) -> Curves:
         ]
     return Curves(
         "runs",
-        f"Force per length of the cylinder over its displacement, of {len(result.records)} "
-        "simulations; where one stopped short, the lines over all end.",
+        f"Force per length of the cylinder over its displacement, of {len(result.records)} simulations",
+        "; where one stopped short, the lines over all end.",
         grid,
         "displacement (mm)",
         "force per length (N/mm)",

@@ -401,8 +401,9 @@ def _half_widths(found: Information) -> Curves:
     shown = np.where(widths < 1, 100 * widths, np.nan)
     return Curves(
         "information",
-        f"Smallest possible 95 % half-widths over the depth of the recorded curve, with fat and fascia known within "
-        f"their ranges; lines begin at 100 %. A parameter is determined below {100 * IDENTIFIED_WITHIN:.0f} %.",
+        "Smallest possible 95 % half-widths over the depth of the recorded curve, with fat and fascia known within "
+        "their ranges",
+        f"; lines begin at 100 %. A parameter is determined below {100 * IDENTIFIED_WITHIN:.0f} %.",
         found.displacement,
         "depth of the recorded curve (mm)",
         "half-width (% of the parameter)",
