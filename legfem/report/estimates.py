@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from legfem.common.units import mpa_to_kpa, readable_unit
-from legfem.data.ranges import PUBLISHED_C10, Published
+from legfem.data.ranges import PUBLISHED_C10
 from legfem.data.recording import Origin
 from legfem.inverse.catalogue import UNITS, parameter_of, symbol_of, unit_of
 from legfem.inverse.chosen import SIGNIFICANT, gain_of, misfit_of
@@ -16,9 +16,8 @@ from legfem.inverse.comparison import ErrorSource
 from legfem.inverse.elastography import ShearModulus
 from legfem.inverse.estimates import DISPLACEMENT, FORCE, Estimate, main_source
 from legfem.inverse.fit import Fit, Goodness, TestFit
-from legfem.inverse.parameter import Parameter
 from legfem.legs.subject import Subject
-from legfem.report.page import Block, Known, WebTable
+from legfem.report.page import Block, Known, Provenance, WebTable
 from legfem.report.style import LAW_NAMES, REGION_NAMES
 from legfem.report.words import ENERGIES, capital, fit_probability, moduli_text, number, spaced
 
@@ -64,72 +63,53 @@ def estimated(what: str, found: Estimate, recordings: int, isotropic: bool) -> K
 
     Of an isotropic tissue, C10 has the moduli beside it.
     """
-    moduli = f"; {moduli_of(found)}" if isotropic and found.parameter.name.endswith(".C10") else ""
-    bound = f"; at the {found.at_bound} bound of the search" if found.at_bound else ""
-    prior = f"; {prior_text(found.parameter)}" if found.parameter.prior else ""
-    return Known(
-        what,
-        value_text(found),
-        "estimated" if found.parameter.role == "identified" else "prior",
-        f"{recordings} recording{'s' * (recordings > 1)}{prior}",
-        interval_text(found),
-        f"{found.identifiability}{bound}{_standard_error(found)}{moduli}",
-    )
+    parameter, error, (low, high) = found.parameter, found.shown.standard_error, found.shown.ci95
+    source, remark = f"{recordings} recording{'s' * (recordings > 1)}", found.identifiability
+    if (prior := parameter.prior) is not None:
+        unit, factor = readable_unit(parameter.unit)
+        width = f"± {factor * prior.sd:.4g} {unit} (normal)"
+        if prior.scale == "log":
+            width = f"x/ {math.exp(prior.sd):.4g} {unit} (its logarithm is normal)"
+        source += f"; prior {factor * prior.centre:.4g} {width}{f', from {prior.source}' if prior.source else ''}"
+    if found.at_bound:
+        remark += f"; at the {found.at_bound} bound of the search"
+    # Not beside an interval that was widened by more than noise.
+    if not high - low > _WIDENED * error:
+        remark += f"; ± {error:.2g} (sd)"
+    if isotropic and parameter.name.endswith(".C10"):
+        remark += f"; {moduli_of(found)}"
+    how: Provenance = "estimated" if parameter.role == "identified" else "prior"
+    return Known(what, value_text(found), how, source, interval_text(found), remark)
 
 
 _WIDENED = 8.0
 """Standard errors in a 95 % interval, of which noise alone makes some four."""
 
 
-def _standard_error(found: Estimate) -> str:
-    """Return the standard error as text; nothing beside an interval that was widened by more than noise."""
-    low, high = found.shown.ci95
-    error = found.shown.standard_error
-    return "" if high - low > _WIDENED * error else f"; ± {error:.2g} (sd)"
-
-
-def prior_text(parameter: Parameter) -> str:
-    """Return a parameter's prior in words, in the unit in which people read it."""
-    prior = parameter.prior
-    assert prior is not None
-    unit, factor = readable_unit(parameter.unit)
-    if prior.scale == "log":
-        width = f"x/ {math.exp(prior.sd):.4g} {unit} (its logarithm is normal)"
-    else:
-        width = f"± {factor * prior.sd:.4g} {unit} (normal)"
-    source = f", from {prior.source}" if prior.source else ""
-    return f"prior {factor * prior.centre:.4g} {width}{source}"
-
-
 def how_found(results: Sequence[Fit[Any]]) -> list[Block]:
     """Tables of each law's energy and search, and of the errors' correlations."""
-    blocks: list[Block] = [
-        WebTable(
-            "Laws, and how each was searched for",
-            ["law", "strain energy", "full solves", "failed", "reused from earlier runs", "converged", "time (s)"],
-            [
-                [
-                    LAW_NAMES[r.law],
-                    ENERGIES[r.law],
-                    f"{r.log.forward_solves}",
-                    f"{r.log.failed_solves}",
-                    f"{r.log.reused_solves}",
-                    "yes" if r.log.converged else "NO",
-                    f"{r.log.wall_s:.1f}",
-                ]
-                for r in results
-            ],
-        )
+    rows = [
+        {
+            "law": LAW_NAMES[r.law],
+            "strain energy": ENERGIES[r.law],
+            "full solves": f"{r.log.forward_solves}",
+            "failed": f"{r.log.failed_solves}",
+            "reused from earlier runs": f"{r.log.reused_solves}",
+            "converged": "yes" if r.log.converged else "NO",
+            "time (s)": f"{r.log.wall_s:.1f}",
+        }
+        for r in results
     ]
+    blocks: list[Block] = [WebTable.of("Laws, and how each was searched for", rows)]
     for r in results:
         symbols = [symbol_of(name) for name in r.estimates]
         if len(symbols) > 1:
-            rows = [
+            cells = [
                 [symbol, *("not known" if np.isnan(value) else f"{value:+.3f}" for value in row)]
                 for symbol, row in zip(symbols, r.correlations, strict=True)
             ]
             caption = f"Correlations of the errors, {LAW_NAMES[r.law]} law"
-            blocks.append(WebTable(caption, ["", *symbols], rows, folded=True))
+            blocks.append(WebTable(caption, ["", *symbols], cells, folded=True))
     return blocks
 
 
@@ -148,24 +128,23 @@ def how_sure(parameters: Mapping[str, Estimate], words: Callable[[str], str] = s
     words
         What a parameter is called.
     """
-    each = capital("; ".join(_known_within(words(name), found) for name, found in parameters.items()))
-    return f"{each}. If the model is right, 19 of 20 such intervals contain the true value."
+    each = []
+    for name, found in parameters.items():
+        half, how = found.relative_half_width, found.identifiability
+        useless = how == "not identifiable"
+        range_ = " of the range that was searched" if found.parameter.scale == "linear" else ""
+        # A width of nothing at a bound is the bound's.
+        if found.undetermined or not np.isfinite(half) or half > 1 or (useless and half < _NOTHING):
+            each.append(f"{words(name)} cannot be determined from this test ({how})")
+        elif useless:
+            within = f"is known only to within ± {100 * half:.0f} %{range_}, which is too little to use"
+            each.append(f"{words(name)} {within} (not identifiable)")
+        else:
+            each.append(f"{words(name)} is known to within ± {100 * half:.0f} %{range_} ({how})")
+    return f"{capital('; '.join(each))}. If the model is right, 19 of 20 such intervals contain the true value."
 
 
 _NOTHING = 0.005
-
-
-def _known_within(symbol: str, found: Estimate) -> str:
-    half = found.relative_half_width
-    useless = found.identifiability == "not identifiable"
-    # A width of nothing at a bound is the bound's.
-    if found.undetermined or not np.isfinite(half) or half > 1 or (useless and half < _NOTHING):
-        return f"{symbol} cannot be determined from this test ({found.identifiability})"
-    range_ = " of the range that was searched" if found.parameter.scale == "linear" else ""
-    known = f"± {100 * half:.0f} %{range_}"
-    if useless:
-        return f"{symbol} is known only to within {known}, which is too little to use (not identifiable)"
-    return f"{symbol} is known to within {known} ({found.identifiability})"
 
 
 def why_identifiable(parameters: Mapping[str, Estimate], law: str) -> list[str]:
@@ -254,7 +233,16 @@ def how_to_narrow(parameters: Mapping[str, Estimate], remedies: Remedies) -> lis
 
 def comparison(results: Sequence[Fit[Any]]) -> list[str]:
     """Return sentences on how well each law fits, and which is better by how much."""
-    lines = [_goodness(result) for result in results]
+    lines = []
+    for one in results:
+        law, chance = f"The {LAW_NAMES[one.law]} law", fit_probability(one.goodness.p_value)
+        if math.isnan(one.goodness.p_value):
+            lines.append(f"{law} fits with rms {one.cost.rms:.3g} N.")
+        elif one.goodness.fits:
+            lines.append(f"{law} fits within the noise ({chance}).")
+        else:
+            leaves = "the recordings show physics that this law leaves out"
+            lines.append(f"{law} does not fit within the noise ({chance}): {leaves}.")
     if len(results) < 2:
         return lines
     better, worse = sorted(results, key=misfit_of)[:2]
@@ -265,33 +253,19 @@ def comparison(results: Sequence[Fit[Any]]) -> list[str]:
         f"cost is smaller by a factor of {ratio} ({better.cost.value:.3g} against "
         f"{worse.cost.value:.3g} N2, rms {better.cost.rms:.3g} against {worse.cost.rms:.3g} N)"
     )
-    name = LAW_NAMES[better.law]
-    if len(better.estimates) <= len(worse.estimates):
-        return [*lines, f"The {name} law fits better: its {costs}."]
-    gain, chance = gain_of(better, worse)
-    if chance < SIGNIFICANT:
-        return [
-            *lines,
-            f"The {name} law fits better: its {costs}.",
-            f"Its additional parameter is needed: it lowers chi-square by {_number(gain)} ({fit_probability(chance)}).",
-        ]
-    return [
-        *lines,
-        f"The {name} law's {costs}, but its additional parameter is not needed: chi-square "
-        f"changes by {-gain:+.2g} ({fit_probability(chance)}), no more than noise alone would change it.",
-    ]
-
-
-def _goodness(result: Fit[Any]) -> str:
-    name, chance = LAW_NAMES[result.law], result.goodness.p_value
-    if math.isnan(chance):
-        return f"The {name} law fits with rms {result.cost.rms:.3g} N."
-    if not result.goodness.fits:
-        return (
-            f"The {name} law does not fit within the noise ({fit_probability(chance)}): "
-            "the recordings show physics that this law leaves out."
+    name, further = LAW_NAMES[better.law], len(better.estimates) > len(worse.estimates)
+    gain, chance = gain_of(better, worse) if further else (0.0, 0.0)
+    if further and chance >= SIGNIFICANT:
+        unneeded = (
+            f"The {name} law's {costs}, but its additional parameter is not needed: chi-square "
+            f"changes by {-gain:+.2g} ({fit_probability(chance)}), no more than noise alone would change it."
         )
-    return f"The {name} law fits within the noise ({fit_probability(chance)})."
+        return [*lines, unneeded]
+    lines.append(f"The {name} law fits better: its {costs}.")
+    if further:
+        lowers = f"it lowers chi-square by {_number(gain)} ({fit_probability(chance)})"
+        lines.append(f"Its additional parameter is needed: {lowers}.")
+    return lines
 
 
 def _number(value: float) -> str:
@@ -301,7 +275,7 @@ def _number(value: float) -> str:
 
 
 QUESTION = "Is that high or low"
-_BEYOND = ("Softer than", "Stiffer than")
+_PUBLISHED_FOR = {"deep": "muscle", "superficial": "fat"}
 _END = 0.25
 """Share of a published range, on a logarithmic scale, that is called its end."""
 
@@ -319,31 +293,19 @@ def high_or_low(tissue: str, low: float, high: float | None = None) -> list[tupl
     known = PUBLISHED_C10.get(tissue)
     if known is None:
         return []
-    name = REGION_NAMES[tissue].partition("(")[2].rstrip(")") or REGION_NAMES[tissue]
-    place = _place(known, low, low if high is None else high)
-    check = " Check the units of force and displacement first." if place in _BEYOND else ""
-    return [
-        (
-            QUESTION,
-            f"{place} what was published for {name}: {known.low:g} to {known.high:g} {known.unit} "
-            f"({known.source}).{check}",
-        )
-    ]
-
-
-def _place(known: Published, low: float, high: float) -> str:
-    if high < known.low:
-        return _BEYOND[0]
-    if low > known.high:
-        return _BEYOND[1]
-    if low < known.low or high > known.high:
-        return "Partly outside of"
-    ends = [math.log(v / known.low) / math.log(known.high / known.low) for v in (low, high)]
-    if max(ends) < _END:
-        return "At the soft end of"
-    if min(ends) > 1 - _END:
-        return "At the stiff end of"
-    return "Within"
+    high = low if high is None else high
+    beyond = high < known.low or low > known.high
+    if beyond:
+        place = "Softer than" if high < known.low else "Stiffer than"
+    elif low < known.low or high > known.high:
+        place = "Partly outside of"
+    else:
+        ends = [math.log(v / known.low) / math.log(known.high / known.low) for v in (low, high)]
+        soft, stiff = max(ends) < _END, min(ends) > 1 - _END
+        place = "At the soft end of" if soft else "At the stiff end of" if stiff else "Within"
+    check = " Check the units of force and displacement first." if beyond else ""
+    published = f"{known.low:g} to {known.high:g} {known.unit} ({known.source})"
+    return [(QUESTION, f"{place} what was published for {_PUBLISHED_FOR[tissue]}: {published}.{check}")]
 
 
 def wave_rows(subject: Subject) -> list[Known]:
