@@ -22,10 +22,9 @@ from legfem.report import diagnosis_numbers as tables
 from legfem.report import results as report
 from legfem.report.answers import headline_of
 from legfem.report.diagnosis import diagnosis_web_page
-from legfem.report.diagnosis_curves import model_name, places_of
+from legfem.report.diagnosis_curves import leading, matched, model_name, places_of, signatures_of, strongest
 from legfem.report.diagnosis_document import document
 from legfem.report.diagnosis_sentences import next_experiments, verdict_sentence
-from legfem.report.diagnosis_signatures import leading, matched, signatures_of, strongest
 from legfem.report.render import PAGE_FILES, plain_page
 from legfem.report.words import number, probability
 

@@ -16,9 +16,8 @@ from legfem.legs.subject import Subject
 from legfem.report import diagnosis_headline, diagnosis_sentences, estimates
 from legfem.report import diagnosis_numbers as tables
 from legfem.report import page as web
-from legfem.report.diagnosis_curves import curves_of, model_name, places_of, plain
+from legfem.report.diagnosis_curves import curves_of, model_name, places_of, plain, signatures_of
 from legfem.report.diagnosis_document import Recorded, kind_of, r_squared_of, versions
-from legfem.report.diagnosis_signatures import signatures_of
 from legfem.report.further_channels import channel_chapter, misfit_in_section
 from legfem.report.notices import sentence_of
 from legfem.report.page import PressedSection

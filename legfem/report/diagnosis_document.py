@@ -9,13 +9,12 @@ import numpy as np
 from legfem.common.documents import json_types, versions_of
 from legfem.common.units import mpa_to_kpa
 from legfem.data.recording import Origin
-from legfem.inverse.accuracy import MeasuredEffect
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, key_of
 from legfem.inverse.diagnosed_answer import answer_of
 from legfem.inverse.document import estimate_document, fitted_document
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.explanation import Explanation
-from legfem.inverse.fit import Fit, r_squared
+from legfem.inverse.fit import r_squared
 from legfem.inverse.linearised import LinearisedFit
 from legfem.inverse.location import runs
 from legfem.inverse.notice import FitNotice
@@ -54,11 +53,6 @@ def kind_of(subject: Recorded) -> str:
     return "Subject" if isinstance(subject, Subject) else "Specimen"
 
 
-def measured_of(subject: Recorded) -> tuple[MeasuredEffect, ...]:
-    """Return the effects that were measured by themselves: of a leg's folder."""
-    return subject.measured if isinstance(subject, Subject) else ()
-
-
 def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> dict[str, Any]:
     """Return the diagnosis as JSON types; what isn't finite is null."""
     posterior, base = found.base_model.posterior, found.base
@@ -70,7 +64,7 @@ def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> 
             "subject": subject.id,
             "title": subject.title,
             "origin": subject.origin,
-            "laws": {found.law: {**_law(found.best_fit), "verdict": found.verdict}},
+            "laws": {found.law: {**fitted_document(found.best_fit, _key), "verdict": found.verdict}},
             "answer": answer_of(found, sum(one.code == FitNotice.DOUBTFUL for one in notices)).document(),
             "notices": [asdict(one) for one in notices],
             "verdict": found.verdict,
@@ -105,9 +99,14 @@ def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> 
                 "zero_sd_N": found.best.posterior.zero_sd,
                 "source": found.errors.noise.source,
             },
-            "first_contact": [_contact(found, k) for k in range(len(found.observed.trials))],
+            "first_contact": [
+                # As found in the recording, moved by the fit.
+                {"trial": trial, "displacement_mm": at, "ci95": list(interval)}
+                for k, trial in enumerate(found.observed.trials)
+                for at, interval in (found.first_contact(k),)
+            ],
             "base_model": {
-                **_law(base),
+                **fitted_document(base, _key),
                 "cylinder_ends": found.with_ends,
                 "p_value": found.assessment.p_value,
                 "lack_of_fit_p_value": found.assessment.lack_of_fit,
@@ -123,7 +122,7 @@ def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> 
             ],
             "channels": [asdict(one) for one in channel_misfits(found)],
             "beside_the_force": list(channel_sentences(found)),
-            "measured": [asdict(one) for one in measured_of(subject)],
+            "measured": [asdict(one) for one in (subject.measured if isinstance(subject, Subject) else ())],
             "mismatch": mismatches(found),
             "physics": [
                 entry
@@ -225,12 +224,6 @@ def mismatches(found: Diagnosis) -> list[dict[str, Any]]:
     return result
 
 
-def _contact(found: Diagnosis, k: int) -> dict[str, Any]:
-    """Return where a trial was touched: as found in the recording, moved by the fit."""
-    at, interval = found.first_contact(k)
-    return {"trial": found.observed.trials[k], "displacement_mm": at, "ci95": list(interval)}
-
-
 def _physics(found: Diagnosis, model: Explanation, held: HeldOut) -> list[dict[str, Any]]:
     entries = []
     for mechanism in model.fit.mechanisms:
@@ -277,18 +270,6 @@ def parameter_rows(found: Diagnosis) -> Iterator[dict[str, Any]]:
             low, high = one["ci95"]
             numbers = {key: one[key] for key in ("value", "unit", "identifiability")}
             yield {"model": when, "parameter": name, "low": low, "high": high, **numbers}
-
-
-def summary_of_law(found: Diagnosis) -> dict[str, Any]:
-    """Return the best model's parameters and how well the base model fits, by the law."""
-    verdict, fits = found.verdict, found.assessment.lack_of_fit
-    parameters = diagnosed_parameters(found.estimates)
-    return {found.law: {"law": found.law, "verdict": verdict, "parameters": parameters, "goodness": {"p_value": fits}}}
-
-
-def _law(fit: Fit[None]) -> dict[str, Any]:
-    """Return a model's fit as ``result.json`` of an identification has it, a mechanism's parameters by full name."""
-    return fitted_document(fit, _key)
 
 
 def _key(name: str) -> str:

@@ -64,7 +64,7 @@ def estimated(what: str, found: Estimate, recordings: int, isotropic: bool) -> K
     Of an isotropic tissue, C10 has the moduli beside it.
     """
     parameter, error, (low, high) = found.parameter, found.shown.standard_error, found.shown.ci95
-    source, remark = f"{recordings} recording{'s' * (recordings > 1)}", found.identifiability
+    source, remark = f"{recordings} recording{'s' * (recordings > 1)}", str(found.identifiability)
     if (prior := parameter.prior) is not None:
         unit, factor = readable_unit(parameter.unit)
         width = f"± {factor * prior.sd:.4g} {unit} (normal)"
@@ -235,14 +235,14 @@ def comparison(results: Sequence[Fit[Any]]) -> list[str]:
     """Return sentences on how well each law fits, and which is better by how much."""
     lines = []
     for one in results:
-        law, chance = f"The {LAW_NAMES[one.law]} law", fit_probability(one.goodness.p_value)
+        law, probability = f"The {LAW_NAMES[one.law]} law", fit_probability(one.goodness.p_value)
         if math.isnan(one.goodness.p_value):
             lines.append(f"{law} fits with rms {one.cost.rms:.3g} N.")
         elif one.goodness.fits:
-            lines.append(f"{law} fits within the noise ({chance}).")
+            lines.append(f"{law} fits within the noise ({probability}).")
         else:
             leaves = "the recordings show physics that this law leaves out"
-            lines.append(f"{law} does not fit within the noise ({chance}): {leaves}.")
+            lines.append(f"{law} does not fit within the noise ({probability}): {leaves}.")
     if len(results) < 2:
         return lines
     better, worse = sorted(results, key=misfit_of)[:2]

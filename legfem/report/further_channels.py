@@ -20,8 +20,7 @@ from legfem.inverse.verdict import Diagnosis
 from legfem.legs.subject import Subject
 from legfem.report import page as web
 from legfem.report.curves import Curves, Dash, Line, curves_figure
-from legfem.report.diagnosis_curves import BASE_COLOUR, BASE_NAME, REPAIRED_COLOUR, shown_models
-from legfem.report.diagnosis_signatures import matched
+from legfem.report.diagnosis_curves import BASE_COLOUR, BASE_NAME, REPAIRED_COLOUR, matched, shown_models
 from legfem.report.page import Arrow, Mark, StillSection
 from legfem.report.pressed_section import still_section
 from legfem.report.style import DATA_COLOUR, LAW_COLOURS, LAW_NAMES

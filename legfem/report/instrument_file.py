@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -22,11 +23,12 @@ from legfem.inverse.answer import Tone
 from legfem.report.curves import Curves, Line
 from legfem.report.page import Bullets, Chapter, Headline, Repeat, Verbatim, WebPage, WebTable
 from legfem.report.style import DATA_COLOUR, FAINT, new_figure, panel, save, styled
-from legfem.report.words import DataKind
+from legfem.report.words import DataKind, capital
 
 _PHASE_COLOURS = {AIR: "#FFFFFF", LOADING: "#D6E6F4", HOLD: "#F3E9D2", UNLOADING: "#E3E3E3"}
 _MOST_PARTS = 12
 _LETTERS = "abcdefghijkl"
+_PHASES = {AIR: "unloaded"}
 _FEW = 100
 """Readings of a channel that are drawn as points."""
 LOOK = "look.json"
@@ -80,13 +82,6 @@ def frames_toml(tables: Sequence[Path], recordings: Sequence[Recording], specime
     return "".join(dict.fromkeys(lines))
 
 
-def _channel_row(one: RecordedChannel) -> tuple[str, str]:
-    kind, accuracy = one.kind, one.accuracy
-    low, high = float(one.values.min()), float(one.values.max())
-    errors = f"± {accuracy.reading:g} {kind.unit} a reading, ± {accuracy.bias:g} {kind.unit} of all"
-    return (kind.title, f"{len(one.values)} readings, {low:.3g} to {high:.3g} {kind.unit}, {errors}")
-
-
 def recording_name(recording: Recording) -> str:
     """Return the name of the file, or of the trial where there is none."""
     return recording.trial if recording.source is None else recording.source.name
@@ -101,10 +96,6 @@ def contact_text(quality: Quality) -> str:
         known = f"{contact.displacement:.{digits}f} ± {contact.displacement_error:.{digits}f}"
         return f"at {known} mm, after a part without load"
     return f"at the start ({contact.displacement:.{digits}f} mm): no part without load is seen"
-
-
-def _phase(phase: str) -> str:
-    return "unloaded" if phase == AIR else phase
 
 
 def _digits(quality: Quality) -> int:
@@ -126,19 +117,16 @@ def look_text(recording: Recording, proposal: Proposal, quality: Quality) -> str
         ),
         ("saturation", f"{quality.saturated} samples at the limit" if quality.saturated else "none"),
         ("drops", ", ".join(f"{t:.4g} s" for t in quality.drops[:5]) or "none"),
-        *map(_channel_row, recording.channels),
     ]
-    phases = [
-        (
-            _phase(p.phase),
-            f"{p.start:.4g}",
-            f"{p.end:.4g}",
-            f"{p.first:.{digits}f}",
-            f"{p.last:.{digits}f}",
-            "" if p.phase == HOLD else f"{p.rate:.3g}",
-        )
-        for p in quality.trial.parts[:_MOST_PARTS]
-    ]
+    for one in recording.channels:
+        kind, accuracy = one.kind, one.accuracy
+        errors = f"± {accuracy.reading:g} {kind.unit} a reading, ± {accuracy.bias:g} {kind.unit} of all"
+        span = f"{float(one.values.min()):.3g} to {float(one.values.max()):.3g} {kind.unit}"
+        rows.append((kind.title, f"{len(one.values)} readings, {span}, {errors}"))
+    phases = []
+    for p in quality.trial.parts[:_MOST_PARTS]:
+        moved = (f"{p.first:.{digits}f}", f"{p.last:.{digits}f}", "" if p.phase == HOLD else f"{p.rate:.3g}")
+        phases.append((_PHASES.get(p.phase, p.phase), f"{p.start:.4g}", f"{p.end:.4g}", *moved))
     more = len(quality.trial.parts) - len(phases)
     return "\n".join(
         [
@@ -285,44 +273,25 @@ def look_web_page(seen: Sequence[Looked], toml: str, text: str, command: str = "
     """
     names = [recording_name(one.recording) for one in seen]
     worst = max(one.quality.grade for one in seen)
-    tone, do = _DONE[worst]
-    grades = {
-        grade: [name for name, one in zip(names, seen, strict=True) if one.quality.grade == grade] for grade in GRADES
-    }
-    told = ", ".join(
-        f"{f'{len(files)} ' * (len(seen) > 1)}{'has' if len(files) == 1 else 'have'} grade {grade} ({GRADES[grade]})"
-        for grade, files in grades.items()
-        if files
-    )
-    reasons = [
+    warnings = [
         f"{name}: {why}"
         for grade in ("D", "C")
         for name, one in zip(names, seen, strict=True)
         for judged, why in one.quality.judged
         if judged == grade
     ]
+    files: dict[str, list[str]] = {}
+    for name, one in zip(names, seen, strict=True):
+        for reason in one.proposal.reasons:
+            files.setdefault(reason, []).append(name)
+    reasons = [(why, "all" if len(those) == len(seen) else ", ".join(those)) for why, those in files.items()]
+    put = "Put this block into the folder's subject.toml or specimen.toml; it is in recordings.toml."
     return WebPage(
         title="What is in these recordings?",
         subject=", ".join(names),
         origin="",
-        headline=Headline(
-            tone,
-            f"Of {len(seen)} recordings, {told}." if len(seen) > 1 else f"This recording {told}.",
-            [
-                ("What was read", _read(seen[0].proposal.channels)),
-                (
-                    "How sure",
-                    "Columns, units and directions are inferred from names and from the motion: compare the curves "
-                    "with what you did. A grade judges the recording, not what was tested.",
-                ),
-                (
-                    "What to do",
-                    do + " If columns or directions are wrong, name them (--time, --displacement, --force).",
-                ),
-            ],
-            heading="The recording cannot be used" if len(seen) == 1 and worst == "D" else _HEADINGS[worst],
-        ),
-        warnings=reasons,
+        headline=_headline(seen, worst),
+        warnings=warnings,
         known=[],
         chapters=[
             Chapter("Recordings", [block for k, one in enumerate(seen) for block in _recording(k, one, len(seen))]),
@@ -330,10 +299,8 @@ def look_web_page(seen: Sequence[Looked], toml: str, text: str, command: str = "
             Chapter(
                 "To read them this way",
                 [
-                    Bullets(
-                        ["Put this block into the folder's subject.toml or specimen.toml; it is in recordings.toml."]
-                    ),
-                    _reasons(names, seen),
+                    Bullets([put]),
+                    WebTable("Why the files are read this way", ("why", "files"), reasons),
                     Verbatim("recordings.toml", toml),
                     Verbatim("report.txt", text),
                 ],
@@ -344,14 +311,51 @@ def look_web_page(seen: Sequence[Looked], toml: str, text: str, command: str = "
     )
 
 
-def _read(channels: SourceColumns) -> str:
-    """Return which columns were taken for what."""
+def _headline(seen: Sequence[Looked], worst: str) -> Headline:
+    tone, do = _DONE[worst]
+    grades = Counter(one.quality.grade for one in seen)
+    told = ", ".join(
+        f"{f'{grades[grade]} ' * (len(seen) > 1)}{'has' if grades[grade] == 1 else 'have'} grade {grade} ({words})"
+        for grade, words in GRADES.items()
+        if grades[grade]
+    )
+    channels = seen[0].proposal.channels
     every = ((quantity, getattr(channels, quantity)) for quantity in QUANTITIES)
-    told = (
+    read = ", ".join(
         f"{quantity} from '{one.column}' ({one.unit}{', reversed' if one.sign < 0 else ''})" for quantity, one in every
     )
-    text = ", ".join(told)
-    return f"{text[0].upper()}{text[1:]}."
+    how_sure = (
+        "Columns, units and directions are inferred from names and from the motion: compare the curves with what you "
+        "did. A grade judges the recording, not what was tested."
+    )
+    return Headline(
+        tone,
+        f"Of {len(seen)} recordings, {told}." if len(seen) > 1 else f"This recording {told}.",
+        [
+            ("What was read", f"{capital(read)}."),
+            ("How sure", how_sure),
+            ("What to do", f"{do} If columns or directions are wrong, name them (--time, --displacement, --force)."),
+        ],
+        "The recording cannot be used" if len(seen) == 1 and worst == "D" else _HEADINGS[worst],
+    )
+
+
+def _table(names: Sequence[str], seen: Sequence[Looked]) -> WebTable:
+    rows = [
+        {
+            "file": name,
+            "grade": one.quality.grade,
+            "samples": f"{len(one.recording)}",
+            "Hz": f"{one.quality.sampling:.4g}",
+            "loading begins": contact_text(one.quality),
+            "force noise (N)": f"{one.quality.trial.force_noise:.2g}",
+            "displacement noise (mm)": f"{one.quality.trial.displacement_noise:.2g}",
+            "phases": ", ".join(_PHASES.get(part.phase, part.phase) for part in one.quality.trial.parts[:8]),
+        }
+        for name, one in zip(names, seen, strict=True)
+    ]
+    grades = ", ".join(f"{grade} {words}" for grade, words in GRADES.items())
+    return WebTable.of(f"Noise is from sample to sample. Grades: {grades}.", rows)
 
 
 def _recording(number: int, one: Looked, count: int) -> list[Curves]:
@@ -386,36 +390,3 @@ def _recording(number: int, one: Looked, count: int) -> list[Curves]:
             [Line("as recorded", force, None)],
         ),
     ]
-
-
-def _reasons(names: Sequence[str], seen: Sequence[Looked]) -> WebTable:
-    """Return why files are read as they are, what is alike for several once."""
-    files: dict[str, list[str]] = {}
-    for name, one in zip(names, seen, strict=True):
-        for reason in one.proposal.reasons:
-            files.setdefault(reason, []).append(name)
-    rows = [(reason, "all" if len(those) == len(seen) else ", ".join(those)) for reason, those in files.items()]
-    return WebTable("Why the files are read this way", ("why", "files"), rows)
-
-
-def _table(names: Sequence[str], seen: Sequence[Looked]) -> WebTable:
-    rows = [
-        (
-            name,
-            one.quality.grade,
-            f"{len(one.recording)}",
-            f"{one.quality.sampling:.4g}",
-            contact_text(one.quality),
-            f"{one.quality.trial.force_noise:.2g}",
-            f"{one.quality.trial.displacement_noise:.2g}",
-            ", ".join(_phase(part.phase) for part in one.quality.trial.parts[:8]),
-        )
-        for name, one in zip(names, seen, strict=True)
-    ]
-    return WebTable(
-        "Noise is from sample to sample. Grades: "
-        + ", ".join(f"{grade} {words}" for grade, words in GRADES.items())
-        + ".",
-        ("file", "grade", "samples", "Hz", "loading begins", "force noise (N)", "displacement noise (mm)", "phases"),
-        rows,
-    )

@@ -24,13 +24,12 @@ from legfem.meshing.section import SectionMeshSettings
 from legfem.report import diagnosis_document
 from legfem.report.curves import curves_figure
 from legfem.report.diagnosis import diagnosis_web_page
-from legfem.report.diagnosis_curves import recording_figure
-from legfem.report.diagnosis_signatures import signatures_of
+from legfem.report.diagnosis_curves import recording_figure, signatures_of
 from legfem.report.folder import NUMBERS, REPORT, RESULT, ReportFile, keep_another, made_in_place
 from legfem.report.kinds import kind_of, page_of
 from legfem.report.leg_figure import SECTION_SHOWS, placement_figure
 from legfem.report.page import PressedSection
-from legfem.report.pressed_section import filmed
+from legfem.report.pressed_section import Filmed, filmed
 from legfem.report.render import estimates_frame, write_page
 from legfem.report.style import LAW_NAMES, save
 from legfem.solve.settings import NewtonSettings, StepSettings
@@ -91,33 +90,38 @@ def write_report(
 
 def pressed_section_of(fits: LegFits, experiment: PlaneStrainIndentation) -> PressedSection | None:
     """The section under the best law, solved once more to be pressed; None where that fails."""
+    return _filmed(fits, experiment).section(_under(preferred(fits)))
+
+
+def _filmed(fits: LegFits, experiment: PlaneStrainIndentation) -> Filmed:
     best = preferred(fits)
-    shot = filmed(experiment, best.model_values, float(curve_of(best.tests[0]).displacement[-1]))
-    return shot.section(f"the {LAW_NAMES[best.law]} law")
+    return filmed(experiment, best.model_values, float(curve_of(best.tests[0]).displacement[-1]))
+
+
+def _under(best: Fit[LegDetails]) -> str:
+    return f"the {LAW_NAMES[best.law]} law"
 
 
 def _deformed_state(fits: LegFits, experiment: PlaneStrainIndentation, folder: Path) -> _Solved:
     """Solve the best law once more, and write what is to be seen of it."""
-    best = preferred(fits)
-    depth = float(curve_of(best.tests[0]).displacement[-1])
-    shot = filmed(experiment, best.model_values, depth)
-    solved = shot.solved
+    best, shot = preferred(fits), _filmed(fits, experiment)
+    solved = shot.solved.report
     if not shot.is_final:
         return _Solved(
-            f"The deformed state at {depth:g} mm could not be solved for again with the same mesh "
-            f"({solved.report.reason}): its picture and fields are left out."
+            f"The deformed state at {curve_of(best.tests[0]).displacement[-1]:g} mm could not be solved for again with "
+            f"the same mesh ({solved.reason}): its picture and fields are left out."
         )
     fields = ReportFile(
-        write_fields(shot.fields, folder, solved.report.reached),
+        write_fields(shot.fields, folder, solved.reached),
         "the pressed section for ParaView: displacement (mm), hydrostatic pressure and von Mises stress "
         "(kPa), greatest stretch, J, tissue; contact pressure on the skin (kPa)",
     )
     note = (
-        f"The pressed section and its fields were computed in plane strain with the {LAW_NAMES[best.law]} law at "
-        f"{solved.report.reached:g} mm, in one full solve in addition to the search's {best.log.forward_solves} "
-        f"({solved.report.factorisations} factorisations, {solved.report.seconds:.1f} s)."
+        f"The pressed section and its fields were computed in plane strain with {_under(best)} at {solved.reached:g} "
+        f"mm, in one full solve in addition to the search's {best.log.forward_solves} "
+        f"({solved.factorisations} factorisations, {solved.seconds:.1f} s)."
     )
-    return _Solved(note, [fields], shot.section(f"the {LAW_NAMES[best.law]} law"))
+    return _Solved(note, [fields], shot.section(_under(best)))
 
 
 _COARSER = 2.4
@@ -147,14 +151,24 @@ def write_diagnosis_report(
     command
         That was given, for who wants to repeat it.
     """
-    out = Path(out)
+    out, whose, pressed = Path(out), (subject.title, subject.origin), None
+    protocols = diagnosis.observed.protocols
     with made_in_place(out) as folder:
-        entries = _figures(diagnosis, subject, folder)
-        pressed = _pressed(diagnosis, subject) if isinstance(subject, Subject) else None
+        entries = []
+        if isinstance(subject, Subject):
+            entries.append(ReportFile(save(placement_figure(subject), folder, "section"), SECTION_SHOWS))
+            pressed = _pressed(diagnosis, subject)
+        for number, stations in enumerate(protocols):
+            name = f"recording-{number + 1}" if len(protocols) > 1 else "recording"
+            shows = f"recordings ({stations.label}) against the model, what it misses, and where"
+            entries.append(ReportFile(save(recording_figure(diagnosis, number, *whose), folder, name), shows))
+        if blocks := signatures_of(diagnosis):
+            figure = curves_figure(blocks, "What the base model misses", *whose)
+            shows = "what the base model misses, and what each leading mechanism would leave"
+            entries.append(ReportFile(save(figure, folder, "signatures"), shows))
         page = diagnosis_web_page(diagnosis, subject, plan, command, pressed)
-        write_page(
-            page, folder, "curves", [*entries, _RESULT], pd.DataFrame(diagnosis_document.parameter_rows(diagnosis))
-        )
+        numbers = pd.DataFrame(diagnosis_document.parameter_rows(diagnosis))
+        write_page(page, folder, "curves", [*entries, _RESULT], numbers)
     return out / REPORT
 
 
@@ -165,31 +179,7 @@ def _pressed(found: Diagnosis, subject: Subject) -> PressedSection | None:
         newton=NewtonSettings(reuse=0.7, relative_tolerance=1e-5),
         steps=StepSettings.regular(first=0.5, largest=2.0),
     )
-    experiment = plane_strain_test(subject, settings)
     base = found.base_model
     values = {name: base.value(name) for name in base.fit.stiffness}
-    depth = float(found.observed.displacement.max())
-    shot = filmed(experiment, values, depth)
+    shot = filmed(plane_strain_test(subject, settings), values, float(found.observed.displacement.max()))
     return shot.section("the base model (a coarse mesh; what was found to be left out isn't in it)")
-
-
-def _figures(found: Diagnosis, subject: diagnosis_document.Recorded, folder: Path) -> list[ReportFile]:
-    whose = subject.title, subject.origin
-    entries = []
-    if isinstance(subject, Subject):
-        figure = placement_figure(subject)
-        entries.append(ReportFile(save(figure, folder, "section"), SECTION_SHOWS))
-    several = len(found.observed.protocols) > 1
-    for number, stations in enumerate(found.observed.protocols):
-        name = f"recording-{number + 1}" if several else "recording"
-        entries.append(
-            ReportFile(
-                save(recording_figure(found, number, *whose), folder, name),
-                f"recordings ({stations.label}) against the model, what it misses, and where",
-            )
-        )
-    if blocks := signatures_of(found):
-        figure = curves_figure(blocks, "What the base model misses", *whose)
-        shows = "what the base model misses, and what each leading mechanism would leave"
-        entries.append(ReportFile(save(figure, folder, "signatures"), shows))
-    return entries

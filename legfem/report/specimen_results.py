@@ -7,7 +7,6 @@ from typing import Any
 
 from legfem.common.documents import json_types, write_document
 from legfem.inverse.catalogue import DEEP_C10
-from legfem.inverse.verdict import Diagnosis
 from legfem.report import diagnosis_document
 from legfem.report import diagnosis_numbers as tables
 from legfem.report.diagnosis_curves import model_name
@@ -17,7 +16,6 @@ from legfem.report.results import write_diagnosis_report
 from legfem.specimens.agreement import agreement_document
 from legfem.specimens.diagnosis import DiagnosedSpecimen, tests_finding, thickness_finding
 from legfem.specimens.folder import SpecimenFolder
-from legfem.specimens.sizes import LeftOut
 
 DOCUMENT = "diagnosis.json"
 
@@ -55,7 +53,8 @@ def write_specimen_diagnoses(
         if one.diagnosis is not None:
             where = out if alone else out / one.id.replace(" ", "_").replace("/", "_")
             content = diagnosis_document.document(one.diagnosis, one, seed, one.seconds)
-            content["recordings_not_used"] = _not_used(one, folder)
+            left = one.left_out if not alone else (*folder.left_out, *one.left_out)
+            content["recordings_not_used"] = [asdict(each) for each in left]
             keep_another(where, command, DOCUMENT)
             write_document(where / DOCUMENT, content)
             write_diagnosis_report(one.diagnosis, one, where, command=command)
@@ -87,12 +86,6 @@ def write_specimen_diagnoses(
     return path, out / REPORT
 
 
-def _not_used(one: DiagnosedSpecimen, folder: SpecimenFolder) -> list[dict[str, Any]]:
-    several = len(folder.specimens) > 1
-    left: tuple[LeftOut, ...] = one.left_out if several else (*folder.left_out, *one.left_out)
-    return [asdict(each) for each in left]
-
-
 def _row(one: DiagnosedSpecimen) -> dict[str, Any]:
     if one.diagnosis is None:
         return {"specimen": one.id, "problem": str(one.problem)}
@@ -101,7 +94,14 @@ def _row(one: DiagnosedSpecimen) -> dict[str, Any]:
         "specimen": one.id,
         "verdict": found.verdict,
         "explanations": [{"mechanisms": list(model.names), "probability": model.probability} for model in found.models],
-        "laws": diagnosis_document.summary_of_law(found),
+        "laws": {
+            found.law: {
+                "law": found.law,
+                "verdict": found.verdict,
+                "parameters": diagnosis_document.diagnosed_parameters(found.estimates),
+                "goodness": {"p_value": found.assessment.lack_of_fit},
+            }
+        },
         "parameters_of_base_model": diagnosis_document.diagnosed_parameters(found.base_estimates),
         "recordings_not_used": [asdict(each) for each in one.left_out],
     }
@@ -117,7 +117,12 @@ def specimens_page(made: Iterable[DiagnosedSpecimen], folder: SpecimenFolder) ->
         if one.diagnosis is None:
             missing.append(f"{one.id}: {one.problem}")
         else:
-            rows.append(_cells(one.id, one.diagnosis, thickness is not None))
+            found = one.diagnosis
+            contradicted = thickness is not None and found.verdict == "consistent"
+            left_out = "; or ".join(map(model_name, found.models)) or "-"
+            before, after = (tables.estimate(model, DEEP_C10) for model in (found.base_model, found.best))
+            verdict = "consistent by itself" if contradicted else found.verdict
+            rows.append([one.id, verdict, left_out, before, after if found.models else "-"])
     heading = f"Specimens {folder.id} ({folder.title}): does the model describe the recordings?"
     columns = ["specimen", "verdict", "what was left out", "C10 before (kPa)", "C10 after (kPa)"]
     blocks = [
@@ -126,19 +131,13 @@ def specimens_page(made: Iterable[DiagnosedSpecimen], folder: SpecimenFolder) ->
         table(columns, rows),
         fill("Each specimen has a folder with its own report beside this one."),
     ]
-    before, after = tests_finding(made), tests_finding(made, after=True)
-    if before is not None and after is not None:
-        said = f" With what each diagnosis found to be left out: {after.text} {after.remedy if after.disagree else ''}"
-        blocks.insert(2, fill(f"WARNING: {before.text}{said}".strip() if before.disagree else before.text))
+    as_given, repaired = tests_finding(made), tests_finding(made, after=True)
+    if as_given is not None and repaired is not None:
+        remedy = repaired.remedy if repaired.disagree else ""
+        said = f" With what each diagnosis found to be left out: {repaired.text} {remedy}"
+        blocks.insert(2, fill(f"WARNING: {as_given.text}{said}".strip() if as_given.disagree else as_given.text))
     if thickness is not None:
         blocks.insert(2, fill(f"WARNING: {thickness.text} Don't rely on any one specimen's verdict."))
     if missing:
         blocks.append(f"Not used\n--------\n{bullets(missing)}")
     return "\n\n".join(blocks) + "\n"
-
-
-def _cells(name: str, found: Diagnosis, contradicted: bool) -> list[str]:
-    verdict = "consistent by itself" if contradicted and found.verdict == "consistent" else found.verdict
-    left_out = "; or ".join(model_name(model) for model in found.models) or "-"
-    after = tables.estimate(found.best, DEEP_C10) if found.models else "-"
-    return [name, verdict, left_out, tables.estimate(found.base_model, DEEP_C10), after]
