@@ -21,20 +21,12 @@ ELSEWHERE = ("comm", "meshed")
 """Fields of an experiment that change no result."""
 
 
-class Reported(typing.Protocol):
-    """An outcome with a report of how far its solution came."""
-
-    @property
-    def report(self) -> SolveReport:
-        """Report of the solution; ``complete`` is False where it stopped short, which raises nothing."""
-
-
-class Experiment[Load, Outcome: Reported](typing.Protocol):
+class Experiment[Load, Outcome](typing.Protocol):
     """A test of a body: parameters and a load in, an outcome out.
 
-    The load is a `legfem.solve.protocol.Protocol` where an indenter moves, and a pressure where one
-    acts on the skin. An experiment is picklable: its finite-element model is made when it is first
-    needed, in whichever process.
+    An outcome's ``report`` says how far the solution came: one that stops short raises nothing. The load is a
+    `legfem.solve.protocol.Protocol` where an indenter moves, and a pressure where one acts on the skin. An experiment
+    is picklable: its finite-element model is made when it is first needed, in whichever process.
     """
 
     @property

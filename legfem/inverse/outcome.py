@@ -9,7 +9,7 @@ from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import Values, stiffness_in_words
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
-from legfem.solve.path import ForceCurve
+from legfem.solve.path import ForceCurve, SolveReport
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +40,19 @@ class Outcome:
     """What the model gave up to go on, in words; empty if nothing."""
     fields: Mapping[str, StateField] = field(default_factory=dict)
     """What is seen of the last state, by name, where that and no curve is compared."""
+
+    @classmethod
+    def of(cls, values: Values, curve: ForceCurve, report: SolveReport) -> "Outcome":
+        """Return the outcome of one test by its curve, with the derivatives asked for, and its solve's report."""
+        return cls(
+            values,
+            (curve,),
+            bool(report.complete),
+            report.reason,
+            report.factorisations,
+            float(report.seconds) + sum(before.seconds for before in report.earlier_attempts),
+            report.compromise,
+        )
 
     @classmethod
     def joined(cls, values: Values, every: Sequence["Outcome"]) -> "Outcome":

@@ -97,16 +97,7 @@ class PlaneStrainForward:
         solved = self.experiment.solve(values, self.depth, sensitivities, on_step=replay.take)
         replay.solved = solved
         self.experiment.replays.add(replay)
-        report = solved.report
-        return Outcome(
-            values,
-            (solved.curve,),
-            bool(report.complete),
-            report.reason,
-            report.factorisations,
-            float(report.seconds) + sum(before.seconds for before in report.earlier_attempts),
-            report.compromise,
-        )
+        return Outcome.of(values, solved.curve, solved.report)
 
     def fingerprint(self) -> Mapping[str, Any]:
         """Return section, indenter, tissues, settings, depth and code."""

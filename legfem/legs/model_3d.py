@@ -109,15 +109,7 @@ class SpatialForward:
             own, self.depth, _asked(sensitivities, fibrous), on_step=self._on_step(values), keep_in=self.states
         )
         curve = _of_fascia(solved.curve, fascia, self.fascia_thickness, sensitivities)
-        report = solved.report
-        return Outcome(
-            values,
-            (at_ratios(curve, every, fibrous, sensitivities),),
-            bool(report.complete),
-            report.reason,
-            report.factorisations,
-            float(report.seconds) + sum(before.seconds for before in report.earlier_attempts),
-        )
+        return Outcome.of(values, at_ratios(curve, every, fibrous, sensitivities), solved.report)
 
     def prepare(self) -> None:
         """Mesh and compile now, on one rank alone; several do when they first solve together."""

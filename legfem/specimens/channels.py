@@ -135,12 +135,13 @@ class SpecimenReadings(Comparison):
     @property
     def reach(self) -> str:
         """The tests' depths."""
-        return self.forces.reach
+        return ", ".join(f"{depth:.3g}" for depth in self.forces.depths) + " mm"
 
     def reached_by(self, outcome: Outcome) -> bool:
         """Whether every test came to its depth, and tells what was read."""
-        told = all(beside.told_by(outcome.curves[part.test]) for part, beside in self._read)
-        return told and self.forces.reached_by(outcome)
+        pairs = zip(outcome.curves, self.forces.depths, strict=True)
+        deep = all(curve.depth >= depth - 1e-9 for curve, depth in pairs)
+        return deep and all(beside.told_by(outcome.curves[part.test]) for part, beside in self._read)
 
     @property
     def if_deeper(self) -> FloatArray:

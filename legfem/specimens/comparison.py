@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
-from legfem.inverse.comparison import Comparison, Covariances, Prediction, total_of
+from legfem.inverse.comparison import Covariances, Prediction
 from legfem.inverse.errors import COMMON_GAIN_SD, numerical_covariance
 from legfem.inverse.fibre_ratio import SHAPE_SD_OF_FIBRES
 from legfem.inverse.intervals import by_third, third_of
@@ -75,7 +75,7 @@ class Part:
 
 
 @dataclass(frozen=True, eq=False)
-class SpecimenComparison(Comparison):
+class SpecimenComparison:
     """How far forces are from recordings.
 
     Parameters
@@ -99,6 +99,10 @@ class SpecimenComparison(Comparison):
     own: OwnStiffness | None = None
     shape_sd: float = 0.0
 
+    def __len__(self) -> int:
+        """Return the number n of stations."""
+        return len(self.measured)
+
     @cached_property
     def measured(self) -> FloatArray:
         """Of all stations (n,), N."""
@@ -121,15 +125,6 @@ class SpecimenComparison(Comparison):
         As of a force in proportion to a power of the depth, which holds and returns keep to.
         """
         return np.concatenate([power_of(part.course) * -part.course.force for part in self.parts])
-
-    @property
-    def reach(self) -> str:
-        """The tests' depths."""
-        return ", ".join(f"{depth:.3g}" for depth in self.depths) + " mm"
-
-    def reached_by(self, outcome: Outcome) -> bool:
-        """Return whether every test came to its depth."""
-        return all(curve.depth >= depth - 1e-9 for curve, depth in zip(outcome.curves, self.depths, strict=True))
 
     @property
     def recordings(self) -> list[SpecimenRecording]:
@@ -180,11 +175,6 @@ class SpecimenComparison(Comparison):
         """Measured forces (n,), N, as they are expected of contacts where they are taken to be."""
         moved = np.concatenate([part.onset.expected for part in self.parts])
         return np.asarray(self.measured - moved)
-
-    def residual(self, force: FloatArray) -> FloatArray:
-        """Return the weighted residual (..., n) of forces as read (..., n)."""
-        flat = (force - self.expected_force).reshape(-1, force.shape[-1])
-        return self.weighted(flat.T).T.reshape(force.shape)
 
     def aheads(self, force: FloatArray) -> list[float]:
         """Return how far (mm) each recording's contact is from where it is expected."""
@@ -261,11 +251,6 @@ class SpecimenComparison(Comparison):
         # Of one test the law is the middle; how several tests differ is asked apart from how recordings do.
         left = [scales[one] - (scales[one].mean() if len(tests) > 1 else 1) for one in tests.values()]
         return max(LEAST_GAIN_SD, float(np.sqrt(np.sum(np.concatenate(left) ** 2) / (len(scales) - len(tests)))))
-
-    @cached_property
-    def covariance(self) -> FloatArray:
-        """Of measured less predicted forces at the truth, (n, n), N2."""
-        return total_of(self.covariances_at(self.measured))
 
     def stiffness(self, prediction: Prediction, readings: FloatArray) -> dict[str, float]:
         """Return every specimen's stiffness over the typical one; nothing where all are alike."""

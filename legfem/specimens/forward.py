@@ -140,18 +140,8 @@ class SpecimenForward(Picklable):
             nothing = ForceCurve(np.zeros(1), np.zeros(1), dict.fromkeys(sensitivities, np.zeros(1)))
             reason = " ".join(str(error).split()) or type(error).__name__
             return Outcome(values, (nothing,), False, reason, 0, 0.0)
-        report = solved.report
-        seconds = report.seconds + sum(before.seconds for before in report.earlier_attempts)
         curve = _at_poissons_ratio(solved.curve, every, tied)
-        return Outcome(
-            values,
-            (at_ratios(curve, own, fibrous, sensitivities),),
-            bool(report.complete),
-            report.reason,
-            report.factorisations,
-            float(seconds),
-            report.compromise,
-        )
+        return Outcome.of(values, at_ratios(curve, own, fibrous, sensitivities), solved.report)
 
     @property
     def code(self) -> str:

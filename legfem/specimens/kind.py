@@ -152,6 +152,10 @@ class SpecimenKind[Entry: FileTable, Body](ABC):
     """Channels beside the force that are weighed, whatever it is of."""
     layered: ClassVar[bool] = False
     """Whether it may be on layers."""
+    free_faces: ClassVar[Mapping[str, str]] = {}
+    """What the body states of faces that don't hold what they touch; nothing where they don't as stated."""
+    along: ClassVar[str] = "thickness"
+    """Name of the body's size in the direction of the displacement, beyond which it can't go."""
     directions: ClassVar[tuple[Direction, ...]] = ("load",)
     """Of fibres that leave it as symmetric as it is."""
     as_force: ClassVar[tuple[str, ...]] = ()
@@ -197,7 +201,8 @@ class SpecimenKind[Entry: FileTable, Body](ABC):
 
     def slipping(self, body: Body) -> Body:
         """Return the body with faces that don't hold what they touch."""
-        return body
+        free: Body = replace(body, **self.free_faces)  # type: ignore[type-var]
+        return free
 
     def level(self, direction: Direction) -> str:
         """Return what the directions of fibres share in which stiffness and the fibres' ratio trade off alike."""
@@ -217,7 +222,7 @@ class SpecimenKind[Entry: FileTable, Body](ABC):
 
     def extent(self, body: Body) -> float | None:
         """Return the size (mm) in the direction of the displacement, beyond which it can't go; None without."""
-        return getattr(body, "thickness", None)
+        return getattr(body, self.along, None)
 
     def face(self, body: Body) -> Face | None:
         """Return the free face that a camera sees; None where no model gives how it is strained."""
@@ -285,6 +290,7 @@ class HomogeneousKind[Entry: FileTable, Body: HomogeneousBody](SpecimenKind[Entr
 
     own: ClassVar = {"length_mm": "length", "area_mm2": "area"}
     followed: ClassVar = "an area_mm2 of half the true value doubles the stiffness"
+    along: ClassVar = "length"
     cube: ClassVar = {"length_mm": 10.0, "area_mm2": 100.0}
     directions: ClassVar[tuple[Direction, ...]] = ()
     as_force: ClassVar = ("area",)
@@ -308,10 +314,6 @@ class HomogeneousKind[Entry: FileTable, Body: HomogeneousBody](SpecimenKind[Entr
     def presses(self, body: Body) -> bool:
         """Return whether it is shortened."""
         return body.sign < 0
-
-    def extent(self, body: Body) -> float:
-        """Return the length."""
-        return body.length
 
     def axes(self, body: Body, recording: Recording) -> ShownAxes:
         """A table is shown as strain and nominal stress."""

@@ -378,17 +378,11 @@ def _problem(
     tissues = [one.of_law(name) for one in folder.tissues]
     fitted = _fitted(folder, prepared, held_out)
     rates = [[one.course.rate for one in fitted if one.test == test] for test in {one.test for one in fitted}]
-    if not any(map(shows_quickening, rates)):
-        asked = _without(QUICKENING, asked)
+    named = {*asked.names, *asked.priors, *asked.fixed}
+    if QUICKENING not in named and not any(map(shows_quickening, rates)):
+        asked = replace(asked, fixed={**asked.fixed, QUICKENING: READINGS[QUICKENING].null})
     law = identified_law(name, tissues, prepared.c10, folder.relaxes, asked)
     return SpecimenProblem(folder, law, prepared, held_out)
-
-
-def _without(name: str, asked: ParameterRequest) -> ParameterRequest:
-    """The same with a parameter at its null, unless that is asked for."""
-    if name in asked.names or name in asked.priors or name in asked.fixed:
-        return asked
-    return replace(asked, fixed={**asked.fixed, name: READINGS[name].null})
 
 
 def _fitted(folder: SpecimenFolder, prepared: Prepared, held_out: frozenset[str]) -> list[SpecimenRecording]:

@@ -11,7 +11,7 @@ the place as signature. All p-values are family-wise over the mechanisms, or ove
 The mechanism with the least p-value is put into the model, and the leg is solved anew.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -38,47 +38,61 @@ REPAIRS = 5
 """Equilibria with the named mechanism in the model."""
 
 
+_MOTION = slice(2, 2 + RIGID)
+_PRESSURE = slice(2 + RIGID, 2 + RIGID + SECTORS)
+"""Places of nuisances among the derivatives of the fit."""
+
+
 @dataclass(frozen=True)
-class _Term:
-    """A mechanism that is a term of the model, zero at its null."""
-
-    name: str
-    statement: str
-    label: str
-    parameter: str
-    """Full name of its strength."""
-
-
-_TERMS = (
-    _Term(
-        "volume-loss", "the deep tissue has lost volume: blood has drained from it", "share", "deep.volume_loss.share"
-    ),
-    _Term(
-        "stiffness-gradient",
-        "the muscle's stiffness changes along the leg",
-        "gradient a 100 mm",
-        "deep.stiffness_gradient.gradient",
-    ),
-    _Term(
-        "fascia",
-        "a sheet round the muscle, its fascia, holds it together",
-        "stiffness (N/mm)",
-        "fascia.membrane.stiffness",
-    ),
-)
-_NULLS = {term.parameter: 0.0 for term in _TERMS}
-
-
-@dataclass(frozen=True, eq=False)
-class MechanismSignature:
-    """A mechanism, and the distances' derivatives (n, k) by its parameters."""
+class _Mechanism:
+    """A mechanism: a term of the model, zero at its null, or nuisances with their priors lifted."""
 
     name: str
     statement: str
     labels: tuple[str, ...]
-    slopes: FloatArray
     parameter: str = ""
-    """Full name in the model; empty of a mechanism that is a nuisance with its prior lifted."""
+    """Full name of the term's strength."""
+    lifted: slice = slice(0)
+    """Places of the nuisances."""
+
+    def slopes(self, fit: FloatArray, by: Mapping[str, FloatArray]) -> FloatArray:
+        """Return the distances' derivatives (n, k) by its numbers, of those of the fit and by parameters."""
+        return by[self.parameter][:, None] if self.parameter else fit[:, self.lifted]
+
+
+_MECHANISMS = (
+    _Mechanism(
+        "local-pressure",
+        "the pressure on the skin is wrong on one side of the leg",
+        tuple(f"at {360 * k / SECTORS:.0f} degrees" for k in range(SECTORS)),
+        lifted=_PRESSURE,
+    ),
+    _Mechanism(
+        "volume-loss",
+        "the deep tissue has lost volume: blood has drained from it",
+        ("share",),
+        "deep.volume_loss.share",
+    ),
+    _Mechanism(
+        "stiffness-gradient",
+        "the muscle's stiffness changes along the leg",
+        ("gradient a 100 mm",),
+        "deep.stiffness_gradient.gradient",
+    ),
+    _Mechanism(
+        "fascia",
+        "a sheet round the muscle, its fascia, holds it together",
+        ("stiffness (N/mm)",),
+        "fascia.membrane.stiffness",
+    ),
+    _Mechanism(
+        "misregistration",
+        "the two scans lie farther apart than the bones' registration says",
+        ("x (mm)", "y (mm)", "z (mm)", "about x (rad)", "about y (rad)", "about z (rad)"),
+        lifted=_MOTION,
+    ),
+)
+_NULLS = {one.parameter: 0.0 for one in _MECHANISMS if one.parameter}
 
 
 @dataclass(frozen=True)
@@ -143,10 +157,6 @@ class _Tested:
     """Reciprocal standard deviations of the priors, 0 of the stiffnesses, (2 + k,)."""
 
 
-_MOTION = slice(2, 2 + RIGID)
-_PRESSURE = slice(2 + RIGID, 2 + RIGID + SECTORS)
-
-
 def model_discrepancy(forward: StockingForward, comparison: ScanComparison, best: ScanFit) -> ModelDiscrepancy:
     """Test where and why the best fit differs from the scan.
 
@@ -166,24 +176,6 @@ def model_discrepancy(forward: StockingForward, comparison: ScanComparison, best
     slopes = np.column_stack([*stiffness, nuisances.at(at)])
     weights = np.concatenate([np.zeros(2), 1 / nuisances.sd])
     tested = _Tested(at, forward.at(values), distances, slopes, weights)
-    mechanisms = (
-        MechanismSignature(
-            "local-pressure",
-            "the pressure on the skin is wrong on one side of the leg",
-            tuple(f"at {360 * k / SECTORS:.0f} degrees" for k in range(SECTORS)),
-            slopes[:, _PRESSURE],
-        ),
-        *(
-            MechanismSignature(term.name, term.statement, (term.label,), by[term.parameter][:, None], term.parameter)
-            for term in _TERMS
-        ),
-        MechanismSignature(
-            "misregistration",
-            "the two scans lie farther apart than the bones' registration says",
-            ("x (mm)", "y (mm)", "z (mm)", "about x (rad)", "about y (rad)", "about z (rad)"),
-            slopes[:, _MOTION],
-        ),
-    )
     orthonormal = np.linalg.qr(np.vstack([misfit.whitened(slopes), np.diag(weights)]))[0]
 
     def projected(values: FloatArray) -> FloatArray:
@@ -193,7 +185,8 @@ def model_discrepancy(forward: StockingForward, comparison: ScanComparison, best
         return np.asarray(whole - orthonormal @ (orthonormal.T @ whole))
 
     left = projected(tested.distances)
-    scores = _scores(mechanisms, left, projected)
+    signatures = {one: one.slopes(slopes, by) for one in _MECHANISMS}
+    scores = _scores(signatures, left, projected)
     places = _places(misfit, tested.distances, left, projected)
     strongest = scores[0]
     if strongest.p_value > SIGNIFICANT:
@@ -203,18 +196,18 @@ def model_discrepancy(forward: StockingForward, comparison: ScanComparison, best
     penalty = float(np.log(len(left) - len(weights)))
     gains = {score.name: score.statistic - penalty * score.degrees for score in scores}
     alike = tuple(s.name for s in scores if s.p_value < SIGNIFICANT and gains[s.name] > gains[strongest.name] - 6.0)
-    chosen = next(m for m in mechanisms if m.name == strongest.name)
-    after, parameters = _refit(forward.solver, misfit, tested, chosen)
+    chosen = next(one for one in _MECHANISMS if one.name == strongest.name)
+    after, parameters = _refit(forward.solver, misfit, tested, chosen, signatures[chosen])
     verdict = "named" if len(alike) == 1 else "ambiguous"
     return ModelDiscrepancy(verdict, alike, scores, places, best.rms, after, parameters)
 
 
 def _scores(
-    mechanisms: Sequence[MechanismSignature], left: FloatArray, projected: Projected
+    signatures: Mapping[_Mechanism, FloatArray], left: FloatArray, projected: Projected
 ) -> tuple[MechanismScore, ...]:
     found = []
-    for mechanism in mechanisms:
-        signature = projected(mechanism.slopes)
+    for mechanism, slopes in signatures.items():
+        signature = projected(slopes)
         strengths, _, rank, _ = np.linalg.lstsq(signature, -left, rcond=1e-4)
         statistic = float(np.sum((signature @ strengths) ** 2))
         errors = np.sqrt(np.diag(np.linalg.pinv(signature.T @ signature, rcond=1e-8)))
@@ -261,7 +254,7 @@ def _places(
 
 
 def _refit(
-    solver: EquilibriumSolver, misfit: ContourMisfit, tested: _Tested, mechanism: MechanismSignature
+    solver: EquilibriumSolver, misfit: ContourMisfit, tested: _Tested, mechanism: _Mechanism, signature: FloatArray
 ) -> tuple[float | None, FloatArray]:
     """Fit stiffnesses, nuisances and mechanism with new equilibria, and derivatives of the tested state.
 
@@ -270,9 +263,9 @@ def _refit(
     base, weights = tested.slopes, tested.weights.copy()
     slopes, outlines = base, slice(_PRESSURE.stop, base.shape[1])
     if mechanism.parameter:
-        slopes, weights = np.column_stack([base, mechanism.slopes]), np.append(weights, 0.0)
+        slopes, weights = np.column_stack([base, signature]), np.append(weights, 0.0)
     else:
-        weights[{"misregistration": _MOTION, "local-pressure": _PRESSURE}[mechanism.name]] = 0.0
+        weights[mechanism.lifted] = 0.0
     rows = np.vstack([misfit.whitened(slopes), np.diag(weights)])
     bumps = sectors(solver.model.shape)
     total = np.zeros(len(weights))

@@ -1,6 +1,5 @@
 """A rigid ball on a round layer on a rigid base."""
 
-from dataclasses import replace
 from typing import ClassVar
 
 from legfem.common.input_files import FileTable, Positive
@@ -38,6 +37,7 @@ class BallKind(SpecimenKind[BallEntry, BallOnLayer]):
     own: ClassVar = {"thickness_mm": "thickness", "diameter_mm": "layer_radius"}
     ranges: ClassVar = {"ball_diameter_mm": length_range("a ball's diameter", 0.5, 80.0)}
     layered: ClassVar = True
+    free_faces: ClassVar = {"ball": "frictionless"}
     # Hertz's 3/2 on what is smooth and even; on beef the force begins in proportion to the displacement.
     onset_power: ClassVar = None
 
@@ -56,7 +56,3 @@ class BallKind(SpecimenKind[BallEntry, BallOnLayer]):
     def covers(self, body: BallOnLayer) -> tuple[float, str]:
         """Return the width of what presses over the specimen's."""
         return body.ball_radius / body.layer_radius, "ball_diameter_mm"
-
-    def slipping(self, body: BallOnLayer) -> BallOnLayer:
-        """Return it with a ball that lets the tissue slip."""
-        return replace(body, ball="frictionless")

@@ -1,7 +1,6 @@
 """A cup that draws a round layer on a rigid base up through its opening, and what its recordings can't be."""
 
 import math
-from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -59,6 +58,7 @@ class CupKind(SpecimenKind[SuctionEntry, CupOnLayer]):
         "rim_mm": length_range("a cup's rim", 0.2, 20.0),
     }
     layered: ClassVar = True
+    free_faces: ClassVar = {"rim": "sliding"}
     relaxes_as_a_whole: ClassVar = True
     starts_at_contact: ClassVar = True
     load_field: ClassVar = "pressure"
@@ -78,10 +78,6 @@ class CupKind(SpecimenKind[SuctionEntry, CupOnLayer]):
     def covers(self, body: CupOnLayer) -> tuple[float, str]:
         """Return the width of what presses over the specimen's."""
         return (body.opening_radius + body.rim_width) / body.layer_radius, "opening_mm"
-
-    def slipping(self, body: CupOnLayer) -> CupOnLayer:
-        """Return it with a rim that lets the skin slide."""
-        return replace(body, rim="sliding")
 
     def extent(self, body: CupOnLayer) -> None:
         """A dome rises out of the layer: nothing limits it."""

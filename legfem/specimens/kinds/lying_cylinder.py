@@ -1,6 +1,5 @@
 """A rigid cylinder lying across a block on a rigid base, in plane strain."""
 
-from dataclasses import replace
 from typing import ClassVar
 
 from legfem.common.input_files import FileTable, Positive
@@ -37,6 +36,7 @@ class LyingCylinderKind(SpecimenKind[CylinderEntry, CylinderOnBlock]):
     own: ClassVar = {"thickness_mm": "thickness", "width_mm": "width", "length_mm": "length"}
     ranges: ClassVar = {"cylinder_diameter_mm": length_range("a cylinder's diameter", 1.0, 100.0)}
     layered: ClassVar = True
+    free_faces: ClassVar = {"cylinder": "frictionless"}
     directions: ClassVar = ("load", "across", "cylinder")
     as_force: ClassVar = ("length",)
 
@@ -56,10 +56,6 @@ class LyingCylinderKind(SpecimenKind[CylinderEntry, CylinderOnBlock]):
     def covers(self, body: CylinderOnBlock) -> tuple[float, str]:
         """Return the width of what presses over the specimen's."""
         return 2 * body.cylinder_radius / body.width, "cylinder_diameter_mm"
-
-    def slipping(self, body: CylinderOnBlock) -> CylinderOnBlock:
-        """Return it with a cylinder that lets the tissue slip."""
-        return replace(body, cylinder="frictionless")
 
     def level(self, direction: Direction) -> str:
         """In plane strain fibres along the travel and across resist small strain alike."""

@@ -39,6 +39,8 @@ class PlatesKind(SpecimenKind[PlatesEntry, CylinderBetweenPlates]):
     followed: ClassVar = "a diameter_mm of half the true value makes it at least four times as large"
     beside: ClassVar = frozenset({LATERAL_STRETCH.name, FACE_STRAIN.name})
     own: ClassVar = {"diameter_mm": "radius", "height_mm": "height"}
+    along: ClassVar = "height"
+    free_faces: ClassVar = {"ends": "sliding"}
     weighed: ClassVar[Mapping[str, str]] = {
         "bonded": "ends that stick to the plates",
         "partly held": "ends that slide in part",
@@ -76,10 +78,6 @@ class PlatesKind(SpecimenKind[PlatesEntry, CylinderBetweenPlates]):
         )
         return HalfwayTest(bonded, sliding)
 
-    def slipping(self, body: CylinderBetweenPlates) -> CylinderBetweenPlates:
-        """Return it with ends that slide."""
-        return replace(body, ends="sliding")
-
     def face(self, body: CylinderBetweenPlates) -> Face:
         """Return its side, seen from aside."""
         return Face(body.height / 2, body.radius)
@@ -87,7 +85,3 @@ class PlatesKind(SpecimenKind[PlatesEntry, CylinderBetweenPlates]):
     def slenderness(self, body: CylinderBetweenPlates) -> tuple[float, str]:
         """Return height over diameter."""
         return body.height / (2 * body.radius), "diameter_mm"
-
-    def extent(self, body: CylinderBetweenPlates) -> float:
-        """Return the height."""
-        return body.height

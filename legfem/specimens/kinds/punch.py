@@ -38,6 +38,7 @@ class PunchKind(SpecimenKind[PunchEntry, PunchOnLayer]):
     own: ClassVar = {"thickness_mm": "thickness", "diameter_mm": "layer_radius"}
     ranges: ClassVar = {"punch_diameter_mm": length_range("a punch's diameter", 0.5, 80.0)}
     layered: ClassVar = True
+    free_faces: ClassVar = {"punch": "frictionless"}
 
     def body_of(self, given: PunchEntry) -> PunchOnLayer:
         """Return the sizes."""
@@ -56,7 +57,3 @@ class PunchKind(SpecimenKind[PunchEntry, PunchOnLayer]):
     def covers(self, body: PunchOnLayer) -> tuple[float, str]:
         """Return the width of what presses over the specimen's."""
         return body.radius / body.layer_radius, "punch_diameter_mm"
-
-    def slipping(self, body: PunchOnLayer) -> PunchOnLayer:
-        """Return it with a punch that lets the tissue slip."""
-        return replace(body, punch="frictionless")
