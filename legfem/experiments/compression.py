@@ -44,8 +44,6 @@ class CompressionSettings:
         Factor on the stabilisation.
     newton, linear
         Settings of the solvers.
-    first : float
-        Share of the pressure in the first step.
     """
 
     formulation: Formulation = "continuous"
@@ -57,11 +55,10 @@ class CompressionSettings:
     linear: LinearSettings = field(
         default_factory=lambda: LinearSettings(tolerance=1e-6, kept_iterations=15, direct_limit=100_000)
     )
-    first: float = 1.0
 
     def __post_init__(self) -> None:
         """Check the choices."""
-        check_positive(self, "first", "stabilisation")
+        check_positive(self, "stabilisation")
         for name, choices in (("ends", ("held", "free")), ("formulation", ("continuous", "displacement"))):
             if getattr(self, name) not in choices:
                 raise InputError(
@@ -163,7 +160,7 @@ class LegCompression:
             self._numbers = numbers
         system.set_parameters(numbers)
         system.applied_pressure.x.array[:] = pressure
-        steps = StepSettings(hold_first=self.settings.first, hold_first_time=self.settings.first)
+        steps = StepSettings(hold_first=1.0, hold_first_time=1.0)
         tracker = self._trackers.fresh(sensitivities)
         load = Protocol((0.0, 1.0), (0.0, 0.0))
         guess = None if start is None else start.unknown

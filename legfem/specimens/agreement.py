@@ -24,7 +24,7 @@ from legfem.common.units import FloatArray, percent
 from legfem.specimens.model_discrepancy import log_density
 
 _SIZES = (0.1, 0.3, 1.0)
-"""Of the force: by which a test that stands apart differs, one standard deviation beforehand; each as probable."""
+"""Prior standard deviations of the relative force by which a test that stands apart differs; each as probable."""
 _TOGETHER, _ONE_APART = 0.5, 0.45
 """Probabilities beforehand that one set of constants serves all, and all but one; that no two agree is rarer."""
 _SAID, _SURE = 0.5, 0.75
@@ -34,7 +34,7 @@ _TOLD = (0.2, 5.0)
 """Factors between which a difference, linear in the constants, has a value."""
 
 type Places = Mapping[str, NDArray[np.int_]]
-"""Of the readings of every test, by its name."""
+"""Places of the readings of every test, by its name."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class ApartTest:
 
     @property
     def ci95(self) -> tuple[float, float]:
-        """Of the factor."""
+        """95 % interval of the factor."""
         return self.factor - 1.96 * self.factor_sd, self.factor + 1.96 * self.factor_sd
 
     @property

@@ -23,7 +23,6 @@ from scipy.stats import linregress, norm
 from legfem.channels.kinds.lateral_stretch import LATERAL_STRETCH
 from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import Values
-from legfem.inverse.channel_readings import ChannelReadings
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.loading_channels import loading_channel, loading_readings
 from legfem.specimens.comparison import SpecimenComparison
@@ -34,7 +33,7 @@ from legfem.specimens.sizes import SpecimenRecording
 POISSON_RATIOS = (0.2, 0.3, 0.35, 0.4, 0.43, 0.45, 0.47, 0.49, 0.4999)
 """That are tried where the stretches depart from those of the ratio that was assumed."""
 _SHAPE = 0.03
-"""Of the model's lateral strain: a body that isn't quite round or level, a law that is another."""
+"""Error of the model's lateral strain, relative: a body that isn't quite round or level, another law."""
 
 
 @dataclass(frozen=True)
@@ -137,13 +136,17 @@ def _compared(recordings: Sequence[SpecimenRecording], model: SpecimenForward, v
         curve = outcome.curves[model.tests.index(one.sizes)]
         if LATERAL_STRETCH.name not in curve.channels:
             continue
-        readings = _readings(one, curve.depth)
+        every = loading_readings([one.from_contact], curve.depth, "specimen")
+        readings = next((each for each in every if each.name == LATERAL_STRETCH.name), None)
         if readings is None:
             continue
         depth = readings.displacement
         predicted = curve.channel(LATERAL_STRETCH.name, depth)
         left.append(readings.values - predicted)
-        errors.append(_covariance(one, readings, predicted))
+        force, contact = np.interp(readings.time, one.course.time, one.course.force), np.zeros((len(depth), len(depth)))
+        channel = loading_channel(readings, [one.from_contact], force, contact, LATERAL_STRETCH.at_rest, 0.0)
+        strain = _SHAPE * (predicted - LATERAL_STRETCH.at_rest)
+        errors.append(channel.instrument + np.outer(strain, strain))
         deepest.append(float(left[-1][np.argmax(depth)]))
     if not left:
         return None
@@ -151,27 +154,12 @@ def _compared(recordings: Sequence[SpecimenRecording], model: SpecimenForward, v
         -0.5 * float(r @ np.linalg.solve(c, r) + np.linalg.slogdet(2 * np.pi * c)[1])
         for r, c in zip(left, errors, strict=True)
     )
-    every = np.concatenate(left)
+    differences = np.concatenate(left)
     error = float(np.sqrt(np.mean(np.concatenate([np.diag(c) for c in errors]))))
     sizes = recordings[0].sizes
     pressed = sizes.kind.presses(sizes.body)
-    rms, farthest = float(np.sqrt(np.mean(every**2))), float(np.mean(deepest))
-    return LateralFit(len(every), rms, farthest, error, density, pressed=pressed)
-
-
-def _covariance(one: SpecimenRecording, readings: ChannelReadings, predicted: FloatArray) -> FloatArray:
-    """Return the covariance (k, k) of stretches less predicted ones (k,)."""
-    force = np.interp(readings.time, one.course.time, one.course.force)
-    contact = np.zeros((len(force), len(force)))
-    channel = loading_channel(readings, [one.from_contact], force, contact, LATERAL_STRETCH.at_rest, 0.0)
-    strain = _SHAPE * (predicted - LATERAL_STRETCH.at_rest)
-    return np.asarray(channel.instrument + np.outer(strain, strain))
-
-
-def _readings(one: SpecimenRecording, reach: float) -> ChannelReadings | None:
-    """Return the stretches in the loading, as far as a model reaches (mm); None without any."""
-    every = loading_readings([one.from_contact], reach, "specimen")
-    return next((readings for readings in every if readings.name == LATERAL_STRETCH.name), None)
+    rms, farthest = float(np.sqrt(np.mean(differences**2))), float(np.mean(deepest))
+    return LateralFit(len(differences), rms, farthest, error, density, pressed=pressed)
 
 
 _RARE = 0.01
@@ -179,9 +167,9 @@ _RARE = 0.01
 _LEAST = 3
 """Specimens of which a trend is told from how they differ; of two how pieces usually differ has to serve."""
 _APART = 0.05
-"""Of the logarithm of the stiffness of pieces of one material, where nothing else shows it: an assumption."""
+"""Assumed standard deviation of the logarithm of the stiffness of pieces of one material."""
 _SPREAD = 1.2
-"""Of the sizes, greatest over least, that shows one."""
+"""Least ratio of the greatest size to the smallest that shows a dependence."""
 
 
 KNOW_THE_RIG = "Press a rigid block to see what the rig yields, and grease or glue the faces."

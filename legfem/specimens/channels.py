@@ -23,7 +23,7 @@ from legfem.specimens.course import relaxed
 from legfem.specimens.sizes import SpecimenRecording
 
 _BEYOND = 1.01
-"""Of a recording's depth: a frame at its end isn't lost to smoothing."""
+"""Depth to which channels are read, over the recording's: a frame at its end isn't lost to smoothing."""
 
 
 def beside_of(recording: SpecimenRecording, relative_sd: float) -> tuple[LoadingChannel, ...]:

@@ -27,11 +27,11 @@ from legfem.specimens.sizes import SpecimenRecording
 GRID = 50
 """Displacements at which a test's force is known to the search."""
 WEIGHT = 0.01
-"""Of a recording's greatest force: what every station is taken to err by in the fit."""
+"""Error of every station in the fit, over the recording's greatest force."""
 COUNTED = 20
 """Stations that a recording counts as, however many it has: neighbours err alike."""
 FACTOR_SD = 0.015
-"""Of a force: by which gain and sizes are off in one of several tests, in the weights alone; the shape then counts."""
+"""Relative error of the force by gain and sizes of one of several tests, in the weights alone; the shape then counts."""
 LEAST_GAIN_SD = 0.01
 """From recording to recording; more where their scatter says so."""
 SHAPE_SD_OF_LAYERS = 0.05
@@ -105,7 +105,7 @@ class SpecimenComparison:
 
     @cached_property
     def measured(self) -> FloatArray:
-        """Of all stations (n,), N."""
+        """Forces of all stations (n,), N."""
         return np.concatenate([part.course.force for part in self.parts])
 
     @cached_property

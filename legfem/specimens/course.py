@@ -38,23 +38,23 @@ from legfem.inverse.parameter import Parameter, Prior
 from legfem.mechanisms.time_dependence import SPECTRUM, TIMES_S, spectrum
 
 STATIONS = 40
-"""Of a loading: one for so large a share of its way, and of its time."""
+"""Stations of a loading: one for each such share of its way, and of its time."""
 SLOW_SHARE = 0.5
-"""Of a reading's variance that doesn't change within a recording (an accuracy's drift, zero)."""
+"""Share of a reading's variance that doesn't change within a recording (an accuracy's drift, zero)."""
 _GROWTH = 0.15
 _LEAST_SAMPLES = 10
 _LEAST_SEEN = 5.0
 _BACK = 0.02
 _LEAST_RISE = 0.2
-"""Of all motion: with less what was recorded goes the other way."""
+"""Least share of all motion that is a rise: with less, what was recorded goes the other way."""
 _LEFT = 0.03
-"""Of the greatest force: with less what presses may part from the specimen."""
+"""Share of the greatest force below which what presses may part from the specimen."""
 # Of the greatest force, where no instrument is stated.
 _READING = 0.002
 _HELD = 0.95
-"""Of the greatest force: what is above that counts as held."""
+"""Share of the greatest force above which it counts as held."""
 _SLOWED = 0.2
-"""Of the mean speed of loading: what is below that while the force is held is creep."""
+"""Share of the mean speed of loading below which motion under a held force is creep."""
 
 
 @dataclass(frozen=True, eq=False)

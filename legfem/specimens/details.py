@@ -78,17 +78,13 @@ def probabilities(each: Mapping[str, Sequence[_Fit]]) -> dict[str, float]:
     readings = min(fit.details.misfit.readings for fit in every)
     least = max(min(fit.details.misfit.rms for fit in every), 1e-6)
     dispersion = max(1.0, min(fit.goodness.chi_square / max(fit.goodness.degrees_of_freedom, 1) for fit in every))
-    evidence = [
-        logsumexp([readings * fit.details.misfit.log_evidence(least) for fit in fits]) / dispersion + _of_side(fits)
-        for fits in each.values()
-    ]
+    evidence = []
+    for fits in each.values():
+        # What the side showed counts beside the law that meets it best.
+        side = max(sum(s.log_density for s in (fit.details.lateral, fit.details.face) if s) for fit in fits)
+        forces = logsumexp([readings * fit.details.misfit.log_evidence(least) for fit in fits])
+        evidence.append(forces / dispersion + side)
     return dict(zip(each, map(float, softmax(evidence)), strict=True))
-
-
-def _of_side(fits: Sequence[_Fit]) -> float:
-    """Return the logarithm of the density of what the side showed beside the law that meets it best; 0 of nothing."""
-    seen = ([one for one in (fit.details.lateral, fit.details.face) if one] for fit in fits)
-    return max(sum(one.log_density for one in each) for each in seen)
 
 
 def weighed(fits: Mapping[str, _Fit], chances: Mapping[str, float], words: Mapping[str, str], to_know: str) -> _Fit:
@@ -292,9 +288,9 @@ class SpecimenDetails:
     face: FaceFit | None = None
     """Strains of the face beside the fit, where points were tracked on it."""
     alternatives: "tuple[Weighed, ...]" = ()
-    """Of what isn't known of the test, the most probable first; the fit is that of the first."""
+    """Alternatives of what isn't known of the test, the most probable first; the fit is that of the first."""
     agreement: TestsAgreement | None = None
-    """Of several tests, on one set of constants."""
+    """How several tests agree on one set of constants."""
 
     def answer(self, fit: Fit["SpecimenDetails"]) -> Answer:
         """Return what the specimens' fit says; what wasn't used, or tests that disagree, limit it."""

@@ -36,13 +36,13 @@ _POINTS = 60
 _SOME_C10 = 1e-3
 """MPa: whether a test can be solved doesn't depend on it."""
 _BEYOND = 1.04
-"""Of the greatest depth, to which responses are solved."""
+"""Depth to which responses are solved, over the greatest recorded."""
 _STIFFENINGS = (0.0, 0.03, 0.1, 0.3, 0.8, 1.6)
 """ln(1 + C20 / C10) of the elastic curves: a bench's repeats tell a little stiffening from none."""
 _REACH = 3.5
-"""Of ln C10: the force is in proportion to it, and what relaxes fast hides how little lasts."""
+"""Reach of the library in ln C10: what relaxes fast hides how little lasts."""
 _DRAWN = Accuracy(size_sd=1e-3)
-"""Of a specimen that was simulated."""
+"""Accuracy of a specimen that was simulated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,7 +196,8 @@ def _diagnosed(
     observed = replace(observed, notices=(*doubted(doubts), *observed.notices))
     accuracy = Accuracy() if folder.origin == "measured" else _DRAWN
     subject = Identity(folder.id, folder.title, folder.origin)
-    instrument = _instrument(folder, used)
+    shown = [(one.course.instrument.force_sd, one.course.instrument.displacement_sd) for one in used]
+    instrument = folder.instrument or Instrument(*map(float, np.sqrt(np.mean(np.square(shown), axis=0))), stated=False)
     given = DiagnosisInput(
         observed, instrument, folder.base_law, library, every, subject, "specimens", accuracy=accuracy
     )
@@ -236,16 +237,6 @@ def _check_fibres(folder: SpecimenFolder, recordings: Sequence[SpecimenRecording
             "is open",
             "state it, such as legfem.identify found, for a diagnosis",
         )
-
-
-def _instrument(folder: SpecimenFolder, used: Sequence[SpecimenRecording]) -> Instrument:
-    if folder.instrument is not None:
-        return folder.instrument
-    force = [one.course.instrument.force_sd for one in used]
-    displacement = [one.course.instrument.displacement_sd for one in used]
-    return Instrument(
-        float(np.sqrt(np.mean(np.square(force)))), float(np.sqrt(np.mean(np.square(displacement)))), stated=False
-    )
 
 
 def solved_responses(

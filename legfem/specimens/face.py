@@ -21,7 +21,7 @@ from legfem.specimens.kinds import kind_of
 
 _MOST_RATIO = 0.5
 _DEEPEST = 0.95
-"""Of the depth of a recording's deepest reading."""
+"""Share of the deepest reading's depth beyond which readings count as deepest."""
 
 
 @dataclass(frozen=True)

@@ -46,7 +46,7 @@ if typing.TYPE_CHECKING:
     from legfem.solve.protocol import Protocol
 
 type Law = Hyperelastic | tuple[Layer, ...]
-"""Of one tissue, or of layers from the base up."""
+"""Law of one tissue, or laws of layers from the base up."""
 
 
 class SizeError(Exception):
@@ -99,11 +99,11 @@ class ShownAxes:
     way: str = "displacement"
     way_unit: str = "mm"
     ways: float = 1.0
-    """Of its unit, a mm."""
+    """Units of the way in a mm."""
     load: str = "force"
     load_unit: str = "N"
     loads: float = 1.0
-    """Of its unit, a N."""
+    """Units of the load in a N."""
 
     def load_text(self, force: float) -> str:
         """Return a force (N) with its unit."""
@@ -133,7 +133,7 @@ class SpecimenKind[Entry: FileTable, Body](ABC):
     """A kind of test on a specimen; an entry is what its table states, a body a frozen dataclass of sizes (mm)."""
 
     table: ClassVar[str]
-    """Of ``specimen.toml``."""
+    """Name of its table in ``specimen.toml``."""
     entry: ClassVar[type[FileTable]]
     body: ClassVar[type]
     words: ClassVar[str]
@@ -157,7 +157,7 @@ class SpecimenKind[Entry: FileTable, Body](ABC):
     along: ClassVar[str] = "thickness"
     """Name of the body's size in the direction of the displacement, beyond which it can't go."""
     directions: ClassVar[tuple[Direction, ...]] = ("load",)
-    """Of fibres that leave it as symmetric as it is."""
+    """Directions of fibres that leave it as symmetric as it is."""
     as_force: ClassVar[tuple[str, ...]] = ()
     """Sizes of the body that the force is in proportion to, as to a stiffness."""
     relaxes_as_a_whole: ClassVar[bool] = False
@@ -279,7 +279,7 @@ def length_range(what: str, low: float, high: float) -> PhysicalRange:
 
 
 _OTHER_WAY = 0.02
-"""Of the farthest strain: a row so far on the other side of none is of another test."""
+"""Share of the farthest strain: a row farther than that on the other side of none is of another test."""
 
 
 class HomogeneousKind[Entry: FileTable, Body: HomogeneousBody](SpecimenKind[Entry, Body]):

@@ -14,7 +14,7 @@ from legfem.inverse.parse_parameters import ParameterTexts, read_prior
 from legfem.inverse.readings import INSTRUMENT, RELAXATION
 from legfem.mechanics.materials import ExponentialStiffening, Hyperelastic, NeoHookean, ReducedPolynomial, Yeoh
 from legfem.specimens.course import relaxation_parameters
-from legfem.specimens.schema import FibresEntry, LayerEntry, SpecimenFile
+from legfem.specimens.schema import FibresEntry, SpecimenFile
 
 ONE = "deep"
 """What the tissue of a specimen of one is called, as the leg's that is identified."""
@@ -97,25 +97,24 @@ def tissues_of(given: SpecimenFile) -> tuple[SpecimenTissue, ...]:
     if not given.layers:
         one = SpecimenTissue(poisson_ratio=poisson_ratio)
         return (one if given.fibres is None else _with_fibres(one, given.fibres),)
-    every = (_layer(entry, poisson_ratio) for entry in reversed(given.layers))
-    fibres = given.fibres
-    return tuple(_with_fibres(one, fibres) if fibres is not None and fibres.layer == one.name else one for one in every)
+    every, fibres = list[SpecimenTissue](), given.fibres
+    for entry in reversed(given.layers):
+        stated = {"C10": entry.C10_kPa, "C20": entry.C20_kPa}
+        law: catalogue.LawName | None = entry.law
+        if law is None and stated["C20"] is not None:
+            law = "reduced-polynomial"
+        elif law is None and stated["C10"] is not None:
+            law = "neo-hookean"
+        own = poisson_ratio if entry.poisson_ratio is None else entry.poisson_ratio
+        known = {name: kpa_to_mpa(value) for name, value in stated.items() if value is not None}
+        tissue = SpecimenTissue(entry.name, law, own, known)
+        every.append(_with_fibres(tissue, fibres) if fibres is not None and fibres.layer == entry.name else tissue)
+    return tuple(every)
 
 
 def _with_fibres(tissue: SpecimenTissue, fibres: FibresEntry) -> SpecimenTissue:
     known = {} if fibres.ratio is None else {catalogue.RATIO: fibres.ratio}
     return replace(tissue, stated={**tissue.stated, **known}, fibrous=True)
-
-
-def _layer(entry: LayerEntry, poisson_ratio: float | None) -> SpecimenTissue:
-    stated = {"C10": entry.C10_kPa, "C20": entry.C20_kPa}
-    law: catalogue.LawName | None = entry.law
-    if law is None and stated["C20"] is not None:
-        law = "reduced-polynomial"
-    elif law is None and stated["C10"] is not None:
-        law = "neo-hookean"
-    own = poisson_ratio if entry.poisson_ratio is None else entry.poisson_ratio
-    return SpecimenTissue(entry.name, law, own, {n: kpa_to_mpa(v) for n, v in stated.items() if v is not None})
 
 
 def begin_at(tissues: Sequence[SpecimenTissue], usual: float) -> float:

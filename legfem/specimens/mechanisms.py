@@ -179,16 +179,12 @@ def _of_specimen(mechanism: Mechanism, scale: Scale) -> Mechanism:
         )
         strengths = (most ** (1 / 3), most ** (2 / 3), most)
     over = scale.over_a_leg.get(mechanism.name, 1.0)
+    if over != 1.0:
+        prior, (low, high) = prior_of(first), first.bounds
+        first = replace(first, bounds=(over * low, over * high), prior=replace(prior, sd=over * prior.sd))
     return mechanism.restated(
         told.get("statement", mechanism.statement),
         told.get("next_experiment", mechanism.next_experiment),
-        (_times(first, over), *rest),
+        (first, *rest),
         None if strengths is None else tuple(over * value for value in strengths),
     )
-
-
-def _times(parameter: Parameter, over: float) -> Parameter:
-    if over == 1.0:
-        return parameter
-    prior, (low, high) = prior_of(parameter), parameter.bounds
-    return replace(parameter, bounds=(over * low, over * high), prior=replace(prior, sd=over * prior.sd))

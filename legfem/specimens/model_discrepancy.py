@@ -27,7 +27,7 @@ _SIZES = tuple(float(size) for size in 0.001 * 2.0 ** np.arange(9))
 _HIDDEN = 3.0
 """Over the residuals' root mean square: a refit hides no more of an error than some times what it leaves."""
 _LEAST = 0.15
-"""Of the size at first touch, over that at the largest force."""
+"""Error's size at first touch over that at the largest force."""
 
 
 @dataclass(frozen=True, eq=False)

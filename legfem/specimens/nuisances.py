@@ -41,11 +41,11 @@ from legfem.specimens.kind import WORDS
 from legfem.specimens.sizes import SpecimenRecording
 
 SETTLED = 0.05
-"""Of detection's error: a shorter move of contact changes nothing."""
+"""Shortest move of contact that counts, over detection's error."""
 FARTHEST = 3.0
 """Errors of detection that contact is moved by at most."""
 _EARLIER = 0.2
-"""Of the depth: contact isn't farther before where it was detected."""
+"""Farthest that contact may be before where it was detected, over the depth."""
 
 
 def earliest(course: Course) -> float:

@@ -254,7 +254,7 @@ _SHARE = {
         "an elongation", "of the length", (0.01, 2.0), (1e-5, 15.0), "labs pull by 2 to 200 %", LENGTH_UNITS
     ),
 }
-"""Of the thickness or length: pressed, or pulled."""
+"""Plausible shares of the thickness or length by which specimens are pressed (True) or pulled."""
 _SLENDER = PhysicalRange("a height", "times the width", (0.0, 3.0), (0.0, 100.0), "what is taller buckles")
 _COVERED = PhysicalRange(
     "what presses", "times the specimen's width", (0.0, 1.0), (0.0, 20.0), "it presses a part of it"
@@ -263,14 +263,14 @@ _ANYTHING_SOFT = PhysicalRange(
     "a C10", "kPa", (0.02, 2e3), (1e-5, 1e6), "brain and gels to rubber, E of 0.1 kPa to 12 MPa"
 )
 _STIFFNESS = {"muscle": ranges.C10["deep"], "fat": ranges.C10["superficial"], "adipose": ranges.C10["superficial"]}
-"""Of a tissue that is called so."""
+"""Plausible C10 of a tissue by what it is called."""
 _APART, _REPEATS, _LIKE = 5.0, 2.0, 3.0
-"""Of recordings of one specimen: rates a thousand times apart change tissues by less, those at like rates differ less
+"""Greatest factors between recordings of one specimen: rates a thousand times apart change tissues by less, those at like rates differ less
 still, and which rates are alike."""
 _THREE = 3
 """Recordings at least, for the middle to tell which of them is off."""
 _CUT_OFF = 0.1
-"""Of the depth: a force that doesn't rise any more."""
+"""Share of the depth over which a force that doesn't rise counts as cut off."""
 _UNITS: Mapping[str, Mapping[str, float]] = {
     "pressure": {"mbar": 0.1, "mmHg": 0.1333, "psi": 6.895, "Pa": 1e-3},
     "torque": {"N m": 1e3, "µN m": 1e-3},
@@ -350,7 +350,9 @@ def doubts_about_stiffness(source: Path, c10: float, names: Sequence[str], field
     field
         ``force_N``, ``pressure``, or where it is stated.
     """
-    found, usual = mpa_to_kpa(c10), _range_of(names)
+    words = set(re.findall(r"[a-z]+", " ".join(names).lower()))
+    known = [one for name, one in _STIFFNESS.items() if {name, f"{name}s"} & words]
+    found, usual = mpa_to_kpa(c10), known[0] if len(known) == 1 else _ANYTHING_SOFT
     low, high = usual.usual
     units = [unit for unit, by in _UNITS.get(field, {}).items() if low <= by * found <= high]
     first = f"if it is in {' or '.join(units)}, say so; or " if units else ""
@@ -380,9 +382,3 @@ def doubts_about_differing(stiffness: Mapping[SpecimenRecording, float]) -> Iter
                 f"gives {ratio:.3g} times the stiffness of the specimen's other recordings",
                 "check that units, gain and specimen are the same",
             )
-
-
-def _range_of(names: Sequence[str]) -> PhysicalRange:
-    words = set(re.findall(r"[a-z]+", " ".join(names).lower()))
-    known = [one for name, one in _STIFFNESS.items() if {name, f"{name}s"} & words]
-    return known[0] if len(known) == 1 else _ANYTHING_SOFT

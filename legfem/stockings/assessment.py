@@ -157,7 +157,7 @@ def _cost(best: ScanFit | None, details: StockingDetails) -> Cost:
 
 
 NO_SEARCH = SearchLog(PARAMETERS, (), (), None, True, 0, 0.0, np.nan, 0, 0, 0, 0, "")
-"""Of a run in which nothing was searched for."""
+"""Log of a run in which nothing was searched for."""
 
 
 def _computed(details: StockingDetails) -> Iterator[tuple[str, Computed]]:

@@ -347,7 +347,7 @@ class _Direction:
     change: FloatArray
     response: FloatArray
     image: FloatArray
-    """Of unit length, orthogonal to other directions' images."""
+    """Image of unit length, orthogonal to other directions' images."""
 
 
 class LinearisedCoupling:
@@ -417,11 +417,6 @@ class LinearisedCoupling:
     def pressure_rate(self, rate: FloatArray) -> FloatArray:
         """Return the derivative of Laplace's pressure along a derivative of the unknown."""
         model, here = self._solver.model, self._equilibrium
-        step = probe_step(model, rate)
+        step = PROBE_STEP / max(float(np.abs(model.displacement(SKIN, rate)).max()), 1e-12)
         ahead = self._solver.load(model.deformed_shape(here.state.unknown + step * rate))
         return (ahead.pressure - here.load.pressure) / step
-
-
-def probe_step(model: LegModel3D, rate: FloatArray) -> float:
-    """Return the step along a derivative of the unknown that moves the skin by `PROBE_STEP` at most."""
-    return PROBE_STEP / max(float(np.abs(model.displacement(SKIN, rate)).max()), 1e-12)

@@ -111,7 +111,7 @@ class PressureAlong:
 
 
 NOTHING_STATED = MakersLevels()
-"""Of a maker."""
+"""A maker who states nothing."""
 
 
 @dataclass(frozen=True)

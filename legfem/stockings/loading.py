@@ -103,7 +103,8 @@ def load_leg(directory: Path, progress: Progress | None = None) -> StockingLeg:
         shapes.append(rigidly_moved(scanned, motion.rotation, motion.translation))
     bare, scanned_bare, *others = _segment(toml, given, shapes)
     compressed = others[0] if others else None
-    slices = calf_levels(bare)
+    slices, posture = calf_levels(bare), given.posture
+    lying = None if posture is None or posture.lying_mmHg is None else mmhg_to_mpa(posture.lying_mmHg)
     tissues = {
         name: NeoHookean(kpa_to_mpa(entry.C10_kPa or 3.0), entry.D1_per_MPa)
         for name, entry in (("deep", given.tissues.deep), ("superficial", given.tissues.superficial))
@@ -124,11 +125,11 @@ def load_leg(directory: Path, progress: Progress | None = None) -> StockingLeg:
         slices,
         _veins(toml, given, bare, float(np.median(slices))),
         _sensors(toml, given, bare),
-        _posture(given),
+        None if posture is None else Posture(posture.heart_mm, lying),
         tuple(map(ShearModulus.of, given.elastography)),
         makers=_makers(given.stocking),
     )
-    return replace(leg, doubts=doubts_about_leg(leg, toml))
+    return replace(leg, doubts=tuple(doubts_about_leg(leg, toml)))
 
 
 def _asked_length(asked: SegmentEntry) -> str:
@@ -145,22 +146,14 @@ def _opened(
 ) -> tuple[LegSource, FloatArray | None]:
     """Return what a leg's shape is taken from, and the levels at which to cut surfaces (mm)."""
     source = LegSource.opened(directory, toml, field, entry, given.labels)
-    source = source.between(*_levels_to_read(field, given.segment))
+    low, high, margin = given.segment.from_mm, given.segment.to_mm, _MARGINS[field]
+    # What lies beyond the segment may be anything.
+    source = source.between(-np.inf if low is None else low - margin, np.inf if high is None else high + margin)
     if source.surfaces is None:
         return source, None
-    low, high = given.segment.from_mm, given.segment.to_mm
     if low is None or high is None:
         raise InputError(toml, "segment", "surfaces need the part of the leg to model", "add from_mm and to_mm")
     return source, np.linspace(low, high, max(1 + round((high - low) / LEVEL_SPACING), 2))
-
-
-def _levels_to_read(field: str, segment: SegmentEntry) -> tuple[float, float]:
-    """Return the levels of a scan that the segment needs: what lies beyond may be anything."""
-    margin = _MARGINS[field]
-    return (
-        -np.inf if segment.from_mm is None else segment.from_mm - margin,
-        np.inf if segment.to_mm is None else segment.to_mm + margin,
-    )
 
 
 def _dense(shape: LegShape) -> LegShape:
@@ -232,14 +225,6 @@ def _accuracy(given: LegFile, registration: Registration | None) -> ContourAccur
     return replace(accuracy, shift_sd=(sx, sy, sz), turn_sd=(tx, ty, tz))
 
 
-def _posture(given: LegFile) -> Posture | None:
-    entry = given.posture
-    if entry is None:
-        return None
-    lying = None if entry.lying_mmHg is None else mmhg_to_mpa(entry.lying_mmHg)
-    return Posture(entry.heart_mm, lying)
-
-
 def _sensors(toml: Path, given: LegFile, bare: LegShape) -> tuple[Sensor, ...]:
     found = []
     for entry in given.sensor:
@@ -296,76 +281,52 @@ def _veins(toml: Path, given: LegFile, bare: LegShape, level: float) -> tuple[Ve
     return default_veins(bare, level) if {"tibia", "fibula"} <= set(bare.bones) else ()
 
 
-def doubts_about_leg(leg: StockingLeg, toml: Path) -> tuple[Doubt, ...]:
-    """Return what is unlikely in a leg and its stocking.
+def doubts_about_leg(leg: StockingLeg, toml: Path) -> Iterator[Doubt]:
+    """Yield what is unlikely in a leg and its stocking.
 
     Raises
     ------
     InputError
         For what can't be; names file, field and remedy.
     """
-    return tuple(
-        [
-            *_girth_doubts(leg, toml),
-            *_length_doubts(leg, toml),
-            *_tissues_doubts(leg, toml),
-            *(doubts_about_second_scan(leg.bare, leg.compressed, toml) if leg.compressed is not None else ()),
-            *(doubts_about_registration(leg.registration, leg.accuracy.sd, toml) if leg.registration else ()),
-            *_stocking_doubts(leg.bare, leg.stocking, toml),
-            *_accuracy_doubts(leg.accuracy, toml),
-            *_height_doubts(leg, toml),
-            *doubts_about_elastography(toml, leg.elastography),
-        ]
-    )
-
-
-def _girth_doubts(leg: StockingLeg, toml: Path) -> Iterator[Doubt]:
-    around = perimeter(leg.bare)
+    bare, accuracy = leg.bare, leg.accuracy
+    low, high, around = float(bare.levels[0]), float(bare.levels[-1]), perimeter(bare)
     largest = int(np.argmax(around))
-    tibia = leg.bare.contours["tibia"][largest]
-    yield from ranges.doubts_about_size(toml, "bare", float(around[largest]), tibia)
-
-
-def _length_doubts(leg: StockingLeg, toml: Path) -> Iterator[Doubt]:
-    if leg.bare.length < LEAST_LENGTH_MM - 1e-6:
+    yield from ranges.doubts_about_size(toml, "bare", float(around[largest]), bare.contours["tibia"][largest])
+    if bare.length < LEAST_LENGTH_MM - 1e-6:
         yield Doubt(
             str(toml),
             "segment",
-            f"is {leg.bare.length:.0f} mm long: what its end faces do decides the pressures and the stiffness",
+            f"is {bare.length:.0f} mm long: what its end faces do decides the pressures and the stiffness",
             f"model {LEAST_LENGTH_MM:g} mm or more: give scans that share as much, and widen from_mm and to_mm",
         )
-
-
-def _accuracy_doubts(accuracy: ContourAccuracy, toml: Path) -> Iterator[Doubt]:
-    for name, spread, value in (
+    for name, law in leg.tissues.items():
+        yield from ranges.D1.doubts(toml, f"tissues.{name}.D1_per_MPa", float(law.D1))
+        if leg.known:
+            yield from ranges.C10[name].doubts(toml, f"tissues.{name}.C10_kPa", mpa_to_kpa(float(law.C10)))
+    if leg.compressed is not None:
+        yield from doubts_about_second_scan(bare, leg.compressed, toml)
+    if leg.registration is not None:
+        yield from doubts_about_registration(leg.registration, accuracy.sd, toml)
+    yield from _stocking_doubts(bare, leg.stocking, toml)
+    for field, spread, value in (
         ("contour_sd_mm", CONTOUR_SD, accuracy.sd),
         ("correlation_mm", CORRELATION, accuracy.correlation),
         ("pressure_relative_sd", RELATIVE_SD, accuracy.pressure_sd),
         ("tension_relative_sd", RELATIVE_SD, accuracy.tension_sd),
     ):
-        yield from spread.doubts(toml, f"accuracy.{name}", value)
-
-
-def _height_doubts(leg: StockingLeg, toml: Path) -> Iterator[Doubt]:
-    """Yield doubts about the heart's height, and about makers' levels that aren't modelled."""
-    low, high = float(leg.bare.levels[0]), float(leg.bare.levels[-1])
+        yield from spread.doubts(toml, f"accuracy.{field}", value)
     if leg.posture is not None:
         yield from HEART.doubts(toml, "posture.heart_mm", leg.posture.heart - high)
-    for name, height in leg.makers.heights.items():
+    for level, height in leg.makers.heights.items():
         if not low <= height <= high:
             yield Doubt(
                 str(toml),
-                f"stocking.levels_mm.{name}",
+                f"stocking.levels_mm.{level}",
                 f"{height:g} mm is not in the part that is modelled, {low:.4g} to {high:.4g} mm, and gets no pressure",
                 "give the height in the bare scan's coordinates, mm, or model more of the leg",
             )
-
-
-def _tissues_doubts(leg: StockingLeg, toml: Path) -> Iterator[Doubt]:
-    for name, law in leg.tissues.items():
-        yield from ranges.D1.doubts(toml, f"tissues.{name}.D1_per_MPa", float(law.D1))
-        if leg.known:
-            yield from ranges.C10[name].doubts(toml, f"tissues.{name}.C10_kPa", mpa_to_kpa(float(law.C10)))
+    yield from doubts_about_elastography(toml, leg.elastography)
 
 
 def _stocking_doubts(bare: LegShape, stocking: Stocking, toml: Path) -> Iterator[Doubt]:

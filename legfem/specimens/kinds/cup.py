@@ -14,11 +14,11 @@ from legfem.specimens.kind import Law, ShownAxes, SpecimenKind, SpecimenTest, le
 
 ATMOSPHERE_KPA = 101.325
 _SLACK = 1.05
-"""Of a gauge's error and of high pressure over a plain."""
+"""Factor on the atmosphere's pressure, for a gauge's error and high pressure over a plain."""
 _USUAL_KPA = (1.0, 80.0)
 """Cutometers and aspiration devices on skin and organs draw with 2 to 60 kPa."""
 _HIGHEST = 2.0
-"""Of a dome over its opening's radius: a half ball has 1."""
+"""Greatest height of a dome over its opening's radius: a half ball has 1."""
 
 
 class SuctionEntry(FileTable):

@@ -31,7 +31,7 @@ _TORQUES = {"torque_Nmm": 1.0, "torque_mNm": 1.0, "torque_uNm": 1e-3, "torque_Nm
 _NORMAL = NORMAL_FORCE.column
 """What the plates are pushed apart by, if that was recorded."""
 _OTHERWISE = 0.3
-"""Of what it is by theory: a rise that is off by more is doubted."""
+"""Share of the theoretical rise by which one may be off before it is doubted."""
 _GIVE = f"give time_s, one of {', '.join(_ANGLES)}, one of {', '.join(_TORQUES)}, and {_NORMAL} if you have it"
 _MOST_SHEAR = 5.0
 """At the rim: no tissue is sheared by more."""
