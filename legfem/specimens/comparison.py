@@ -31,7 +31,7 @@ WEIGHT = 0.01
 COUNTED = 20
 """Stations that a recording counts as, however many it has: neighbours err alike."""
 FACTOR_SD = 0.015
-"""Relative error of the force by gain and sizes of one of several tests, in the weights alone; the shape then counts."""
+"""Relative error of the force by gain and sizes of one of several tests, in the weights alone."""
 LEAST_GAIN_SD = 0.01
 """From recording to recording; more where their scatter says so."""
 SHAPE_SD_OF_LAYERS = 0.05

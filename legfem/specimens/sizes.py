@@ -265,8 +265,8 @@ _ANYTHING_SOFT = PhysicalRange(
 _STIFFNESS = {"muscle": ranges.C10["deep"], "fat": ranges.C10["superficial"], "adipose": ranges.C10["superficial"]}
 """Plausible C10 of a tissue by what it is called."""
 _APART, _REPEATS, _LIKE = 5.0, 2.0, 3.0
-"""Greatest factors between recordings of one specimen: rates a thousand times apart change tissues by less, those at like rates differ less
-still, and which rates are alike."""
+"""Greatest factors between recordings of one specimen: by any rates, by like ones, and which rates are alike. Rates a
+thousand times apart change tissues by less."""
 _THREE = 3
 """Recordings at least, for the middle to tell which of them is off."""
 _CUT_OFF = 0.1
