@@ -12,7 +12,8 @@ from making_identification import DEPTH, AnalyticLeg, pressed_leg
 
 from legfem.data import Recording
 from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO
-from legfem.inverse.fibre_ratio import at_ratios, moduli_needed
+from legfem.inverse.chain_rule import needed_for, through
+from legfem.inverse.fibre_ratio import slopes_at_ratio
 from legfem.inverse.outcome import Outcome
 from legfem.legs.model_3d import LegModels
 from legfem.legs.placement import spatial_leg
@@ -57,13 +58,13 @@ class FibrousLeg(AnalyticLeg):
         # Fibres' moduli stay: their share of the force doesn't grow with C10.
         by[DEEP_C10] = by[DEEP_C10] - self.rise * (ratio - 1) / c10 * force
         by |= {"deep.fibres.shear": shear, "deep.fibres.extension": extension}
-        wanted = {*sensitivities, *moduli_needed(["deep"], sensitivities)}
+        chain = {name: slopes_at_ratio(name, every, ["deep"]) for name in sensitivities}
         curve = replace(
             found.curve,
             force=(1 + self.level) * factor * force,
-            sensitivities={n: (1 + self.level) * v for n, v in by.items() if n in wanted},
+            sensitivities={n: (1 + self.level) * v for n, v in by.items() if n in needed_for(chain)},
         )
-        return replace(found, curves=(at_ratios(curve, every, ["deep"], sensitivities),))
+        return replace(found, curves=(through(chain, curve),))
 
 
 def leg_of(folder: Path, ways: Sequence[str], seed: int = 0, ratio: float = TRUE_RATIO) -> SitedLeg:

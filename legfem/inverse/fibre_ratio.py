@@ -10,15 +10,12 @@ given ratio, and with S the sum of its derivatives by shear and, four times, by 
           = \left.\frac{\partial F}{\partial C_{10}}\right|_{\mu_L - \mu_T} + 2 (r - 1) S.
 """
 
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Collection, Mapping
 
 from legfem.common.errors import InputError
-from legfem.common.units import FloatArray
 from legfem.common.wording import Argument, Remedy
 from legfem.inverse.catalogue import DEEP_RATIO, RATIO
 from legfem.mechanics.terms import Fibres
-from legfem.solve.path import ForceCurve
 
 USUAL_RATIO = 2.0
 """At which a test is solved before anything is known."""
@@ -59,56 +56,21 @@ def moduli(values: Mapping[str, float], tissues: Collection[str]) -> dict[str, f
     return found
 
 
-def moduli_needed(tissues: Collection[str], sensitivities: Collection[str]) -> list[str]:
-    """Return by what to differentiate besides, for derivatives by C10 and ratios of tissues."""
-    return [
-        name
-        for tissue in tissues
-        if {f"{tissue}.C10", ratio_of(tissue)} & set(sensitivities)
-        for name in Fibres(tissue).parameters
-    ]
-
-
-def at_ratios(
-    curve: ForceCurve, values: Mapping[str, float], tissues: Collection[str], sensitivities: Sequence[str]
-) -> ForceCurve:
-    """Return a curve with derivatives by ratios, and by C10 along which the ratio stays.
+def slopes_at_ratio(name: str, values: Mapping[str, float], tissues: Collection[str]) -> dict[str, float]:
+    """Return the derivatives of the model's parameters by one that is asked for: of C10 at the same ratio, or a ratio.
 
     Parameters
     ----------
-    curve
-        With the derivatives of `moduli_needed`.
+    name
+        Full name of the parameter.
     values
         C10 and ratio of every tissue, by full name.
     tissues
         Those that have fibres.
-    sensitivities
-        Full names that were asked for.
     """
-    return replace(
-        curve,
-        sensitivities=_by_ratios(curve.sensitivities, values, tissues, sensitivities),
-        channel_sensitivities={
-            name: _by_ratios(by, values, tissues, sensitivities) for name, by in curve.channel_sensitivities.items()
-        },
-    )
-
-
-def _by_ratios(
-    found: Mapping[str, FloatArray], values: Mapping[str, float], tissues: Collection[str], sensitivities: Sequence[str]
-) -> dict[str, FloatArray]:
-    """Return one reading's derivatives by ratios, and by C10 along which the ratio stays."""
-    by = dict(found)
-    for tissue in tissues:
-        c10, ratio = f"{tissue}.C10", ratio_of(tissue)
-        names = Fibres(tissue).parameters
-        if not set(names) <= set(by):
-            continue
-        # Of a C10 of a half: by the shear, and the extension with it.
-        through = Fibres.slope_by_ratio(tissue, 0.5, {name: by[name] for name in names})
-        by = {name: each for name, each in by.items() if name in sensitivities or name not in names}
-        if c10 in sensitivities:
-            by[c10] = by[c10] + 2 * (values[ratio] - 1) * through
-        if ratio in sensitivities:
-            by[ratio] = 2 * values[c10] * through
-    return by
+    tissue, _, key = name.rpartition(".")
+    found = {} if key == RATIO else {name: 1.0}
+    if tissue in tissues and key in ("C10", RATIO):
+        at = (1.0, values[ratio_of(tissue)]) if key == "C10" else (values[f"{tissue}.C10"], 2.0)
+        found |= Fibres.of_ratio(tissue, *at).parameters
+    return found

@@ -1,6 +1,6 @@
 """The forward model of a subject's leg in 3D, as identification sees it."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -14,8 +14,9 @@ from legfem.common.wording import Argument
 from legfem.experiments.indentation import OnStep
 from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, membrane_of
 from legfem.inverse.catalogue import DEEP_RATIO, Values, stiffness_in_words
+from legfem.inverse.chain_rule import Chain, needed_for, through
 from legfem.inverse.elastography import FibreRatio
-from legfem.inverse.fibre_ratio import USUAL_RATIO, at_ratios, moduli, moduli_needed
+from legfem.inverse.fibre_ratio import USUAL_RATIO, moduli, slopes_at_ratio
 from legfem.inverse.outcome import ForwardModel, Outcome
 from legfem.inverse.settings import SearchRequest
 from legfem.jobs.pool import Together
@@ -27,7 +28,6 @@ from legfem.legs.placement import SpatialLeg, spatial_leg
 from legfem.legs.subject import SitedLeg, Subject
 from legfem.mechanics.materials import NeoHookean
 from legfem.mechanics.terms import Fascia
-from legfem.solve.path import ForceCurve
 
 SOLVES = "solves-3d"
 """In a folder of results."""
@@ -105,11 +105,19 @@ class SpatialForward:
         fascia = NeoHookean(every["fascia.C10"], every["fascia.D1"])
         own = {name: value for name, value in every.items() if not name.startswith(_FASCIA) and name != DEEP_RATIO}
         own |= membrane_of(fascia, self.fascia_thickness).parameters | moduli(every, fibrous)
+        stiffness, compressibility = Fascia().parameters
+        of_fascia: Chain = {
+            "fascia.C10": {stiffness: 2 * self.fascia_thickness, compressibility: fascia.D1},
+            "fascia.D1": {compressibility: fascia.C10},
+        }
+        chain = {
+            name: of_fascia.get(name, {}) if name.startswith(_FASCIA) else slopes_at_ratio(name, every, fibrous)
+            for name in sensitivities
+        }
         solved = self.experiment.solve(
-            own, self.depth, _asked(sensitivities, fibrous), on_step=self._on_step(values), keep_in=self.states
+            own, self.depth, needed_for(chain), on_step=self._on_step(values), keep_in=self.states
         )
-        curve = _of_fascia(solved.curve, fascia, self.fascia_thickness, sensitivities)
-        return Outcome.of(values, at_ratios(curve, every, fibrous, sensitivities), solved.report)
+        return Outcome.of(values, through(chain, solved.curve), solved.report)
 
     def prepare(self) -> None:
         """Mesh and compile now, on one rank alone; several do when they first solve together."""
@@ -226,29 +234,6 @@ class LegModels:
     def pressed(self, outcome: Outcome) -> PressedLeg | None:
         """Return a full solve to be looked at; None where its states were not kept."""
         return self.full.pressed(outcome) if isinstance(self.full, SpatialForward) else None
-
-
-def _asked(sensitivities: Sequence[str], fibrous: Collection[str]) -> list[str]:
-    """Return by what the model in 3D is to be differentiated."""
-    own = [name for name in sensitivities if name != DEEP_RATIO and not name.startswith(_FASCIA)]
-    if any(name.startswith(_FASCIA) for name in sensitivities):
-        own += Fascia().parameters
-    return list(dict.fromkeys([*own, *moduli_needed(fibrous, sensitivities)]))
-
-
-def _of_fascia(curve: ForceCurve, fascia: NeoHookean, thickness: float, sensitivities: Sequence[str]) -> ForceCurve:
-    """Return a curve whose derivatives by the membrane are by the fascia's C10 and D1."""
-    by = dict(curve.sensitivities)
-    membrane = Fascia()
-    if not set(membrane.parameters) <= set(by):
-        return curve
-    stiffness, compressibility = (by.pop(name) for name in membrane.parameters)
-    through = {
-        "fascia.C10": 2 * thickness * stiffness + fascia.D1 * compressibility,
-        "fascia.D1": fascia.C10 * compressibility,
-    }
-    asked = {name: value for name, value in through.items() if name in sensitivities}
-    return replace(curve, sensitivities=by | asked)
 
 
 def _solved(model: SpatialForward, task: tuple[Values, Sequence[str]]) -> Outcome:

@@ -1,17 +1,17 @@
 """Models of specimens' tests: all of a folder that are fitted together, and one with what a diagnosis weighs."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from legfem.common.units import FloatArray
 from legfem.experiments.axisymmetric import Layer
 from legfem.experiments.experiment import Picklable, Solved, cached_in_process
 from legfem.inverse.catalogue import Values, is_ratio
-from legfem.inverse.fibre_ratio import at_ratios, moduli, moduli_needed, ratio_of
+from legfem.inverse.chain_rule import needed_for, through
+from legfem.inverse.fibre_ratio import moduli, ratio_of, slopes_at_ratio
 from legfem.inverse.outcome import Outcome
 from legfem.jobs.store import code_fingerprint
 from legfem.mechanics.materials import Hyperelastic
@@ -119,29 +119,24 @@ class SpecimenForward(Picklable):
         A derivative by a stiffness is that at the same Poisson's ratio where the values have no D1,
         and at the same ratio of the fibres.
         """
-        own, fibrous = {**self.nominal, **values}, self.fibre_ratios
-        tied = [
-            tissue
-            for tissue in self.bulk_ratios
-            if f"{tissue}.D1" not in values
-            and f"{tissue}.C10" in sensitivities
-            and own[f"{tissue}.C10"] >= self.least_bulk[tissue]
-        ]
-        every = self.with_compressibility(values)
-        given = {n: value for n, value in every.items() if not is_ratio(n)} | moduli(own, fibrous)
-        asked = (
-            *(name for name in sensitivities if not is_ratio(name)),
-            *(f"{tissue}.D1" for tissue in tied),
-            *moduli_needed(fibrous, sensitivities),
-        )
+        every, fibrous = self.with_compressibility(values), self.fibre_ratios
+        own = {**self.nominal, **every}
+        given = {name: value for name, value in every.items() if not is_ratio(name)} | moduli(own, fibrous)
+        chain = dict[str, dict[str, float]]()
+        for name in sensitivities:
+            chain[name] = slopes_at_ratio(name, own, fibrous)
+            tissue, _, key = name.rpartition(".")
+            d1 = f"{tissue}.D1"
+            tied = tissue in self.bulk_ratios and d1 not in values
+            if key == "C10" and tied and own[name] >= self.least_bulk[tissue]:
+                chain[name][d1] = -own[d1] / own[name]
         try:
-            solved: Solved = self.experiments[number].solve(given, self.depths[number], asked)
+            solved: Solved = self.experiments[number].solve(given, self.depths[number], needed_for(chain))
         except (ArithmeticError, ValueError, RuntimeError, np.linalg.LinAlgError) as error:
             nothing = ForceCurve(np.zeros(1), np.zeros(1), dict.fromkeys(sensitivities, np.zeros(1)))
             reason = " ".join(str(error).split()) or type(error).__name__
             return Outcome(values, (nothing,), False, reason, 0, 0.0)
-        curve = _at_poissons_ratio(solved.curve, every, tied)
-        return Outcome.of(values, at_ratios(curve, own, fibrous, sensitivities), solved.report)
+        return Outcome.of(values, through(chain, solved.curve), solved.report)
 
     @property
     def code(self) -> str:
@@ -152,17 +147,3 @@ class SpecimenForward(Picklable):
     def fingerprint(self) -> Mapping[str, Any]:
         """Return tests, depths, law and code."""
         return {"model": "specimens", **super().fingerprint(), "code": self.code}
-
-
-def _at_poissons_ratio(curve: ForceCurve, values: Values, tied: Sequence[str]) -> ForceCurve:
-    """Return a curve with derivatives by C10 along which D1 falls as C10 rises."""
-
-    def along(by: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-        found = dict(by)
-        for tissue in tied:
-            c10, d1 = f"{tissue}.C10", f"{tissue}.D1"
-            found[c10] = found[c10] - values[d1] / values[c10] * found.pop(d1)
-        return found
-
-    beside = {name: along(by) for name, by in curve.channel_sensitivities.items()}
-    return replace(curve, sensitivities=along(curve.sensitivities), channel_sensitivities=beside)
