@@ -197,7 +197,8 @@ def _diagnosed(
     accuracy = Accuracy() if folder.origin == "measured" else _DRAWN
     subject = Identity(folder.id, folder.title, folder.origin)
     shown = [(one.course.instrument.force_sd, one.course.instrument.displacement_sd) for one in used]
-    instrument = folder.instrument or Instrument(*map(float, np.sqrt(np.mean(np.square(shown), axis=0))), stated=False)
+    force_sd, displacement_sd = map(float, np.sqrt(np.mean(np.square(shown), axis=0)))
+    instrument = folder.instrument or Instrument(force_sd, displacement_sd, stated=False)
     given = DiagnosisInput(
         observed, instrument, folder.base_law, library, every, subject, "specimens", accuracy=accuracy
     )
