@@ -366,23 +366,16 @@ def _fitted_laws(
     """Fit laws to a folder of which all is known."""
     held = {one for one in folder.recordings if one.name in away}
     prepared = prepare(folder, held, request.out, request.jobs, request.progress)
+    fitted = _fitted(folder, prepared, away)
+    rates = [[one.course.rate for one in fitted if one.test == test] for test in {one.test for one in fitted}]
+    if QUICKENING not in {*asked.names, *asked.priors, *asked.fixed} and not any(map(shows_quickening, rates)):
+        asked = replace(asked, fixed={**asked.fixed, QUICKENING: READINGS[QUICKENING].null})
     found: list[Fit[SpecimenDetails]] = []
     for name in laws:
-        found += fit(_problem(folder, name, prepared, away, asked), [name], request)
+        tissues = [one.of_law(name) for one in folder.tissues]
+        law = identified_law(name, tissues, prepared.c10, folder.relaxes, asked)
+        found += fit(SpecimenProblem(folder, law, prepared, away), [name], request)
     return found
-
-
-def _problem(
-    folder: SpecimenFolder, name: LawName, prepared: Prepared, held_out: frozenset[str], asked: ParameterRequest
-) -> SpecimenProblem:
-    tissues = [one.of_law(name) for one in folder.tissues]
-    fitted = _fitted(folder, prepared, held_out)
-    rates = [[one.course.rate for one in fitted if one.test == test] for test in {one.test for one in fitted}]
-    named = {*asked.names, *asked.priors, *asked.fixed}
-    if QUICKENING not in named and not any(map(shows_quickening, rates)):
-        asked = replace(asked, fixed={**asked.fixed, QUICKENING: READINGS[QUICKENING].null})
-    law = identified_law(name, tissues, prepared.c10, folder.relaxes, asked)
-    return SpecimenProblem(folder, law, prepared, held_out)
 
 
 def _fitted(folder: SpecimenFolder, prepared: Prepared, held_out: frozenset[str]) -> list[SpecimenRecording]:

@@ -197,7 +197,9 @@ def stocking_notices(fit: StockingFit) -> tuple[Notice, ...]:
     details = fit.details
     return (
         *_of_the_state(details),
-        *_of_the_search(fit),
+        *([Notice.of(StockingNotice.NOT_COMPARED, reason=details.problem)] if details.problem else []),
+        *of_search(fit.log),
+        *of_failed_solves(fit.log, "an equilibrium with the stocking"),
         *_of_the_stiffness(fit),
         *_of_the_scans(details),
         *_of_the_load(details),
@@ -230,13 +232,6 @@ def _of_the_state(details: StockingDetails) -> Iterator[Notice]:
             change=100 * found.changes[-1],
             tolerance=100 * EquilibriumSettings().tolerance,
         )
-
-
-def _of_the_search(fit: StockingFit) -> Iterator[Notice]:
-    if fit.details.problem:
-        yield Notice.of(StockingNotice.NOT_COMPARED, reason=fit.details.problem)
-    yield from of_search(fit.log)
-    yield from of_failed_solves(fit.log, "an equilibrium with the stocking")
 
 
 def _of_the_stiffness(fit: StockingFit) -> Iterator[Notice]:
