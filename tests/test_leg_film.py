@@ -40,7 +40,7 @@ def test_a_solve_s_states_show_the_cylinder_s_imprint(filmed):
     at = [state.displacement for state in pressed.states]
     assert at == sorted(at) and at[-1] == pytest.approx(DEPTH) and len(at) >= 2
     last, skin = pressed.states[-1], pressed.shape.points(SKIN)
-    cylinder, direction = pressed.posed.given, pressed.posed.pose.direction
+    cylinder, direction = pressed.indenter, pressed.pose.direction
     under = np.abs(skin - (pressed.touch + cylinder.radius * direction)).sum(axis=2)
     level, point = np.unravel_index(np.argmin(under), under.shape)
     inward = last.skin[level, point] @ direction
