@@ -16,7 +16,8 @@ from legfem.common.errors import InputError
 from legfem.data.recording import RecordedChannel
 from legfem.geometry.section import layer_thicknesses
 from legfem.inverse.catalogue import parameter_of
-from legfem.inverse.comparison import JointComparison, total_of
+from legfem.inverse.comparison import total_of
+from legfem.inverse.joint_comparison import JointComparison
 from legfem.inverse.outcome import Outcome
 from legfem.inverse.settings import IdentificationSettings
 from legfem.inverse.station_test import StationTest

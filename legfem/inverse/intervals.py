@@ -28,7 +28,6 @@ from scipy.special import stdtrit
 from legfem.common.units import FloatArray
 from legfem.inverse.least_squares import Residual, least_residual
 from legfem.inverse.parameter import Parameter
-from legfem.inverse.readings import Channel
 
 NUMERICAL_ERROR = 0.0025
 """Standard deviation of the forward model's error relative to its force. The convergence study
@@ -336,13 +335,6 @@ def by_third(third: NDArray[np.int_], after: NDArray[np.bool_]) -> Mapping[str, 
     """Return places of readings (n,) by the loading's third that they lie in; of those after it none."""
     found = {f"the {name} third of the depth": np.flatnonzero((third == k) & ~after) for k, name in enumerate(THIRDS)}
     return {name: places for name, places in found.items() if len(places) >= _FEWEST}
-
-
-def thirds_of(forces: Channel) -> Mapping[str, NDArray[np.int_]]:
-    """Return places of forces that are read over displacement, by the third of the depth; of others none."""
-    if forces.along != "displacement_mm":
-        return {}
-    return by_third(third_of(forces.station, float(forces.station.max())), np.zeros(len(forces), dtype=bool))
 
 
 def departure_of(

@@ -6,27 +6,24 @@ A `Problem` has tests, a model of all of them and unknowns by law; `fit` searche
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, is_dataclass, replace
-from functools import cached_property
+from dataclasses import asdict, is_dataclass, replace
 from types import MappingProxyType
 from typing import Any, Protocol
 
 import numpy as np
-from scipy.linalg import block_diag, solve_triangular
 
 from legfem.common.units import FloatArray, readable_unit
 from legfem.inverse import catalogue
-from legfem.inverse.comparison import Comparison, Covariances, JointComparison, Weighting, total_of
+from legfem.inverse.comparison import Comparison, Covariances, total_of
 from legfem.inverse.estimates import Estimate, Optimum, correlations_of, estimates
-from legfem.inverse.fit import EXACT, Cost, Fit, Goodness, OwnEstimate, r_squared
+from legfem.inverse.fit import Cost, Fit, Goodness, r_squared
 from legfem.inverse.intervals import NO_DEPARTURE, PartDeparture, departure_of
-from legfem.inverse.least_squares import polished, with_unit_errors
 from legfem.inverse.outcome import Forward, FullSolver
-from legfem.inverse.parameter import Domain, Parameter
+from legfem.inverse.parameter import Parameter
 from legfem.inverse.search import Search
 from legfem.inverse.searches import Found, Searches
 from legfem.inverse.settings import IdentificationSettings, SearchRequest
-from legfem.inverse.trial import CostMap, FullSolve, Linearised, SearchLog, Trial
+from legfem.inverse.trial import CostMap, FullSolve, SearchLog, Trial
 
 _MAP_SIZE = 81
 
@@ -170,7 +167,7 @@ def cost_of(found: Found[Any], per_length: float = math.nan) -> Cost:
     comparison, law = search.misfit, search.law
     value = float(comparison.cost(found.linear.prediction.values))
     measured = comparison.of_force(comparison.measured)
-    weighting = weighting_used(comparison)
+    weighting = comparison.weighting
     minimised = {
         "paper": "the sum itself (Eq. 12)",
         "covariance": "the sum weighted with the inverse covariance (dimensionless)",
@@ -185,11 +182,6 @@ def cost_of(found: Found[Any], per_length: float = math.nan) -> Cost:
         minimised_value=best.objective,
         minimised_unit="N2" if weighting == "paper" else "1",
     )
-
-
-def weighting_used(comparison: Comparison) -> Weighting:
-    """What the search minimised."""
-    return comparison.weighting if isinstance(comparison, JointComparison) else "covariance"
 
 
 def log_of(found: Found[Any], mapped: bool = True) -> SearchLog:
@@ -296,102 +288,3 @@ def prior_document(parameter: Parameter) -> dict[str, Any]:
         "normal_in": "logarithm" if prior.scale == "log" else "value",
         "source": prior.source,
     }
-
-
-@dataclass(frozen=True, eq=False)
-class SingleTests:
-    """What each test of a joint fit says by itself, and whether the tests agree.
-
-    The errors of all are known together, with what the tests share (the correction's error and the priors), so that
-    their differences are weighed by what differs.
-
-    Parameters
-    ----------
-    found : Found
-        The joint fit: p parameters, n readings and k priors.
-    covariance : (n, n) array
-        Of the readings' differences.
-    """
-
-    found: Found[JointComparison]
-    covariance: FloatArray
-
-    @cached_property
-    def _errors(self) -> FloatArray:
-        """Errors of readings and priors, (n + k, n + k)."""
-        return with_unit_errors(self.covariance, len(self.found.linear.law.priors))
-
-    @property
-    def _comparison(self) -> JointComparison:
-        return self.found.search.misfit
-
-    @property
-    def agreement(self) -> Goodness:
-        """Whether the tests ask for the same parameters, to first order.
-
-        That is by how much less is missed, in the readings' errors, where each test has parameters of its own.
-        """
-        if len(self._comparison.tests) < 2:
-            return EXACT
-        linear, spans = self.found.linear, self._comparison.spans
-        joint = linear.prediction.jacobian(linear.law.names)
-        # Stiffnesses differ in size by orders.
-        joint = joint / np.linalg.norm(joint, axis=0)
-        apart = block_diag(*(joint[span] for span in spans))
-        lower = np.linalg.cholesky(self.covariance)
-        left = solve_triangular(lower, linear.prediction.values - self._comparison.measured, lower=True)
-        missed = []
-        for by in (joint, apart):
-            whitened = solve_triangular(lower, by, lower=True)
-            step, _, rank, _ = np.linalg.lstsq(whitened, left)
-            missed.append((float(np.sum((left - whitened @ step) ** 2)), int(rank)))
-        (together, fewer), (each, more) = missed
-        return Goodness.of(together - each, more - fewer)
-
-    def _gain(self, number: int, alone: JointComparison) -> FloatArray:
-        """How a test's parameters follow readings and priors, (p, n + k)."""
-        linear, n, span = self.found.linear, len(self._comparison), self._comparison.spans[number]
-        own = Linearised(linear.law, alone, linear.prediction.part(span), linear.point).gain
-        gain = np.zeros((len(own), n + len(linear.law.priors)))
-        gain[:, span], gain[:, n:] = np.split(own, [span.stop - span.start], axis=1)
-        return gain
-
-    def goodness(self) -> list[Goodness]:
-        """How far each test is from all together, where these miss least in their errors."""
-        left, _ = self.found.linear.nearest(self.covariance)
-        return [
-            Goodness.of(float(left[span] @ np.linalg.solve(self.covariance[span, span], left[span])), len(left[span]))
-            for span in self._comparison.spans
-        ]
-
-    def by_itself(self) -> list[dict[str, OwnEstimate]]:
-        """Parameters as each test alone has them, on the emulator of the joint fit's solves; nothing of one test."""
-        joint, linear = self._comparison, self.found.linear
-        if len(joint.tests) < 2:
-            return [{}]
-        law = linear.law
-        emulated, domain = self.found.search.emulated(), Domain(law.parameters)
-        joint_gain = linear.gain
-        found = []
-        for number, span in enumerate(joint.spans):
-            alone = joint.alone(number)
-            gain = self._gain(number, alone)
-
-            def residual(genes: FloatArray, alone: JointComparison = alone, span: slice = span) -> FloatArray:
-                points = domain.values(genes)
-                values = emulated.values(points)[..., span]
-                return np.concatenate([alone.residual(values), law.priors.residual(points)], axis=-1)
-
-            at = domain.values(polished(residual, domain.genes(linear.point)))
-            error = np.sqrt(np.diag(gain @ self._errors @ gain.T))
-            apart = gain - joint_gain
-            of_difference = np.maximum(np.sqrt(np.diag(apart @ self._errors @ apart.T)), 1e-9 * error)
-            found.append(
-                {
-                    name: OwnEstimate(
-                        float(at[k]), float(error[k]), float((at[k] - linear.point[k]) / of_difference[k])
-                    )
-                    for k, name in enumerate(law.names)
-                }
-            )
-        return found

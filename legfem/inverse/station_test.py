@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from legfem.common.units import FloatArray
 from legfem.data.phases import LOADING
 from legfem.inverse.catalogue import Values, deep_stiffness
-from legfem.inverse.comparison import Covariances, ErrorSource, Mode, Prediction, Test
+from legfem.inverse.comparison import Covariances, ErrorSource, Mode, Prediction
 from legfem.inverse.ends import Correction, corrected, source_of_mode
 from legfem.inverse.errors import COMMON_GAIN, ErrorModel, error_model
 from legfem.inverse.intervals import by_third, third_of
@@ -61,7 +61,7 @@ class FittedStations(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class StationTest(Test):
+class StationTest:
     """Recordings of one site at their stations.
 
     Parameters

@@ -16,14 +16,15 @@ from legfem.common.wording import Argument, Remedy
 from legfem.data import LoadingCurve
 from legfem.inverse.accuracy import GEOMETRY_DOF, MATERIAL_DOF, MATERIAL_LOG_SD
 from legfem.inverse.catalogue import DEEP_D2, IdentifiedLaw, LawName, Values, deep_stiffness
-from legfem.inverse.comparison import Covariances, ErrorSource, JointComparison, Test, Weighting, total_of
+from legfem.inverse.comparison import Covariances, ErrorSource, Weighting, total_of
 from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.ends import Correction, corrected, source_of_mode
 from legfem.inverse.fit import LEAST_CHANCE, ChannelFit, Cost, Fit, Identity, TestFit, r_squared, versions
 from legfem.inverse.intervals import IDENTIFIABLE_WITHIN, NUMERICAL_ERROR, PRIOR_DOF, WEAKLY_WITHIN, effective_degrees
+from legfem.inverse.joint_comparison import JointComparison, SingleTests
 from legfem.inverse.outcome import Forward, JointForward
 from legfem.inverse.parameter import Parameter
-from legfem.inverse.problem import SingleTests, cost_of, goodness_of, held_values, log_of, optimum_of, search_settings
+from legfem.inverse.problem import cost_of, goodness_of, held_values, log_of, optimum_of, search_settings
 from legfem.inverse.readings import INSTRUMENT
 from legfem.inverse.search import Search
 from legfem.inverse.searches import Found
@@ -109,13 +110,12 @@ class LegProblem:
         about = best.values, near.linear.prediction.values
         return JointComparison(tuple(tests), weighting, about)
 
-    def _read_by(self, law: IdentifiedLaw, tests: Sequence[Test]) -> tuple[StationTest, ...]:
+    def _read_by(self, law: IdentifiedLaw, tests: Sequence[StationTest]) -> tuple[StationTest, ...]:
         """Return tests as the instrument shows them whose numbers a law has; several sites have one each."""
-        found = tuple(test for test in tests if isinstance(test, StationTest))
-        if len(found) > 1:
-            return found
+        if len(tests) > 1:
+            return tuple(tests)
         beyond = beyond_of(law.parameters, law.fixed)
-        return (replace(found[0], beyond=beyond, by_instrument=law.reads),)
+        return (replace(tests[0], beyond=beyond, by_instrument=law.reads),)
 
     @property
     def sensitivities(self) -> tuple[str, ...]:
@@ -133,7 +133,7 @@ class LegProblem:
         moved = replace(now, weighting=weighting)
         contacts = _contacts(moved, best)
         pairs = zip(now.tests, best.outcome.curves, contacts, strict=True)
-        tests = tuple(test.about(curve, best.values, at) for test, curve, at in pairs if isinstance(test, StationTest))
+        tests = tuple(test.about(curve, best.values, at) for test, curve, at in pairs)
         if weighting == now.weighting and all(
             _as_before(one, then) for one, then in zip(now.tests, tests, strict=True)
         ):
@@ -170,7 +170,7 @@ class LegProblem:
         )
         tests = tuple(self._test_fits(found, single))
         pairs = zip(comparison.tests, best.outcome.curves, strict=True)
-        stations = tuple(one.fitted(curve, best.values) for one, curve in pairs if isinstance(one, StationTest))
+        stations = tuple(one.fitted(curve, best.values) for one, curve in pairs)
         result = Fit(
             kind="leg",
             subject=Identity(self.leg.id, self.leg.title, self.leg.origin),
@@ -239,7 +239,6 @@ class LegProblem:
         )
         fits = []
         for test, span, curve, solved, goodness, own in every:
-            assert isinstance(test, StationTest)
             at, prediction = curve.displacement, found.linear.prediction.part(span)
             rates = {name: solved.sensitivity(name, at) for name in solved.sensitivities}
             force, by = corrected(test.correction, at, solved(at), rates, values)
@@ -258,12 +257,11 @@ def _contacts(comparison: JointComparison, near: Trial) -> list[FloatArray]:
     assert near.prediction is not None
     left = np.linalg.solve(comparison.weighing_covariance, near.prediction.values - comparison.measured)
     pairs = zip(comparison.tests, comparison.spans, strict=True)
-    return [test.contacts_of(left[span]) for test, span in pairs if isinstance(test, StationTest)]
+    return [test.contacts_of(left[span]) for test, span in pairs]
 
 
-def _as_before(one: Test, then: StationTest) -> bool:
+def _as_before(one: StationTest, then: StationTest) -> bool:
     """Whether contacts have stayed, and slopes are known from a fit."""
-    assert isinstance(one, StationTest)
     moved = np.abs(one.contacts - then.contacts)
     return one.slopes is not None and bool(np.all(moved <= _STAYS * then.contact_sd))
 
