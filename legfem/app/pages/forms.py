@@ -8,7 +8,7 @@ from typing import Any
 from nicegui import ui
 
 from legfem.app.description import Setting, Value, read_value, settings_of, shown_errors, with_channels, with_settings
-from legfem.app.pages.frame import refused, tag
+from legfem.app.pages.frame import attempt, hinted, refused, tag
 from legfem.app.runs import Run, seen
 from legfem.app.workspace import DESCRIPTIONS, description_of
 from legfem.common.documents import write_atomically
@@ -83,22 +83,11 @@ def _form(path: Path, settings: list[Setting]) -> None:
                     fields.append((setting, get, get()))
 
     def save() -> None:
-        try:
-            changed: dict[tuple[str, ...], Value] = {
-                one.key: typed_value(one, get()) for one, get, shown in fields if get() != shown
-            }
-            if not changed:
-                ui.notify("Nothing was changed.")
-                return
-            # Read anew: another tab may have changed other keys.
-            now = path.read_text(encoding="utf-8-sig")
-            write_atomically(path, with_settings(now, changed))
-        except InputError as error:
-            ui.notify(str(error), type="negative", multi_line=True)
-            return
-        ui.navigate.reload()
+        changed = {one.key: typed_value(one, get()) for one, get, shown in fields if get() != shown}
+        # Read anew: another tab may have changed other keys.
+        write_atomically(path, with_settings(path.read_text(encoding="utf-8-sig"), changed))
 
-    ui.button("Save", on_click=save)
+    ui.button("Save", on_click=lambda: attempt(save))
 
 
 def typed_value(setting: Setting, text: str) -> Value:
@@ -113,11 +102,9 @@ def setting_field(setting: Setting) -> Callable[[], str]:
     usual = "" if setting.default is None else f"{_written(setting.default)} by default"
     if setting.choices or setting.kind is bool:
         choices = {one: one or usual or "–" for one in ("", *(setting.choices or ("yes", "no")))}
-        chosen = ui.select(choices, value=now if now in choices else "", label=label)
-        chosen.props["hint"] = setting.help
+        chosen = hinted(ui.select(choices, value=now if now in choices else "", label=label), setting.help)
         return lambda: str(chosen.value or "")
-    typed = ui.input(label, value=now, placeholder=usual)
-    typed.props["hint"] = setting.help
+    typed = hinted(ui.input(label, value=now, placeholder=usual), setting.help)
     return lambda: str(typed.value or "").strip()
 
 
@@ -133,23 +120,17 @@ def _written(value: Value) -> str:
 
 def _text(path: Path, text: str) -> None:
     box = ui.textarea(value=text).props('autogrow outlined aria-label="text of the file"')
-    box.props["hint"] = "the whole file, with keys that no field above has"
-    box.classes("full mono")
+    hinted(box, "the whole file, with keys that no field above has").classes("full mono")
 
     def save() -> None:
-        now = path.read_text(encoding="utf-8-sig") if path.exists() else text
-        if now != text:
-            ui.notify("the file was changed elsewhere: copy your text, and load the page again", type="negative")
-            return
-        try:
-            settings_of(DESCRIPTIONS[path.name], box.value)
-        except InputError as error:
-            ui.notify(str(error), type="negative", multi_line=True)
-            return
+        if path.exists() and path.read_text(encoding="utf-8-sig") != text:
+            raise InputError(
+                path.name, "text", "the file was changed elsewhere", "copy your text, and load the page again"
+            )
+        settings_of(DESCRIPTIONS[path.name], box.value)
         write_atomically(path, box.value)
-        ui.navigate.reload()
 
-    ui.button("Save the text", on_click=save).props("outline")
+    ui.button("Save the text", on_click=lambda: attempt(save)).props("outline")
 
 
 _SIGNS = {1: "as it is", -1: "reversed (-1)"}
@@ -186,7 +167,7 @@ def column_fields(first: dict[str, Any]) -> Callable[[], SourceColumns]:
     sheets = list(dict.fromkeys(one["sheet"] for one in first["columns"]))
     now = first["channels"] or {}
     sheet = ui.select(sheets, value=now.get("sheet") or sheets[0], label="table")
-    sheet.props["hint"] = "the file's table that has the recording"
+    hinted(sheet, "the file's table that has the recording")
     sheet.set_visibility(len(sheets) > 1)
     names = {one["name"]: one["unit"] for one in first["columns"]}
     chosen: dict[str, tuple[ui.select, ui.input, ui.select | None]] = {}
@@ -194,14 +175,13 @@ def column_fields(first: dict[str, Any]) -> Callable[[], SourceColumns]:
         known = now.get(quantity) or {}
         with ui.element("fieldset"), ui.element("div").classes("fields"):
             column = ui.select(list(names), value=known.get("column"), label=f"{quantity}: column")
-            column.props["hint"] = f"the file's column with the {quantity}"
-            unit = ui.input(f"{quantity}: unit", value=known.get("unit") or "")
-            unit.props["hint"] = _UNIT_HINTS[quantity]
+            hinted(column, f"the file's column with the {quantity}")
+            unit = hinted(ui.input(f"{quantity}: unit", value=known.get("unit") or ""), _UNIT_HINTS[quantity])
             column.on_value_change(lambda event, box=unit: box.set_value(names.get(event.value)))
             sign = None
             if quantity != "time":
                 sign = ui.select(_SIGNS, value=known.get("sign", 1), label=f"{quantity}: direction")
-                sign.props["hint"] = "reversed if the numbers fall while the indenter presses"
+                hinted(sign, "reversed if the numbers fall while the indenter presses")
             chosen[quantity] = column, unit, sign
 
     def channel(quantity: str) -> SourceColumn:
@@ -222,14 +202,8 @@ def _choice(folder: Path, first: dict[str, Any]) -> None:
 
     def save(use: bool) -> None:
         path = folder / str(description_of(folder))
-        try:
-            text = with_channels(path.read_text(encoding="utf-8-sig"), columns() if use else None)
-        except InputError as error:
-            ui.notify(str(error), type="negative", multi_line=True)
-            return
-        write_atomically(path, text)
-        ui.navigate.reload()
+        write_atomically(path, with_channels(path.read_text(encoding="utf-8-sig"), columns() if use else None))
 
     with ui.element("div").classes("inrow"):
-        ui.button("Use these columns", on_click=lambda: save(True))
-        ui.button("The files have legfem's own columns", on_click=lambda: save(False)).props("outline")
+        ui.button("Use these columns", on_click=lambda: attempt(lambda: save(True)))
+        ui.button("The files have legfem's own columns", on_click=lambda: attempt(lambda: save(False))).props("outline")

@@ -2,7 +2,7 @@
 
 import time
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from urllib.parse import quote
 
@@ -11,6 +11,7 @@ from nicegui.elements.mixins.text_element import TextElement
 
 from legfem.app.runs import RunState, begin_all
 from legfem.app.workspace import Workspace, description_of
+from legfem.common.errors import InputError
 
 # NiceGUI's page doesn't say its language, without which it can't be read aloud.
 _HEAD = (
@@ -23,6 +24,25 @@ _HEAD = (
 def tag(name: str, text: str, classes: str = "") -> TextElement:
     """Put an HTML element that holds a text."""
     return TextElement(tag=name, text=text).classes(classes)
+
+
+def hinted[Field: ui.element](field: Field, hint: str) -> Field:
+    """Return a field with what is said beneath it."""
+    field.props["hint"] = hint
+    return field
+
+
+def attempt(change: Callable[[], str | None]) -> None:
+    """Change something, and go to the address that this returns, or load the page anew; say what is wrong."""
+    try:
+        address = change()
+    except InputError as error:
+        ui.notify(str(error), type="negative", multi_line=True)
+        return
+    if address is None:
+        ui.navigate.reload()
+    else:
+        ui.navigate.to(address)
 
 
 @contextmanager

@@ -11,10 +11,12 @@ from legfem.app.pages.forms import columns_tab, settings_tab
 from legfem.app.pages.frame import (
     ASK,
     ask,
+    attempt,
     chip,
     command,
     drop_zone,
     framed,
+    hinted,
     page_after_deletion,
     page_of,
     refused,
@@ -61,10 +63,9 @@ def _command_form(workspace: Workspace, name: str, action: Action) -> None:
                     )
                 else:
                     box = ui.number(choice.label, placeholder="by default")
-                box.props["hint"] = choice.help
-                boxes[choice.option] = box
+                boxes[choice.option] = hinted(box, choice.help)
             more = ui.input("more options", placeholder="as on the command line")
-            more.props["hint"] = f"legfem {action.name} --help lists them"
+            hinted(more, f"legfem {action.name} --help lists them")
 
         def options(run: str) -> list[str]:
             chosen = {
@@ -265,16 +266,7 @@ def _files_tab(workspace: Workspace, name: str) -> None:
                 tag("span", f"{path.stat().st_size / 1000:,.0f} kB", "quiet")
     drop_zone("Drop more files here; a file of the same name replaces the old one.", name)
     tag("p", f"These files are in {folder}.", "quiet")
-    called = ui.input("name", value=name)
-    called.props["hint"] = "for Rename and Duplicate"
-
-    def changed(change: Callable[[], str]) -> None:
-        try:
-            to = change()
-        except InputError as error:
-            ui.notify(str(error), type="negative", multi_line=True)
-            return
-        ui.navigate.to(to)
+    called = hinted(ui.input("name", value=name), "for Rename and Duplicate")
 
     def delete() -> str:
         check_idle(workspace, name)
@@ -286,5 +278,5 @@ def _files_tab(workspace: Workspace, name: str) -> None:
             ("Duplicate", lambda: page_of("input", workspace.copied(folder, called.value))),
             ("Delete", delete),
         ):
-            ui.button(text, on_click=lambda change=change: changed(change)).props("outline dense")
+            ui.button(text, on_click=lambda change=change: attempt(change)).props("outline dense")
         tag("span", "What is deleted can be put back on the first page.", "quiet")

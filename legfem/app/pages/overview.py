@@ -7,7 +7,7 @@ from pathlib import Path
 from nicegui import ui
 
 from legfem.app.outcomes import RunResult, answers_of, relative_difference, sentence_of
-from legfem.app.pages.frame import chip, drop_zone, framed, page_of, tag, when
+from legfem.app.pages.frame import chip, drop_zone, framed, hinted, page_of, tag, when
 from legfem.app.pages.run import address
 from legfem.app.runs import EVERY, Run, runs_of
 from legfem.app.workspace import Workspace, description_of, files_of
@@ -154,7 +154,7 @@ def _differences(rows: list[RunResult]) -> None:
     """Put the table of results, with differences of C10 from a chosen one."""
     known = {f"{row.run} {row.law}".strip(): row.c10_ends for row in rows if row.c10_ends is not None}
     chosen = ui.select(list(known), value=next(iter(known), None), label="compare all results with")
-    chosen.props["hint"] = "differences of C10 are from this result"
+    hinted(chosen, "differences of C10 are from this result")
     chosen.set_visibility(len(known) > 1)
     place = ui.element("div")
 
@@ -233,7 +233,7 @@ def _row(row: RunResult, reference: tuple[float, float, float] | None) -> None:
 def _one(reports: dict[str, Run], first: str) -> None:
     with ui.element("div"):
         chosen = ui.select(list(reports), value=first, label="report of").classes("full")
-        chosen.props["hint"] = "the run whose report is shown beneath"
+        hinted(chosen, "the run whose report is shown beneath")
         shown = ui.element("div")
 
         def draw() -> None:

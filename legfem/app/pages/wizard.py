@@ -2,7 +2,6 @@
 
 import tomllib
 from collections.abc import Callable, Mapping
-from html import escape
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,7 +14,7 @@ from nicegui.events import GenericEventArguments
 
 from legfem.app.description import FASCIA_MM, Setting, Value, contours_in, describe, is_contours, known_tests, scans_in
 from legfem.app.pages.forms import column_fields, first_readable, setting_field, typed_value
-from legfem.app.pages.frame import ASK, ask, refused, tag, wanting
+from legfem.app.pages.frame import ASK, ask, hinted, refused, tag, wanting
 from legfem.app.runs import Run
 from legfem.app.workspace import Workspace, files_of, is_scan, may_be_recording
 from legfem.common.documents import write_atomically
@@ -170,7 +169,7 @@ def _numbers(boxes: Mapping[tuple[str, ...], ui.number]) -> Stated:
 
 
 def _number(label: str, help: str, value: float | None = None) -> ui.number:
-    return ui.number(label, value=value).props(f'hint="{escape(help)}"')
+    return hinted(ui.number(label, value=value), help)
 
 
 def _pressed(folder: Path, sources: list[str], lab: Mapping[str, Any]) -> Read:
@@ -193,7 +192,7 @@ def _pressed(folder: Path, sources: list[str], lab: Mapping[str, Any]) -> Read:
     rig = lab.get("indenter", {})
     with ui.element("div").classes("fields"):
         shape = ui.select(_SHAPES, value=rig.get("shape", "cylinder"), label="what pressed it")
-        shape.props["hint"] = "the part that touches the skin"
+        hinted(shape, "the part that touches the skin")
         put("indenter", "diameter_mm", "of the cylinder, ball or punch", rig.get("diameter_mm"))
         put("indenter", "length_mm", "along its axis", rig.get("length_mm"))
         axis = _number("cylinder turned by (degrees)", "0 along the leg, 90 across", 0.0)
@@ -227,7 +226,7 @@ def _aimed(folder: Path, sources: list[str], place: Stated) -> None:
     """Put a section that is clicked where it was pressed; ``place`` takes aim, direction, level and source."""
     with ui.element("div").classes("fields"):
         chosen = ui.select(sources, value=sources[0], label="contours, or a scan")
-        chosen.props["hint"] = "the file with the outlines of the leg"
+        hinted(chosen, "the file with the outlines of the leg")
         level = _number("level to cut a scan at (mm)", "in the scan's coordinates; Enter cuts it")
         chosen.set_visibility(len(sources) > 1)
         level.bind_visibility_from(chosen, "value", lambda value: is_scan(folder / value))
@@ -326,9 +325,9 @@ def _dressed(scans: list[str]) -> Read:
         bare = ui.select(scans, value=scans[0], label="scan of the bare leg")
         other = ui.select(["", *scans], value=scans[1] if len(scans) > 1 else "", label="in its stocking")
         strength = ui.select(["1", "2", "3", "4"], value="2", label="class (RAL-GZ 387/1)")
-        bare.props["hint"] = "the file of the scan without the stocking"
-        other.props["hint"] = "leave it empty to predict pressures only"
-        strength.props["hint"] = "the compression class on the package"
+        hinted(bare, "the file of the scan without the stocking")
+        hinted(other, "leave it empty to predict pressures only")
+        hinted(strength, "the compression class on the package")
     return lambda: {
         ("bare", "scan"): bare.value,
         ("compressed", "scan"): other.value or None,
@@ -340,7 +339,7 @@ def _tested() -> Read:
     tag("h2", "What was done to them?")
     with ui.element("div").classes("fields"):
         chosen = ui.select(_TESTS, value=next(iter(_TESTS)), label="what was done")
-        chosen.props["hint"] = "the kind of test; its sizes are asked for below"
+        hinted(chosen, "the kind of test; its sizes are asked for below")
     fields: dict[str, list[tuple[Setting, Callable[[], str]]]] = {}
     for test, settings in known_tests().items():
         with ui.element("div").classes("fields") as shown:

@@ -7,16 +7,15 @@ takes a tenth of the time. P is a ratio of two forces on the same grid, so that 
 error cancels in it, and again in the difference of two coarse ones.
 """
 
-import platform
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from itertools import product
 from pathlib import Path
 
-import dolfinx
 import numpy as np
 from mpi4py import MPI
 
+from legfem.common.documents import versions_of
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray, kpa_to_mpa
@@ -178,13 +177,8 @@ def _description(
         "balance_of_forces": outcomes[0].balance,
         "factorisations": sum(outcome.factorisations for outcome in outcomes),
         "processor_seconds": round(sum(outcome.seconds for outcome in outcomes), 1),
-        "versions": versions(),
+        "versions": versions_of("dolfinx", "python"),
     }
-
-
-def versions() -> dict[str, str]:
-    """Return those of the programs that calibrate."""
-    return {"dolfinx": dolfinx.__version__, "python": platform.python_version()}
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from legfem.common.documents import Cells, column_cells, json_types, write_atomically, write_document
+from legfem.common.documents import Cells, column_cells, json_types, versions_of, write_atomically, write_document
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import FloatArray, mpa_to_kpa
@@ -27,7 +27,6 @@ from legfem.report.render import rendered, table
 from legfem.report.style import save
 from legfem.report.words import DataKind
 from legfem.solve.path import ForceCurve
-from legfem.study.correction.calibration import versions
 from legfem.study.correction.page import SHOWN
 
 DOCUMENT = "leg.json"
@@ -189,7 +188,7 @@ def _document(found: LegAndTable) -> dict[str, Any]:
             "table_P_sd": found.table.standard_deviation(found.displacement),
             "factorisations": outcome.factorisations,
             "seconds": outcome.seconds,
-            "versions": versions(),
+            "versions": versions_of("dolfinx", "python"),
         }
     )
     return document
@@ -233,6 +232,6 @@ def _page(found: LegAndTable, curves: Curves, cells: Cells) -> web.WebPage:
             web.Chapter("How sure", [web.Prose(_HOW_SURE)]),
             web.Chapter("What could not be tested", [web.Bullets(_NOT_TESTED)]),
         ],
-        repeat=web.Repeat(web.command_line(), versions()),
+        repeat=web.Repeat(web.command_line(), versions_of("dolfinx", "python")),
         data=DataKind("simulated data", "this leg's shape; nothing was pressed"),
     )

@@ -4,13 +4,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from legfem.common.documents import Cells, column_cells, row_cells
+from legfem.common.documents import Cells, column_cells, row_cells, versions_of
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.inverse.correction import DEFINITION
 from legfem.report import page as web
 from legfem.report.curves import Curves, Dash, Line
 from legfem.report.words import DataKind
-from legfem.study.correction.calibration import Calibrated, Calibration, versions
+from legfem.study.correction.calibration import Calibrated, Calibration
 
 SHOWN = np.array([2.5, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0])
 """Depths of the tables, mm."""
@@ -119,7 +119,7 @@ def correction_web_page(given: Calibration, found: Calibrated, trends: Trend, co
             web.Chapter("What could not be tested", [web.Bullets(_NOT_TESTED)]),
             web.Chapter("What to do next", [web.Bullets(_next())]),
         ],
-        repeat=web.Repeat(command, versions()),
+        repeat=web.Repeat(command, versions_of("dolfinx", "python")),
         data=DataKind("simulated data", "an idealised leg; no leg was measured"),
     )
 
