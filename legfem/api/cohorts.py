@@ -178,7 +178,7 @@ def cohort(
     cells : int, optional
         As `legfem.stocking` takes it.
     seed : int, optional
-        Of searches or draws.
+        Seed of searches or draws.
     out : str or Path
         Folder for results and for what is done so far.
     on : {"local", "mpi", "dask"}
@@ -240,8 +240,8 @@ def cohort(
 
 def _check_apart(out: Path, members: Members) -> None:
     """Refuse a folder of results in which the study's own table would be written over, or theirs read for it."""
-    own = {members.folder.resolve()} | ({members.table.resolve().parent} if members.table is not None else set())
-    if out.resolve() in own:
+    taken = {members.folder.resolve()} | ({members.table.resolve().parent} if members.table is not None else set())
+    if out.resolve() in taken:
         raise InputError(
             Argument("out"),
             str(out),
@@ -418,8 +418,8 @@ def _shape(leg: Subject) -> Shape:
     way = leg.indenter.direction
     centres = {name: np.array(leg.section.polygon(name).centroid.coords[0]) for name in ("tibia", "fibula")}
     apart = centres["fibula"] - centres["tibia"]
-    beside = float(way[1] * apart[0] - way[0] * apart[1])
-    return Shape(fat, girth(leg.section), beside)
+    offset = float(way[1] * apart[0] - way[0] * apart[1])
+    return Shape(fat, girth(leg.section), offset)
 
 
 def _recordings(given: Subject | SitedLeg | SpecimenFolder) -> dict[str, str]:

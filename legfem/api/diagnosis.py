@@ -145,7 +145,7 @@ def diagnose(
     correction : str or Path, optional
         File of the 3D correction behind ``end-effects``; that of legfem without it.
     seed : int
-        Of the draws behind p-values.
+        Seed of the draws behind p-values.
     out : str or Path, optional
         Folder into which specimens' reports are written as each is diagnosed; `write` then has nothing left to do.
     jobs : int
@@ -153,9 +153,9 @@ def diagnose(
     progress : bool
         Whether to print what is being done.
     specimens : sequence of str
-        Of a folder of specimens those to diagnose; all without any.
+        Names of those to diagnose, of a folder of specimens; all without any.
     site : str
-        Of a leg with several ``[[site]]`` which: a diagnosis takes one.
+        Name of the one to take, of a leg with several ``[[site]]``.
     prior : sequence of str
         What is known of the leg's C10 beforehand, as of `legfem.identify`: ``"deep.C10=cohort/population.json"``.
 

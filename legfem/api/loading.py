@@ -193,7 +193,7 @@ def load_subject(subject: Given, site: str = "") -> Subject:
     subject : str or Path
         Id of a subject that comes with legfem (``"1"`` to ``"4"``), or the path of a folder.
     site : str
-        Of a leg with several ``[[site]]`` which; `load_sites` loads all.
+        Name of the one to load, of a leg with several ``[[site]]``; `load_sites` loads all.
 
     Raises
     ------

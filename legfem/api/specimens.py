@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 from legfem.api import loading
 from legfem.api.asked import AskedParameters
 from legfem.api.results import Identification, Result
-from legfem.common.errors import InputError
 from legfem.common.progress import Progress, progress_on
 from legfem.inverse.settings import SearchRequest
 from legfem.inverse.verdict import Diagnosis
@@ -115,7 +114,7 @@ class DiagnosedFolder(Result):
         for one in self.specimens:
             if one.diagnosis is not None:
                 return one, one.diagnosis
-        raise _problem_of(self.specimens)
+        raise next(one.problem for one in self.specimens if one.problem is not None)
 
     def _page(self) -> WebPage:
         """Return that of the first diagnosed specimen; each has one of its own."""
@@ -130,10 +129,6 @@ class DiagnosedFolder(Result):
             if one.diagnosis
             for row in parameter_rows(one.diagnosis)
         )
-
-
-def _problem_of(specimens: Sequence[DiagnosedSpecimen]) -> InputError:
-    return next(one.problem for one in specimens if one.problem is not None)
 
 
 def diagnose_folder(

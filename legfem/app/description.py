@@ -37,7 +37,7 @@ class Setting:
     key : tuple of str
         Tables and key.
     kind : type
-        Of the value: ``float``, ``str``, ``bool``, or ``list`` for a point's coordinates.
+        The value's: ``float``, ``str``, ``bool``, or ``list`` for a point's coordinates.
     choices : tuple of str
         What a text may be; empty for any.
     value : Value

@@ -63,8 +63,8 @@ class Guard:
             await _refused("no token: open the address that legfem printed when it was started", scope, receive, send)
 
     def _foreign(self, headers: Headers) -> str:
-        own = {f"{name}:{self.port}" for name in (ADDRESS, "localhost")}
-        if headers.get("host") not in own:
+        hosts = {f"{name}:{self.port}" for name in (ADDRESS, "localhost")}
+        if headers.get("host") not in hosts:
             return "the Host header isn't this server's"
         origin = headers.get("origin")
         if origin is not None and origin != f"http://{headers['host']}":

@@ -244,7 +244,7 @@ class Action:
     Parameters
     ----------
     name : str
-        Of the command.
+        The command's.
     folder : str
         The option that takes the folder.
     does : str

@@ -168,9 +168,9 @@ class Workspace:
 
     def delete(self, kind: str, name: str) -> str:
         """Put an input or a run aside, from where `put_back` takes it; return its name there."""
-        aside = self.folder / "deleted" / kind
-        aside.mkdir(parents=True, exist_ok=True)
-        now = aside / _free(aside, name)
+        deleted = self.folder / "deleted" / kind
+        deleted.mkdir(parents=True, exist_ok=True)
+        now = deleted / _free(deleted, name)
         _existing(self.folder / kind, name).replace(now)
         os.utime(now)  # what was deleted last stands first
         return now.name

@@ -258,7 +258,7 @@ def remedy_for_missing[Otherwise](path: Path, otherwise: Otherwise) -> str | Oth
     Parameters
     ----------
     path : Path
-        Of what is missing.
+        Where it should be.
     otherwise : str or Remedy
         What to do where there is no such file.
     """

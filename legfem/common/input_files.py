@@ -370,7 +370,7 @@ def why_no_toml(text: str, error: ValueError) -> tuple[str, str]:
     text : str
         The whole file's.
     error : ValueError
-        Of ``tomllib``.
+        What ``tomllib`` raised.
     """
     lines = text.splitlines()
     place = _LINE.search(str(error))

@@ -16,7 +16,7 @@ def holm(p_values: Sequence[float] | FloatArray) -> FloatArray:
     Parameters
     ----------
     p_values
-        Of single tests, (n,).
+        p-values of single tests, (n,).
     """
     given = np.asarray(p_values, dtype=float)
     order = np.argsort(given)

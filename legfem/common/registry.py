@@ -25,7 +25,7 @@ def registered(folder: ModuleType, base: Any, group: str) -> list[Any]:
     folder : module
         Package whose modules count; what one of them imports doesn't, nor what is abstract.
     base : type
-        Of which the classes are subclasses; it may be abstract.
+        Base of the classes; it may be abstract.
     group : str
         Entry point group of other packages: each entry makes such an instance. A fault of theirs costs itself only.
     """

@@ -44,7 +44,7 @@ def main(folder: Path, lock: int) -> None:
     Parameters
     ----------
     folder : Path
-        Of the run.
+        The run's.
     lock : int
         Descriptor of its lock file, locked; what the command starts holds it too.
     """

@@ -194,9 +194,9 @@ class LegTable:
     depth
         From the skin to the bone, over the radius.
     c10_kPa, stiffening
-        Of the materials; see `legfem.inverse.correction`.
+        Axes of the materials; see `legfem.inverse.correction`.
     checked_radius, checked_depth, checked_c10_kPa, checked_stiffening
-        Of the leg that lies between the table's points.
+        Sizes and material of a leg that lies between the table's points.
     fat, fascia
         Thickness in the leg with layers (mm).
     """

@@ -85,7 +85,7 @@ def run(options: DoeOptions, comm: Any, simulator: Simulator | None = None) -> l
     Returns
     -------
     list of StudyResult
-        Of every definition; empty on other ranks.
+        One a definition; empty on other ranks.
     """
     with leading(comm) as first:
         if not first:
@@ -153,9 +153,9 @@ def study_web_page(result: StudyResult, seed: int, command: str) -> web.WebPage:
     Parameters
     ----------
     result
-        Of the study.
+        What the study found.
     seed
-        Of the emulator's points.
+        Seed of the emulator's points.
     command
         That does it again.
     """
