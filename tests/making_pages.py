@@ -165,8 +165,7 @@ def calibrated() -> tuple[Calibration, Calibrated]:
     plane = ForceCurve(d, d + 0.02 * d**3)
     spatial = ForceCurve(d, (1 - level) * (d + 0.02 * d**3))
     outcomes = tuple(
-        CaseOutcome(spatial, plane, True, 20.0, unknowns, 40, 0, False, 50, 1.0, 1e-12)
-        for unknowns in (4000, 3000, 2000)
+        CaseOutcome(spatial, plane, True, 20.0, unknowns, False, 50, 1.0, 1e-12) for unknowns in (4000, 3000, 2000)
     )
     correction = TabulatedCorrection(
         "idealised leg 120 mm long",

@@ -111,10 +111,6 @@ class CaseOutcome:
     reached: float
     """Displacement (mm) that both reached."""
     unknowns: int
-    steps: int
-    """Steps of the 3D model."""
-    rejected: int
-    """Steps of the 3D model that were tried again."""
     softened: bool
     """Whether a contact had to be softened to get there."""
     factorisations: int
@@ -155,8 +151,6 @@ def solve_case(case: CorrectionCase, comm: MPI.Intracomm = MPI.COMM_SELF, keep_i
         plane.report.complete and spatial.report.complete,
         min(plane.curve.depth, spatial.curve.depth),
         spatial.report.unknowns,
-        len(spatial.report.steps),
-        spatial.report.rejected,
         any(solved.report.contact_stiffness_factor < 1 for solved in (plane, spatial)),
         spatial.report.factorisations,
         time.process_time() - started,

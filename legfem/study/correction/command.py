@@ -101,7 +101,7 @@ def _as_far_as_it_came(case: CorrectionCase, outcome: CaseOutcome) -> FloatArray
 
 
 def _write(given: Calibration, found: Calibrated, studied: Trend, out: Path, trends: bool) -> None:
-    page, displacement = correction_web_page(given, found, studied, command_line()), given.reference.displacement
+    page, displacement = correction_web_page(given, found, studied, command_line()), found.correction.displacement
     print(brief(page, (DEPENDS_ON, HOW_SURE) if trends else (HOW_SURE,)))
     write_atomically(out / PAGE, rendered(page))
     print(f"page: {out / PAGE}")

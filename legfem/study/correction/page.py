@@ -96,6 +96,11 @@ def correction_web_page(given: Calibration, found: Calibrated, trends: Trend, co
     command
         That was given; empty where there was none.
     """
+    grid = found.correction.displacement
+    tables = [
+        web.WebTable(f"P against the {name}", *trend_cells(name, grid, curves), folded=True)
+        for name, curves in trends.items()
+    ]
     return web.WebPage(
         title="How much do a cylinder's ends change the force on a leg?",
         subject=found.correction.name,
@@ -105,9 +110,7 @@ def correction_web_page(given: Calibration, found: Calibrated, trends: Trend, co
         known=_known(given, found),
         chapters=[
             web.Chapter("The correction", [_correction(given, found)]),
-            web.Chapter(
-                DEPENDS_ON, [*trend_curves(given.reference.displacement, trends), *_trend_tables(given, trends)]
-            ),
+            web.Chapter(DEPENDS_ON, [*trend_curves(grid, trends), *tables]),
             web.Chapter(
                 HOW_SURE,
                 [
@@ -255,11 +258,4 @@ def trend_curves(displacement: FloatArray, trends: Trend) -> list[Curves]:
             ],
         )
         for number, (name, curves) in enumerate(trends.items())
-    ]
-
-
-def _trend_tables(given: Calibration, trends: Trend) -> list[web.WebTable]:
-    return [
-        web.WebTable(f"P against the {name}", *trend_cells(name, given.reference.displacement, curves), folded=True)
-        for name, curves in trends.items()
     ]

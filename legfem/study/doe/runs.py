@@ -67,7 +67,6 @@ class Record:
     seconds: float = 0.0
     factorisations: int = 0
     contact_stiffness_factor: float = 1.0
-    unknowns: int = 0
     sensitivities: Mapping[str, FloatArray] = field(default_factory=dict)
     """Derivatives of the force per length by parameters in the model's units."""
 
@@ -147,7 +146,6 @@ class PlaneStrainSimulator:
             report.seconds + sum(before.seconds for before in report.earlier_attempts),
             report.factorisations,
             report.contact_stiffness_factor,
-            report.unknowns,
             {name: values / length for name, values in curve.sensitivities.items()},
         )
 

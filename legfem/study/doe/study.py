@@ -100,11 +100,6 @@ class EmulatorError:
     relative: float
     """rms over the standard deviation of the simulations."""
 
-    @property
-    def explained(self) -> float:
-        """Share of the simulations' variance that the emulator explains."""
-        return 1 - self.relative**2
-
 
 def emulator_error(emulator: MetricEmulator, at: FloatArray, values: FloatArray) -> EmulatorError:
     """Return the error at simulated points (n, k)."""
@@ -225,11 +220,6 @@ class StudyResult:
     def failed(self) -> list[int]:
         """Numbers of the runs that stopped short."""
         return [k + 1 for k, record in enumerate(self.records) if not record.complete]
-
-    @property
-    def whose(self) -> tuple[str, str]:
-        """Leg and origin of the forces, for a figure's title."""
-        return f"section of subject {self.subject.id} ({self.subject.origin})", "simulated"
 
     def largest_share(self) -> tuple[Factor, float, Metric]:
         """Factor that makes most of the last metric: the slope in the deepest window."""
