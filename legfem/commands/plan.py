@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from legfem.commands.options import Jobs, Site, Subject, SubjectDir, finish, passed, results_folder
+from legfem.commands.options import Jobs, Site, Subject, SubjectDir, finish, results_folder
 from legfem.common.command_line import AsJson, FiniteNumbers, Quiet, parallel_context
 from legfem.legs.schema import SUBJECTS
 
@@ -14,7 +14,6 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_mar
 
 @app.command(cls=FiniteNumbers)
 def plan(
-    context: typer.Context,
     subject: Subject = None,
     subject_dir: SubjectDir = None,
     site: Site = None,
@@ -48,6 +47,6 @@ def plan(
         leg = load_subject(directory, need_recordings=False, need_instrument=False, site=site or "")
         folder = results_folder(out, "plan", leg.id)
         found = plan_in_full(
-            leg, **passed(context, "c10", "c20", "depth", "rate", "library"), jobs=processes, progress=not quiet
+            leg, c10=c10, c20=c20, depth=depth, rate=rate, library=library, jobs=processes, progress=not quiet
         )
         finish(found, folder, PLAN, quiet, as_json, found.summary())
