@@ -72,7 +72,7 @@ from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking
 from legfem.stockings.identification import StockingSettings, identify_in_stocking
 from legfem.stockings.leg import StockingLeg, default_veins
 from legfem.study.correction.calibration import Calibrated, Calibration
-from legfem.study.correction.cases import CaseOutcome
+from legfem.study.correction.cases import CaseOutcome, CorrectionCase
 from legfem.study.correction.page import correction_web_page
 from legfem.study.doe.command import study_web_page
 from legfem.study.doe.design import read_definition
@@ -175,7 +175,7 @@ def calibrated() -> tuple[Calibration, Calibrated]:
         np.array([[level], [level + 0.05]]),
         {"mesh": np.full(41, 0.01)},
     )
-    return Calibration(c10_kPa=(2.0, 5.0), stiffening=(0.0,)), Calibrated(correction, outcomes, outcomes)
+    return Calibration(CorrectionCase(depth=20.0), (2.0, 5.0), (0.0,)), Calibrated(correction, outcomes, outcomes)
 
 
 def corrected(folder: Path) -> WebPage:
