@@ -42,8 +42,11 @@ def rig_steps(known: Mapping[str, Member], rows: Sequence[Row]) -> Iterator[tupl
         if when is not None and one is not None and one.value > 0:
             side, rig = (str(member.given.get(name, "")) for name in ("side", "rig"))
             by_rig[rig].append(_Test(when.toordinal(), member.person, side, member.group, float(np.log(one.value))))
-    steps = {rig: _step_of(_visits(tests)) for rig, tests in by_rig.items()}
-    seen = [(rig, step) for rig, step in steps.items() if step is not None]
+    seen = []
+    for rig, tests in by_rig.items():
+        days, people, groups, values = zip(*((v.day, v.person, v.group, v.value) for v in _visits(tests)), strict=True)
+        step = largest_step(np.array(days, dtype=np.float64), np.array(people), np.array(groups), np.array(values))
+        seen += [] if step is None else [(rig, step)]
     for rig, step in seen:
         if step.p_value * len(seen) <= _DRIFTS:
             yield rig, step
@@ -94,15 +97,6 @@ class DriftStep:
     after: int
     within: bool
     """Whether it is seen in people who came before and after."""
-
-
-def _step_of(visits: Sequence[_Test]) -> DriftStep | None:
-    return largest_step(
-        np.array([visit.day for visit in visits], dtype=np.float64),
-        np.array([visit.person for visit in visits]),
-        np.array([visit.group for visit in visits]),
-        np.array([visit.value for visit in visits]),
-    )
 
 
 def largest_step(days: FloatArray, person: np.ndarray, group: np.ndarray, values: FloatArray) -> DriftStep | None:

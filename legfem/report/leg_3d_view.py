@@ -99,11 +99,14 @@ def turned_leg(
         if part == SKIN:
             entry["fields"] = [_field(field, step) for field in fields]
         parts.append(entry)
+    reach = float(np.abs(shape.points(SKIN) - centre)[..., :2].max())
     if tool is not None:
         entry = _part(_TOOL, tool.points - centre)
         moves = np.broadcast_to(tool.moves[:, None, None], (len(tool.moves), *tool.points.shape))
         parts.append({**entry, "moves": packed(moves / _MOVE, "<i2")})
-    reach = max(float(np.abs(shape.points(SKIN) - centre)[..., :2].max()), _reach(tool, centre))
+        # How far to the side it is seen in its last state, at most (mm).
+        last = tool.points + tool.moves[-1] - centre
+        reach = max(reach, float(np.linalg.norm(last[..., :2], axis=-1).max()))
     content = {
         "parts": parts,
         "mm_a_count": [_PLACE, _MOVE],
@@ -129,14 +132,6 @@ def _part(name: str, points: FloatArray) -> dict[str, object]:
         "moves": None,
         "colour": colours.get(name, BONE_COLOUR),
     }
-
-
-def _reach(tool: Tool | None, centre: FloatArray) -> float:
-    """Return how far to the side a tool is seen in its last state, at most (mm)."""
-    if tool is None:
-        return 0.0
-    there = tool.points + tool.moves[-1] - centre
-    return float(np.linalg.norm(there[..., :2], axis=-1).max())
 
 
 def _field(field: SkinField, step: int) -> dict[str, object]:

@@ -151,6 +151,7 @@ def pressed_section(film: Film, displacement: FloatArray, force: FloatArray, wha
         _measure("stretch", "", 2, stretches, tissue),
     ]
     section, radius = film.experiment.section, film.experiment.indenter.radius
+    colours = {tag: REGION_COLOURS[name] for name, tag in REGIONS.items()}
     content = {
         "displacement": [0.0, *(state.displacement for state in film.states)],
         "force": forces,
@@ -163,7 +164,7 @@ def pressed_section(film: Film, displacement: FloatArray, force: FloatArray, wha
         "mm_a_count": _MOVE,
         "measures": measures,
         "share_a_count": _SHARE,
-        "tissue": [_colour(tag) for tag in first.region],
+        "tissue": [colours[int(tag)] for tag in first.region],
         "bones": [section.contour(name).round(2).tolist() for name in BONES],
         "skin": section.skin.round(2).tolist(),
         "bone": BONE_COLOUR,
@@ -188,10 +189,6 @@ def _measure(name: str, unit: str, least_digits: int, values: FloatArray, tissue
         "range": [low, high],
         "values": packed(shares / _SHARE, "<u2"),
     }
-
-
-def _colour(tag: float) -> str:
-    return next(REGION_COLOURS[name] for name, known in REGIONS.items() if known == tag)
 
 
 def _frame(section: LegSection, radius: float, *centres: Any) -> list[float]:

@@ -9,7 +9,7 @@ from legfem.report.further_channels import channel_lines
 from legfem.report.style import LAW_NAMES
 from legfem.report.words import fit_probability
 from legfem.specimens.comparison import SHAPE_SD_OF_LAYERS
-from legfem.specimens.details import SampleFit, SpecimenDetails, compared, rms_percent
+from legfem.specimens.details import SpecimenDetails, compared, rms_percent
 
 type SpecimenFit = Fit[SpecimenDetails]
 
@@ -105,48 +105,32 @@ def followed(result: SpecimenFit) -> str:
     return "; ".join(dict.fromkeys(one.sizes.kind.followed if one.recording.timed else tables for one in every))
 
 
-def differing(result: SpecimenFit) -> list[str]:
-    """Return how the specimens' stiffness differs, where each has its own."""
-    own = result.details.stiffness
-    if not own:
-        return []
-    low, high = min(own.values()), max(own.values())
-    return [
-        f"of a typical specimen: {len(own)} specimens are {low:.2f} to {high:.2f} times as stiff "
-        f"(standard deviation of the logarithm {result.details.stiffness_spread:.2f})"
-    ]
-
-
-def _of_its_own(result: SpecimenFit, one: SampleFit) -> str:
-    if not result.details.stiffness:
-        return ""
-    if one.specimen in result.details.stiffness:
-        return ", with the stiffness of its specimen in the other recordings"
-    return f"; with {one.scale:.2f} times the stiffness of a typical specimen, {one.shape_r_squared:.3f}"
-
-
-def predictions(result: SpecimenFit) -> list[str]:
-    """Return how well what was left out is predicted."""
-    return [
-        f"left out, {one.name}: predicted with R² {one.r_squared:.3f}, rmse {one.axes.load_text(one.rmse)} "
-        f"({100 * one.rmse / one.course.peak:.2g} % of {one.axes.load_text(one.course.peak)}){_of_its_own(result, one)}"
-        for one in compared(result)
-        if not one.fitted
-    ]
-
-
 def tested(results: Sequence[SpecimenFit]) -> list[str]:
-    """Return how each law fared, a line each."""
-    return [
-        line
-        for result in results
-        for line in (
+    """Return how each law fared, how specimens differ, and how well what was left out is predicted."""
+    lines = []
+    for result in results:
+        details, goodness = result.details, result.goodness
+        lines.append(
             f"The {LAW_NAMES[result.law]} law differs from the recordings by {rms_percent(result):.2g} % (rms), "
-            f"chi-square {result.goodness.chi_square:.4g} on {result.goodness.degrees_of_freedom} degrees of freedom "
-            f"({fit_probability(result.goodness.p_value)}).",
-            *channel_lines(result),
-            *estimates.why_identifiable(result.estimates, result.law),
-            *(one.text for one in (result.details.agreement,) if one is not None and not one.disagree),
-            *(f"{text}." for text in (*differing(result), *predictions(result))),
+            f"chi-square {goodness.chi_square:.4g} on {goodness.degrees_of_freedom} degrees of freedom "
+            f"({fit_probability(goodness.p_value)})."
         )
-    ]
+        lines += [*channel_lines(result), *estimates.why_identifiable(result.estimates, result.law)]
+        if details.agreement is not None and not details.agreement.disagree:
+            lines.append(details.agreement.text)
+        if each := details.stiffness.values():
+            lines.append(
+                f"of a typical specimen: {len(each)} specimens are {min(each):.2f} to {max(each):.2f} times as stiff "
+                f"(standard deviation of the logarithm {details.stiffness_spread:.2f})."
+            )
+        for one in (one for one in compared(result) if not one.fitted):
+            load, stiff = one.axes.load_text, ""
+            if one.specimen in details.stiffness:
+                stiff = ", with the stiffness of its specimen in the other recordings"
+            elif details.stiffness:
+                stiff = f"; with {one.scale:.2f} times the stiffness of a typical specimen, {one.shape_r_squared:.3f}"
+            lines.append(
+                f"left out, {one.name}: predicted with R² {one.r_squared:.3f}, rmse {load(one.rmse)} "
+                f"({100 * one.rmse / one.course.peak:.2g} % of {load(one.course.peak)}){stiff}."
+            )
+    return lines
