@@ -148,12 +148,6 @@ def _words(name: str) -> str:
     return words.replace(RATIO, "fibre ratio")
 
 
-_REMEDIES = estimates.Remedies(
-    "strain it further, add rates or holds",
-    "how the test was done is not stated, so find out whether the ends stick, and state it ([plates] ends)",
-)
-
-
 def _next(best: SpecimenFit) -> list[str]:
     details = best.details
     if details.thickness:
@@ -168,7 +162,11 @@ def _next(best: SpecimenFit) -> list[str]:
     elif details.ratio_undetermined:
         lines = [details.ratio_undetermined]
     else:
-        lines = estimates.how_to_narrow(best.estimates, _REMEDIES) or [
+        remedies = estimates.Remedies(
+            "strain it further, add rates or holds",
+            "how the test was done is not stated, so find out whether the ends stick, and state it ([plates] ends)",
+        )
+        lines = estimates.how_to_narrow(best.estimates, remedies) or [
             f"Use these numbers together with the {LAW_NAMES[best.law]} law and within the strains of the test."
         ]
     if all(one.fitted for one in best.tests):
