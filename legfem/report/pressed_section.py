@@ -71,6 +71,7 @@ class DrawnSection:
 _MOVE, _SHARE = 1 / 200, 1 / 50_000
 """mm, and share of a measure's range, a count: what whole numbers of 16 bits hold of them."""
 _MARGIN = 12.0
+_COLOURS = {tag: REGION_COLOURS[name] for name, tag in REGIONS.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +152,6 @@ def pressed_section(film: Film, displacement: FloatArray, force: FloatArray, wha
         _measure("stretch", "", 2, stretches, tissue),
     ]
     section, radius = film.experiment.section, film.experiment.indenter.radius
-    colours = {tag: REGION_COLOURS[name] for name, tag in REGIONS.items()}
     content = {
         "displacement": [0.0, *(state.displacement for state in film.states)],
         "force": forces,
@@ -164,7 +164,7 @@ def pressed_section(film: Film, displacement: FloatArray, force: FloatArray, wha
         "mm_a_count": _MOVE,
         "measures": measures,
         "share_a_count": _SHARE,
-        "tissue": [colours[int(tag)] for tag in first.region],
+        "tissue": [_COLOURS[int(tag)] for tag in first.region],
         "bones": [section.contour(name).round(2).tolist() for name in BONES],
         "skin": section.skin.round(2).tolist(),
         "bone": BONE_COLOUR,
