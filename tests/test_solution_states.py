@@ -15,7 +15,7 @@ DEPTH = 4.0
 
 def test_a_solution_is_looked_at_without_solving_again_and_looks_the_same() -> None:
     settings = PlaneStrainSettings(mesh=SectionMeshSettings(contact_size=4.0, far_size=14.0))
-    made = PlaneStrainForward(*subject_3(), settings, DEPTH)
+    made = PlaneStrainForward(PlaneStrainIndentation(*subject_3(), settings), DEPTH)
     soft, stiff = {"deep.C10": 0.5e-3}, {"deep.C10": 2e-3}
     for values in (soft, stiff):
         made.solve(values, ("deep.C10",))

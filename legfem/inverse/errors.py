@@ -33,7 +33,8 @@ from legfem.common.units import FloatArray
 from legfem.data.noise import EXPECTED_GAIN_SD, contrasts_of
 from legfem.inverse.channel_readings import ChannelReadings
 from legfem.inverse.intervals import NUMERICAL_ERROR, NUMERICAL_LENGTH_MM
-from legfem.inverse.trial_noise import Noise, Observed, trial_covariance
+from legfem.inverse.observations import Observations
+from legfem.inverse.trial_noise import Noise, trial_covariance
 
 _MODEL_SHARE, _MODEL_LENGTH_MM = 0.01, 5.0
 """Of the model's own error, smooth along the displacement: over what the channel changes by. Meshes twice as fine
@@ -297,7 +298,7 @@ class ErrorModel:
 
 
 def error_model(
-    observed: Observed,
+    observed: Observations,
     noise: Noise,
     prediction: FloatArray,
     unknowns: Sequence[tuple[str, FloatArray]] = (),

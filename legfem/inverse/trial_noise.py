@@ -4,9 +4,8 @@ White, slow in the load cell (correlated over time), slow in the displacement se
 `legfem.inverse.errors` has what else recordings and predictions err by.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +19,7 @@ from legfem.data.noise import (
     contrasts_of,
     sizes_from_repeats,
 )
-from legfem.inverse.channel_readings import StationChannel
+from legfem.inverse.observations import Observations
 
 CORNER_MM = 5.0
 """Way that counts as walked between two phases: there the drive stops and turns, time passes, and
@@ -34,80 +33,6 @@ force, and mm."""
 _VAGUENESS, _STATED = 1.0, 0.3
 """Log-standard deviations of what is expected before looking at the repeats, and of a figure that
 the data sheet states: the repeats tell a slow error's size over its time well, each of them ill."""
-
-
-class Observed(Protocol):
-    """Observations as errors see them; arrays are (n,)."""
-
-    @property
-    def force(self) -> FloatArray:
-        """N."""
-        ...
-
-    @property
-    def displacement(self) -> FloatArray:
-        """Mm."""
-        ...
-
-    @property
-    def time(self) -> FloatArray:
-        """S."""
-        ...
-
-    @property
-    def trial(self) -> NDArray[np.int_]:
-        """Number of the trial."""
-        ...
-
-    @property
-    def segment(self) -> NDArray[np.int_]:
-        """Number of the programme's segment."""
-        ...
-
-    @property
-    def stiffness(self) -> FloatArray:
-        """Slope dF/dd, N/mm."""
-        ...
-
-    @property
-    def speed(self) -> FloatArray:
-        """Speed of the cylinder, mm/s."""
-        ...
-
-    @property
-    def channels(self) -> Sequence[StationChannel]:
-        """What was recorded beside the force."""
-        ...
-
-    @property
-    def white_variance(self) -> FloatArray:
-        """N^2."""
-        ...
-
-    @property
-    def jitter_variance(self) -> FloatArray:
-        """mm^2."""
-        ...
-
-    @property
-    def white_sd(self) -> float:
-        """Standard deviation of one force reading, N."""
-        ...
-
-    @property
-    def jitter_sd(self) -> float:
-        """Standard deviation of one displacement reading, mm."""
-        ...
-
-    @property
-    def repeats(self) -> int:
-        """Trials of the most repeated programme."""
-        ...
-
-    @property
-    def repeated(self) -> Sequence[Sequence[int]]:
-        """Trials by programme."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -138,7 +63,7 @@ class Noise:
 
 
 def estimate_noise(
-    observed: Observed, instrument: Instrument, slowest: float, residual: FloatArray | None = None
+    observed: Observations, instrument: Instrument, slowest: float, residual: FloatArray | None = None
 ) -> Noise:
     """Estimate the sizes of a trial's errors from repeats and instruments.
 
@@ -191,7 +116,7 @@ def _as_stated(found: Noise, expected: Noise, greatest: float) -> Noise:
     )
 
 
-def trial_covariance(observed: Observed, noise: Noise) -> FloatArray:
+def trial_covariance(observed: Observations, noise: Noise) -> FloatArray:
     """Return the covariance (n, n), N^2, of the trials' noise about their own courses."""
     result = np.zeros((len(observed.force),) * 2)
     for k in range(int(observed.trial.max()) + 1):
@@ -200,7 +125,7 @@ def trial_covariance(observed: Observed, noise: Noise) -> FloatArray:
     return result
 
 
-def _one_trial(observed: Observed, noise: Noise, here: NDArray[np.int_]) -> FloatArray:
+def _one_trial(observed: Observations, noise: Noise, here: NDArray[np.int_]) -> FloatArray:
     time, slope = observed.time[here], observed.stiffness[here]
     steps = np.abs(np.diff(observed.displacement[here]))
     corners = np.diff(observed.segment[here]) != 0
@@ -218,7 +143,7 @@ def _one_trial(observed: Observed, noise: Noise, here: NDArray[np.int_]) -> Floa
     return result
 
 
-def _from_repeats(observed: Observed, expected: Noise, values: FloatArray, vague: FloatArray) -> Noise:
+def _from_repeats(observed: Observations, expected: Noise, values: FloatArray, vague: FloatArray) -> Noise:
     def noise_at(sizes: FloatArray) -> Noise:
         slow, length, wander = (float(size) for size in sizes)
         return replace(expected, slow_sd=slow, correlation_time=length, wander_sd=wander)
@@ -231,7 +156,7 @@ def _from_repeats(observed: Observed, expected: Noise, values: FloatArray, vague
 
 
 def _differences(
-    observed: Observed, members: list[int], values: FloatArray, noise_at: Callable[[FloatArray], Noise]
+    observed: Observations, members: list[int], values: FloatArray, noise_at: Callable[[FloatArray], Noise]
 ) -> Differences:
     """Return what repeats differ by, without smooth changes."""
     rows = [np.flatnonzero(observed.trial == k) for k in members]

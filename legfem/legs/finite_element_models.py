@@ -4,18 +4,20 @@ import math
 import os
 import pathlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from typing import Any
 
 from mpi4py import MPI
 
 from legfem.channels import Sight
 from legfem.channels.kinds import planned_sights
+from legfem.experiments.experiment import Picklable, cached_in_process
 from legfem.experiments.indenter_pose import Ball, Cylinder, LegIndenter, Pose, Punch
 from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, fibres_of, membrane_of
-from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings, Tissues
+from legfem.experiments.plane_strain import LateralPlacement, PlaneStrainIndentation, PlaneStrainSettings, Tissues
 from legfem.geometry.indenter import Indenter, Site
 from legfem.geometry.motion import without_layer
+from legfem.geometry.section import LegSection
 from legfem.inverse.accuracy import MATERIAL_LOG_SD
 from legfem.inverse.body_models import Displaced, Stopped
 from legfem.inverse.observations import Observations
@@ -25,37 +27,17 @@ from legfem.legs.placement import SpatialLeg
 from legfem.legs.subject import Subject, TissueParameters
 from legfem.mechanics.materials import Hyperelastic, NeoHookean, ReducedPolynomial
 from legfem.mechanics.model import Term
-from legfem.mechanisms import Solution, TissueMechanism, mechanisms
+from legfem.mechanisms import Solution, TissueMechanism, mechanisms, shown_in
+from legfem.meshing.section import MeshMotion
+from legfem.solve.path import Path
 from legfem.solve.protocol import Protocol
-
-if TYPE_CHECKING:
-    from legfem.experiments.plane_strain import LateralPlacement
-    from legfem.geometry.section import LegSection
-    from legfem.meshing.section import MeshMotion
-    from legfem.solve.path import Path, SolveReport
-
 
 _CUT_OF_SLIP = 0.25
 """Of a step that failed: sliding fat folds suddenly, and long steps fail again."""
 
 
-@dataclass
-class Tally:
-    """The work of all solutions that a leg's models made in this process."""
-
-    solutions: int = 0
-    factorisations: int = 0
-    iterations: int = 0
-
-    def add(self, report: "SolveReport") -> None:
-        """Count a solution, with the attempts before it."""
-        self.solutions += 1
-        self.factorisations += report.factorisations
-        self.iterations += report.iterations
-
-
 @dataclass(eq=False)
-class LegVariants:
+class LegVariants(Picklable):
     """A leg's finite-element models, meshed and compiled when first asked for.
 
     Parameters
@@ -70,20 +52,20 @@ class LegVariants:
         Places at which channels are read.
     """
 
-    section: "LegSection"
-    indenter: "Indenter"
-    tissues: "Tissues"
-    settings: "PlaneStrainSettings"
-    moved: "MeshMotion | None" = None
+    section: LegSection
+    indenter: Indenter
+    tissues: Tissues
+    settings: PlaneStrainSettings
+    moved: MeshMotion | None = None
     sights: tuple[Sight, ...] = ()
-    tally: Tally = field(default_factory=Tally, repr=False)
-    """Shared with the leg of a moved mesh."""
-    _models: "dict[str, PlaneStrainIndentation]" = field(default_factory=dict, init=False, repr=False)
-    _described: dict[str, str] = field(default_factory=dict, init=False, repr=False)
 
-    def __getstate__(self) -> dict[str, Any]:
-        """Leave the finite-element models out: they can't leave their process."""
-        return {**self.__dict__, "_models": {}}
+    @cached_in_process
+    def _models(self) -> dict[str, PlaneStrainIndentation]:
+        return {}
+
+    @cached_in_process
+    def _described(self) -> dict[str, str]:
+        return {}
 
     @property
     def assumed(self) -> tuple[str, ...]:
@@ -95,7 +77,7 @@ class LegVariants:
         """Geometries whose forces tell of outlines, aim and direction."""
         return tuple(displaced_geometries())
 
-    def moved_to(self, moved: "MeshMotion") -> "LegVariants":
+    def moved_to(self, moved: MeshMotion) -> "LegVariants":
         """Return the leg with its mesh moved."""
         return replace(self, moved=moved)
 
@@ -105,8 +87,8 @@ class LegVariants:
         deep: Mapping[str, float],
         solution: Solution,
         sensitivities: Sequence[str] = (),
-        placement: "LateralPlacement | None" = None,
-    ) -> "Path | Stopped":
+        placement: LateralPlacement | None = None,
+    ) -> Path | Stopped:
         """Solve a protocol; say why where it isn't followed to its end.
 
         Parameters
@@ -122,15 +104,12 @@ class LegVariants:
         placement
             Where the cylinder stands; as stated without it.
         """
-        from legfem.experiments.plane_strain import LateralPlacement
-
         model = self.model(solution.variant)
         values = solution.values(deep, model.model.parameters)
         at = placement or LateralPlacement()
         solved = model.solve(
             values, protocol, sensitivities, placement=replace(at, tilt_deg=at.tilt_deg + solution.tilt_deg)
         )
-        self.tally.add(solved.report)
         return solved.path if solved.report.complete else Stopped(str(solved.report))
 
     def parameters(self, variant: str) -> dict[str, float]:
@@ -143,11 +122,9 @@ class LegVariants:
             self._described[variant] = repr((self._terms(variant), self._settings(variant)))
         return self._described[variant]
 
-    def model(self, variant: str) -> "PlaneStrainIndentation":
+    def model(self, variant: str) -> PlaneStrainIndentation:
         """Return a model by its name."""
         if variant not in self._models:
-            from legfem.experiments.plane_strain import PlaneStrainIndentation
-
             self._models[variant] = PlaneStrainIndentation(
                 self.section,
                 self.indenter,
@@ -159,9 +136,9 @@ class LegVariants:
             )
         return self._models[variant]
 
-    def _settings(self, variant: str) -> "PlaneStrainSettings":
+    def _settings(self, variant: str) -> PlaneStrainSettings:
         settings = self.settings
-        for mechanism in _of_variant(variant):
+        for mechanism in shown_in(variant):
             if mechanism.formulation is not None:
                 settings = replace(settings, formulation=mechanism.formulation)
             if mechanism.tangential is not None:
@@ -171,25 +148,17 @@ class LegVariants:
                 # Contact that remembers nothing bears steps that hang on the work they are.
                 steps = replace(settings.steps, easy=4, hard=7, cut=_CUT_OF_SLIP)
                 settings = replace(settings, steps=steps)
-        for mechanism in _tissue_mechanisms():
-            if variant in (mechanism.variant, mechanism.null_variant):
+        for other in mechanisms():
+            if isinstance(other, TissueMechanism) and variant in (other.variant, other.null_variant):
                 contact = settings.contact
-                softer = mechanism.contact_softness * contact.stiffness
-                onset = mechanism.contact_onset or contact.onset
+                softer = other.contact_softness * contact.stiffness
+                onset = other.contact_onset or contact.onset
                 contact = replace(contact, stiffness=softer, onset=onset)
                 settings = replace(settings, contact=contact)
         return settings
 
     def _terms(self, variant: str) -> list[Any]:
-        return [term for m in _of_variant(variant) for term in m.terms(self)]
-
-
-def _of_variant(variant: str) -> list[TissueMechanism]:
-    return [m for m in _tissue_mechanisms() if m.variant == variant]
-
-
-def _tissue_mechanisms() -> list[TissueMechanism]:
-    return [m for m in mechanisms() if isinstance(m, TissueMechanism)]
+        return [term for m in shown_in(variant) for term in m.terms(self)]
 
 
 _DEPTH_STEP_MM = 1.0
@@ -219,8 +188,6 @@ def solved_responses(
     them whatever their depths. Of kinds that aren't recorded they have the places that plans look at, where a kept
     solution has them: that is no part of a solution's key, as nothing else hangs on it.
     """
-    from legfem.experiments.plane_strain import PlaneStrainSettings
-
     depth = _DEPTH_STEP_MM * -(-(observed.depth + 0.3) // _DEPTH_STEP_MM)
     default = PlaneStrainSettings()
     newton = replace(default.newton, relative_tolerance=TOLERANCE, damped_tolerance=CREEPING)

@@ -4,28 +4,24 @@ import hashlib
 import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from legfem.channels import Sight
 from legfem.common.errors import InputError
 from legfem.common.wording import Argument, Remedy
-from legfem.geometry.indenter import Indenter
-from legfem.geometry.section import PARTS, LegSection
+from legfem.experiments.indentation import SolutionStates
+from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings, Tissues
+from legfem.geometry.section import PARTS
 from legfem.inverse import catalogue
 from legfem.inverse.elastography import elastography_priors
 from legfem.inverse.outcome import Outcome
 from legfem.inverse.parameter import Parameter, Prior
 from legfem.inverse.readings import INSTRUMENT
 from legfem.jobs.store import code_fingerprint
+from legfem.legs.finite_element_models import plane_strain_test
 from legfem.legs.subject import Subject
-
-if TYPE_CHECKING:
-    from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings, Tissues
-    from legfem.mechanics.model import Term
-
 
 _TISSUES = ("deep", "superficial", "fascia")
 
@@ -34,21 +30,14 @@ _TISSUES = ("deep", "superficial", "fascia")
 class PlaneStrainForward:
     """The plane-strain test of a subject; meshes on the first solve, in whichever process."""
 
-    section: LegSection
-    indenter: Indenter
-    tissues: "Tissues"
-    settings: "PlaneStrainSettings"
+    experiment: PlaneStrainIndentation
+    """Compiled and meshed when first solved."""
     depth: float
     """mm."""
-    mechanisms: "tuple[Term, ...]" = ()
-    """Terms added to those of tissues and contact."""
-    sights: tuple[Sight, ...] = ()
-    """Places at which channels are read."""
-    _experiment: "PlaneStrainIndentation | None" = field(default=None, init=False, repr=False)
 
     @classmethod
     def of_subject(
-        cls, subject: Subject, depth: float, settings: "PlaneStrainSettings | None" = None
+        cls, subject: Subject, depth: float, settings: PlaneStrainSettings | None = None
     ) -> "PlaneStrainForward":
         """Return the test of a subject pressed to a depth (mm).
 
@@ -58,26 +47,7 @@ class PlaneStrainForward:
             For a ball, a punch or a cylinder that doesn't lie along the leg.
         """
         subject.indenter.check_lies_along(str(subject.directory / "subject.toml"))
-        from legfem.experiments.plane_strain import PlaneStrainSettings
-        from legfem.legs.finite_element_models import tissues_of
-
-        tissues, settings = tissues_of(subject), settings or PlaneStrainSettings()
-        return cls(subject.section, subject.indenter, tissues, settings, depth, sights=subject.sights)
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Leave the finite-element model out: it can't leave its process."""
-        return {**self.__dict__, "_experiment": None}
-
-    @property
-    def experiment(self) -> "PlaneStrainIndentation":
-        """The finite-element model; compiled and meshed when first asked for."""
-        if self._experiment is None:
-            from legfem.experiments.plane_strain import PlaneStrainIndentation
-
-            self._experiment = PlaneStrainIndentation(
-                self.section, self.indenter, self.tissues, self.settings, mechanisms=self.mechanisms, sights=self.sights
-            )
-        return self._experiment
+        return cls(plane_strain_test(subject, settings), depth)
 
     def prepare(self) -> None:
         """Compile and mesh now."""
@@ -86,13 +56,11 @@ class PlaneStrainForward:
     @property
     def nominal(self) -> catalogue.Values:
         """The tissues' values, and those of further mechanisms (MPa, 1/MPa)."""
-        further = {k: v for term in self.mechanisms for k, v in term.parameters.items()}
-        return {**values_of(self.tissues), **further}
+        further = {k: v for term in self.experiment.mechanisms for k, v in term.parameters.items()}
+        return {**values_of(self.experiment.tissues), **further}
 
     def solve(self, values: catalogue.Values, sensitivities: Sequence[str]) -> Outcome:
         """Solve in full."""
-        from legfem.experiments.indentation import SolutionStates
-
         replay = SolutionStates(self.experiment, dict(values), self.depth)
         solved = self.experiment.solve(values, self.depth, sensitivities, on_step=replay.take)
         replay.solved = solved
@@ -101,27 +69,26 @@ class PlaneStrainForward:
 
     def fingerprint(self) -> Mapping[str, Any]:
         """Return section, indenter, tissues, settings, depth and code."""
-        contours = hashlib.sha256()
+        contours, test = hashlib.sha256(), self.experiment
+        section, indenter = test.section, test.indenter
         for part in PARTS:
-            contours.update(np.ascontiguousarray(self.section.contour(part)).tobytes())
+            contours.update(np.ascontiguousarray(section.contour(part)).tobytes())
         return {
             "model": "plane strain",
             "contours": contours.hexdigest(),
-            "fascia_thickness_mm": self.section.fascia_thickness,
-            "indenter": repr(
-                (self.indenter.radius, self.indenter.length, self.indenter.aim.tolist(), self.indenter.direction_deg)
-            ),
-            "superficial": repr(self.tissues.superficial),
-            "fascia": repr(self.tissues.fascia),
-            "deep_D1_per_MPa": self.tissues.deep.D1,
-            "settings": repr(self.settings),
-            "mechanisms": repr(self.mechanisms),
+            "fascia_thickness_mm": section.fascia_thickness,
+            "indenter": repr((indenter.radius, indenter.length, indenter.aim.tolist(), indenter.direction_deg)),
+            "superficial": repr(test.tissues.superficial),
+            "fascia": repr(test.tissues.fascia),
+            "deep_D1_per_MPa": test.tissues.deep.D1,
+            "settings": repr(test.settings),
+            "mechanisms": repr(test.mechanisms),
             "depth_mm": self.depth,
             "code": code_fingerprint("legfem.experiments.plane_strain"),
         }
 
 
-def values_of(tissues: "Tissues") -> dict[str, float]:
+def values_of(tissues: Tissues) -> dict[str, float]:
     """Return the tissues' values by full name (MPa, 1/MPa)."""
     return {
         f"{tissue}.{key}": value for tissue in _TISSUES for key, value in getattr(tissues, tissue).parameters.items()

@@ -11,9 +11,11 @@ from typing import Literal
 
 import numpy as np
 
+from legfem.experiments.plane_strain import LateralPlacement
 from legfem.inverse.accuracy import GEOMETRY_DOF, Accuracy, Cause, ShapeError
 from legfem.inverse.body_models import Displaced
 from legfem.legs.subject import TYPICAL_ACCURACY, Subject
+from legfem.meshing.section import MeshMotion
 
 CONTOUR_SD_MM = 0.5
 """Of a segmented outline (MRI of 1 mm pixels: inter-observer distances of 0.3 to 0.8 mm)."""
@@ -102,9 +104,6 @@ def accuracy_of_shape(subject: Subject) -> ShapeAccuracy:
 
 def displaced_geometries() -> list[Displaced]:
     """Return the geometries whose forces tell of outlines, aim and direction."""
-    from legfem.experiments.plane_strain import LateralPlacement
-    from legfem.meshing.section import MeshMotion
-
     found = [Displaced(_hat(outline, arc), MeshMotion(outline, arc)) for outline in OUTLINES for arc in _HATS]
     found += [
         Displaced(f"{bone} {way}", MeshMotion(bone, turned=turned), near=False)

@@ -34,6 +34,7 @@ from legfem.inverse.trial_noise import Noise
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.correction_of_leg import choose_correction
 from legfem.legs.diagnosis import Diagnoser, accuracy_of, ruled_out_of, with_correction
+from legfem.legs.finite_element_models import solved_responses
 from legfem.legs.subject import Subject
 from legfem.mechanisms import Mechanism, mechanisms
 from legfem.solve.protocol import Protocol
@@ -174,8 +175,6 @@ def _library(
     progress: Progress,
 ) -> Library:
     """Return the leg's responses to all tests."""
-    from legfem.legs.finite_element_models import solved_responses
-
     blank = blank_observations(list(dict.fromkeys(p for t in tests for p in t.protocols)))
     fine, coarse = solved_responses(subject, blank, diagnoser.folder)
     return build_library(

@@ -10,7 +10,7 @@ can a radius for a diameter, which changes the force of a long cylinder little.
 import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 from scipy.special import ndtri
@@ -25,11 +25,7 @@ from legfem.inverse.elastography import doubts_about_elastography
 from legfem.inverse.parameter import Prior
 from legfem.inverse.population import CALF, SHIN, TISSUES, population, population_prior
 from legfem.legs.plausible_recordings import doubts_about_recordings
-from legfem.legs.subject import Subject
-
-if TYPE_CHECKING:
-    from legfem.legs.subject import TissueParameters
-
+from legfem.legs.subject import Subject, TissueParameters
 
 _GRAZING_DEG = 30.0
 """Between travel and the skin's inward normal, beyond which a cylinder slides off."""
@@ -45,7 +41,7 @@ _MOST_OF_LEG = 0.8
 """Of the leg's thickness along the line of travel: no deeper without a bone either."""
 
 
-def doubts_about(subject: "Subject") -> tuple[Doubt, ...]:
+def doubts_about(subject: Subject) -> tuple[Doubt, ...]:
     """Return what is unlikely in a subject, but for what its folder says was confirmed.
 
     Raises
@@ -68,7 +64,7 @@ def doubts_about(subject: "Subject") -> tuple[Doubt, ...]:
     return tuple(doubt for doubt in found if doubt.field not in subject.confirmed)
 
 
-def poisson_ratio(tissue: "TissueParameters") -> float | None:
+def poisson_ratio(tissue: TissueParameters) -> float | None:
     """Return Poisson's ratio at small strain; None for a tissue without a stiffness."""
     if tissue.C10 is None:
         return None
@@ -76,7 +72,7 @@ def poisson_ratio(tissue: "TissueParameters") -> float | None:
     return (3 * bulk - 2 * shear) / (6 * bulk + 2 * shear)
 
 
-def room_before(subject: "Subject") -> float:
+def room_before(subject: Subject) -> float:
     """Return how far the cylinder can go from first touch until it meets a bone, mm.
 
     At most 0.8 of the leg's thickness there.
@@ -96,7 +92,7 @@ def room_before(subject: "Subject") -> float:
     return min(reached)
 
 
-def _stretched(toml: Path, subject: "Subject") -> Iterator[Doubt]:
+def _stretched(toml: Path, subject: Subject) -> Iterator[Doubt]:
     """Yield a doubt about a section that is longer one way than any leg is."""
     box = subject.section.polygon("skin").minimum_rotated_rectangle
     corners = np.array(box.exterior.coords)
@@ -132,7 +128,7 @@ def _spike(toml: Path, part: str, outline: FloatArray) -> Iterator[Doubt]:
         )
 
 
-def _landmarks(toml: Path, subject: "Subject") -> Iterator[Doubt]:
+def _landmarks(toml: Path, subject: Subject) -> Iterator[Doubt]:
     apart = subject.landmark_residual
     if apart is not None and apart > _LANDMARKS_MM:
         yield Doubt(
@@ -143,7 +139,7 @@ def _landmarks(toml: Path, subject: "Subject") -> Iterator[Doubt]:
         )
 
 
-def _indenter(toml: Path, subject: "Subject") -> Iterator[Doubt]:
+def _indenter(toml: Path, subject: Subject) -> Iterator[Doubt]:
     indenter = subject.indenter
     diameter = 2 * indenter.radius
     yield from ranges.DIAMETER.doubts(toml, "indenter.diameter_mm", diameter, "check that it isn't the radius")
@@ -178,7 +174,7 @@ def _indenter(toml: Path, subject: "Subject") -> Iterator[Doubt]:
         yield found
 
 
-def _slant_deg(subject: "Subject") -> float:
+def _slant_deg(subject: Subject) -> float:
     """Return the angle between the line of travel and the skin's inward normal at first touch."""
     skin, indenter = subject.section.polygon("skin"), subject.indenter
     way = first_crossing(skin.buffer(indenter.radius).exterior, indenter.aim, indenter.direction)
@@ -189,7 +185,7 @@ def _slant_deg(subject: "Subject") -> float:
     return math.degrees(math.acos(np.clip(cosine, -1.0, 1.0)))
 
 
-def _tissue(toml: Path, field: str, tissue: "TissueParameters") -> Iterator[Doubt]:
+def _tissue(toml: Path, field: str, tissue: TissueParameters) -> Iterator[Doubt]:
     name = field.rpartition(".")[2]
     yield from ranges.D1.doubts(toml, f"{field}.D1_per_MPa", tissue.D1)
     if tissue.C10 is None:

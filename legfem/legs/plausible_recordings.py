@@ -4,7 +4,6 @@ import math
 from collections.abc import Iterator, Sequence
 from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -21,12 +20,7 @@ from legfem.data.plausibility import loading_doubts, pull_doubts, refuse_copies,
 from legfem.data.recording import RecordedChannel
 from legfem.geometry.indenter import Indenter, Site
 from legfem.geometry.section import LegSection, depth_to_bone, fat_thickness, girth
-
-if TYPE_CHECKING:
-    from legfem.geometry.indenter import Indenter
-    from legfem.geometry.section import LegSection
-    from legfem.legs.subject import Subject
-
+from legfem.legs.subject import Subject
 
 SOFTEST_KPA, STIFFEST_KPA, STIFFEST_C20_KPA = 0.05, 10.0, 40.0
 """C10 of the two deep tissues, and C20 of the stiffer."""
@@ -34,7 +28,7 @@ _LEAST = (-4.452, 0.145, 0.139, 0.417, -0.994, 0.327, 1.195, 1.159, 0.002)
 _MOST = (-0.623, 0.185, 0.026, -0.33, 0.519, 0.103, 0.853, 2.98, -0.481)
 
 
-def force_range(subject: "Subject", displacement: FloatArray) -> tuple[FloatArray, FloatArray]:
+def force_range(subject: Subject, displacement: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the least and the most force (N) at displacements (mm) after first touch.
 
     Of a fat and a fascia as the subject's folder states them.
@@ -86,7 +80,7 @@ _IMPOSSIBLE = 20.0
 """Times the most, or the least, that a leg can push back."""
 
 
-def doubts_about_recordings(subject: "Subject", toml: Path, room: float) -> Iterator[Doubt]:
+def doubts_about_recordings(subject: Subject, toml: Path, room: float) -> Iterator[Doubt]:
     """Yield what is unlikely.
 
     Parameters
@@ -134,7 +128,7 @@ def _refuse_far_start(recording: Recording, starts_at_contact: bool) -> None:
         ).error()
 
 
-def _unread(subject: "Subject") -> Iterator[Doubt]:
+def _unread(subject: Subject) -> Iterator[Doubt]:
     read = {one.source for one in subject.recordings}
     folders = {path.parent for path in read if path is not None}
     read |= {channel.source for one in subject.recordings for channel in one.channels}
@@ -194,7 +188,7 @@ def _differing(trials: Sequence[Segmentation]) -> Iterator[Doubt]:
     yield found
 
 
-def _force(subject: "Subject") -> Iterator[Doubt]:
+def _force(subject: Subject) -> Iterator[Doubt]:
     if not subject.indenter.lies_along:  # the envelopes are of sections
         return
     loadings = [trial.loading for trial in subject.trials]
@@ -230,12 +224,12 @@ def _force(subject: "Subject") -> Iterator[Doubt]:
     yield found
 
 
-def _noise_seen(subject: "Subject") -> float:
+def _noise_seen(subject: Subject) -> float:
     """Return the force's noise from sample to sample, N."""
     return float(np.median([trial.force_noise for trial in subject.trials]))
 
 
-def _noise(subject: "Subject", toml: Path) -> Iterator[Doubt]:
+def _noise(subject: Subject, toml: Path) -> Iterator[Doubt]:
     seen = _noise_seen(subject)
     stated = subject.instrument.force_sd
     if seen > _NOISE_FACTOR * stated + 0.01:

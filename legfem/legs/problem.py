@@ -4,7 +4,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import stdtrit
@@ -14,6 +13,7 @@ from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.common.wording import Argument, Remedy
 from legfem.data import LoadingCurve
+from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.inverse.accuracy import GEOMETRY_DOF, MATERIAL_DOF, MATERIAL_LOG_SD
 from legfem.inverse.catalogue import DEEP_D2, IdentifiedLaw, LawName, Values, deep_stiffness
 from legfem.inverse.comparison import Covariances, ErrorSource, Weighting, total_of
@@ -38,9 +38,6 @@ from legfem.legs.notices import notices_about
 from legfem.legs.site import MeasuredSite, beyond_of, measured_curve, site_test
 from legfem.legs.subject import SitedLeg, Subject
 from legfem.legs.unknowns import Geometry, SectionGeometry, unknowns_at
-
-if TYPE_CHECKING:
-    from legfem.experiments.plane_strain import PlaneStrainSettings
 
 ALIKE: frozenset[ErrorSource] = frozenset({"ends", "fibres", "assumed"})
 """Sources of error that all sites of a leg have alike: they make none differ from another."""
@@ -316,7 +313,7 @@ def leg_problem(
 
 
 def section_forward(
-    leg: SitedLeg, request: SearchRequest, settings: "PlaneStrainSettings | None" = None
+    leg: SitedLeg, request: SearchRequest, settings: PlaneStrainSettings | None = None
 ) -> JointForward[PlaneStrainForward]:
     """Forward model of a leg's sites in plane strain, every one pressed as deep as its recordings ask.
 

@@ -50,6 +50,12 @@ def mechanism_named(name: str) -> Mechanism:
     raise KeyError(name)
 
 
+def shown_in(variant: str) -> list[TissueMechanism]:
+    """Return the mechanisms that a variant of a body's model shows; none of the plain one."""
+    every = (one for one in mechanisms() if isinstance(one, TissueMechanism))
+    return [one for one in every if one.variant == variant]
+
+
 MOMENTS = 12
 """At which searches begin."""
 

@@ -12,10 +12,9 @@ from legfem.channels.kinds import CHANNELS
 from legfem.common.units import FloatArray
 from legfem.inverse.accuracy import SIZE
 from legfem.inverse.body_models import Displaced, Stopped
-from legfem.inverse.responses import PLAIN
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.terms import Fibres
-from legfem.mechanisms import Solution, TissueMechanism, mechanisms
+from legfem.mechanisms import Solution, shown_in
 from legfem.mechanisms.time_dependence import TIMES_S
 from legfem.solve.path import Path
 from legfem.solve.protocol import Protocol
@@ -152,11 +151,11 @@ class SpecimenVariants:
         return self._models[variant]
 
     def _sizes(self, variant: str) -> Sizes:
-        free = any(m.tangential == "frictionless" for m in _of_variant(variant))
+        free = any(m.tangential == "frictionless" for m in shown_in(variant))
         return (self.sizes.slipping or self.sizes) if free else self.sizes
 
     def _terms(self, variant: str) -> list[Any]:
-        return [term for m in _of_variant(variant) for term in m.terms_of(self._law)]
+        return [term for m in shown_in(variant) for term in m.terms_of(self._law)]
 
     def follow(
         self,
@@ -272,12 +271,6 @@ def _along_c10(
         return dict(by)
     rest = sum((-own if name.endswith(".D1") else own) * by[name] for name, own in stiffnesses.items())
     return {**by, _C20: by[_C20] / scale, _C10: (value - rest) / c10}
-
-
-def _of_variant(variant: str) -> list[TissueMechanism]:
-    if variant == PLAIN.variant:
-        return []
-    return [m for m in mechanisms() if isinstance(m, TissueMechanism) and m.variant == variant]
 
 
 def _relaxing(path: Path, values: Mapping[str, float], sensitivities: Sequence[str]) -> Path:

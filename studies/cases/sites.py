@@ -56,7 +56,7 @@ class Remembered(PlaneStrainForward):
     @classmethod
     def of(cls, model: PlaneStrainForward, kept: Path) -> Remembered:
         """Return a model with a memory."""
-        return cls(model.section, model.indenter, model.tissues, model.settings, model.depth, kept=kept)
+        return cls(model.experiment, model.depth, kept)
 
     def solve(self, values: Values, sensitivities: Sequence[str]) -> Outcome:
         """Return what is kept, or solve."""
