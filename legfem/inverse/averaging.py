@@ -24,7 +24,7 @@ import numpy as np
 
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.evidence import probabilities
-from legfem.inverse.explain import ExplanationPriors
+from legfem.inverse.explain import log_prior_of
 from legfem.inverse.explanation import ADDS_FROM, Explained, Explanation, log_bayes_factor, singles_of
 from legfem.inverse.mechanism import Mechanism, Occurrence, Unseen
 from legfem.inverse.observations import Observations
@@ -242,7 +242,7 @@ def untried_pairs(explained: Explained, name: str) -> list[HiddenPair]:
     if like is None or name not in base.fit.free:
         return []
     alone = singles_of(explained.every).values()
-    priors = ExplanationPriors.among([e.fit.mechanisms[0] for e in alone])
+    expected = {e.names[0]: e.fit.mechanisms[0].expected for e in alone}
     # Two that explain the same misfit don't add: those that explain none do.
     singles = [e for e in alone if name in e.fit.free and log_bayes_factor(e, base) < ADDS_FROM]
     each = {e.names[0]: e.distribution(name) for e in singles}
@@ -254,7 +254,7 @@ def untried_pairs(explained: Explained, name: str) -> list[HiddenPair]:
     for one, other in combinations(singles, 2):
         names = one.names[0], other.names[0]
         log_evidence = one.posterior.log_evidence + log_bayes_factor(other, base)
-        log_weight = priors.log_of(*names) + POWER * log_evidence
+        log_weight = log_prior_of(names, expected) + POWER * log_evidence
         probability = like[1] * float(np.exp(log_weight - _log_weight(like[0])))
         if frozenset(names) not in tried and probability > _COUNTS:
             summed = _sum(each[names[0]], each[names[1]], common)

@@ -85,7 +85,10 @@ class Weighing:
         if posterior.discrepancy_probability > 0.5:
             # Beside something unknown the parameters are elsewhere than a fit without it finds them,
             # and the evidence is linear about where they are.
-            aware = _beside(problem, fitted, self.aware(problem, posterior))
+            refit = fit(self.aware(problem, posterior), fitted.mechanisms, fitted.values)
+            # Its misfit is told by the errors alone.
+            white, slopes = problem.whitened(refit.residual), problem.whitened(refit.sensitivities)
+            aware = replace(refit, whitened=white, jacobian=slopes)
             again = laplace_posterior(problem, self.evidence, aware, shares)
             if again.log_evidence > posterior.log_evidence:
                 fitted, posterior = aware, again
@@ -142,12 +145,6 @@ class Weighing:
         ]
 
 
-def _beside(problem: LinearisedProblem, fitted: LinearisedFit, aware: LinearisedProblem) -> LinearisedFit:
-    """Refit with something unknown among the errors; its misfit is told by the errors alone."""
-    refit = fit(aware, fitted.mechanisms, fitted.values)
-    return replace(refit, whitened=problem.whitened(refit.residual), jacobian=problem.whitened(refit.sensitivities))
-
-
 def shown_effects(problem: LinearisedProblem, fitted: LinearisedFit, base: LinearisedFit) -> list[float]:
     """Return the root mean square of what a mechanism changes that the base model can't, by channel in its unit."""
     change = fitted.prediction - base.prediction
@@ -159,7 +156,7 @@ def shown_effects(problem: LinearisedProblem, fitted: LinearisedFit, base: Linea
 
 def _whole_effects(problem: LinearisedProblem, fitted: LinearisedFit) -> list[float]:
     """Return the root mean square of all that mechanisms change at the fitted stiffness, by channel in its unit."""
-    nulls = {f"{m.name}.{m.parameters[0].name}": null_of(m.parameters[0]) for m in fitted.mechanisms}
+    nulls = {m.strength_name: null_of(m.parameters[0]) for m in fitted.mechanisms}
     change = fitted.prediction - problem.predictor({**fitted.values, **nulls}, fitted.mechanisms)
     return [float(np.sqrt(np.mean(change[span] ** 2))) for span in problem.predictor.observed.data.spans]
 
@@ -169,30 +166,21 @@ PRIOR_NONE, PRIOR_SINGLE, PRIOR_PAIR, PRIOR_UNKNOWN = 0.37, 0.37, 0.18, 0.08
 distribution none, one or two; what is left is more than two, or what no mechanism describes."""
 
 
-@dataclass(frozen=True)
-class ExplanationPriors:
-    """How probable mechanisms are before the recordings, alone and in pairs.
+def log_prior_of(names: Sequence[str], expected: Mapping[str, float]) -> float:
+    """Return the logarithm of the prior of one mechanism or of two.
 
     Parameters
     ----------
+    names
+        Of the mechanisms.
     expected
-        By name, how often each is there, over the others; see `Mechanism.expected`.
+        By name, how often each that recordings can show is there, over the others; see `Mechanism.expected`.
     """
-
-    expected: Mapping[str, float]
-
-    @classmethod
-    def among(cls, mechanisms: Sequence[Mechanism]) -> "ExplanationPriors":
-        """Return the priors of the mechanisms that recordings can show."""
-        return cls({m.name: m.expected for m in mechanisms})
-
-    def log_of(self, *names: str) -> float:
-        """Return the logarithm of the prior of one mechanism or of two."""
-        each = np.array(list(self.expected.values()))
-        own = np.prod([self.expected[name] for name in names])
-        if len(names) == 1:
-            return float(np.log(PRIOR_SINGLE * own / each.sum()))
-        return float(np.log(PRIOR_PAIR * own / (0.5 * (each.sum() ** 2 - each @ each))))
+    each = np.array(list(expected.values()))
+    own = np.prod([expected[name] for name in names])
+    if len(names) == 1:
+        return float(np.log(PRIOR_SINGLE * own / each.sum()))
+    return float(np.log(PRIOR_PAIR * own / (0.5 * (each.sum() ** 2 - each @ each))))
 
 
 def with_probabilities(found: Sequence[Explanation]) -> list[Explanation]:
@@ -237,24 +225,24 @@ def explain(
         Base parameters that searches begin with; the base model's fit without it.
     """
     weighing = Weighing.about(problem, base)
-    plain = refitted_beside(problem, base)
     found = [
-        weighing.base_model(*plain, float(np.log(PRIOR_UNKNOWN if unknown else PRIOR_NONE)), unknown)
+        weighing.base_model(problem, base, float(np.log(PRIOR_UNKNOWN if unknown else PRIOR_NONE)), unknown)
         for unknown in (False, True)
     ]
-    priors = ExplanationPriors.among(mechanisms)
+    expected = {m.name: m.expected for m in mechanisms}
     alone = [fit(problem, [m], start or base.values) for m in mechanisms]
     singles = [
-        weighing.of(*refitted_beside(problem, one), priors.log_of(m.name))
+        weighing.of(*refitted_beside(problem, one), log_prior_of([m.name], expected))
         for m, one in zip(mechanisms, alone, strict=True)
     ]
-    singles.sort(key=lambda e: -e.log_weight)
-    found += singles
-    pairs = _pairs(singles) if _open(found) else []
+    found += sorted(singles, key=lambda e: -e.log_weight)
+    pairs = _untried(found, begins=True)
     anew = partial(_begun_anew, weighing=weighing, tried=set())
     while True:
         found += [
-            weighing.of(one.problem, _joint(one.problem, one, other), priors.log_of(*one.names, *other.names))
+            weighing.of(
+                one.problem, _joint(one.problem, one, other), log_prior_of([*one.names, *other.names], expected)
+            )
             for one, other in pairs
         ]
         found = anew(with_probabilities(found))
@@ -268,11 +256,6 @@ def explain(
 
 def _nothing(found: Sequence[Explanation]) -> Explanation:
     return next(e for e in found if e.is_base)
-
-
-def _open(found: Sequence[Explanation]) -> bool:
-    """Tell whether pairs may matter: nothing alone isn't what most probably describes the data."""
-    return not with_probabilities(found)[0].is_base
 
 
 HIDDEN_FROM = 1e-3
@@ -298,28 +281,21 @@ def _integrated(found: list[Explanation], weighing: Weighing) -> list[Explanatio
     return found
 
 
-def _pairs(singles: Sequence[Explanation]) -> list[tuple[Explanation, Explanation]]:
-    """Return the best with every other, which it may hide, and the next with the better ones."""
-    found: dict[frozenset[str], tuple[Explanation, Explanation]] = {}
-    for place, one in enumerate(singles[:PAIRS_OF]):
-        for other in singles if place == 0 else singles[:PAIRS_WITH]:
-            key = frozenset([*one.names, *other.names])
-            if len(key) == 2:
-                found.setdefault(key, (one, other))
-    return list(found.values())
+def _untried(found: Sequence[Explanation], begins: bool = False) -> list[tuple[Explanation, Explanation]]:
+    """Return the pairs that weren't tried of mechanisms that may be what was left out; none where nothing may be.
 
-
-def _untried(found: Sequence[Explanation]) -> list[tuple[Explanation, Explanation]]:
-    """Return the pairs that weren't tried of mechanisms that may be what was left out.
-
-    Each of these is tried with all others: pairs that explain no more count for their mechanism, so
-    one with fewer of them would seem less probable. Full solutions may change which these are.
+    Each of these, the best at least, is tried with all others: pairs that explain no more count for their mechanism, so
+    one with fewer of them would seem less probable. Full solutions may change which these are. To begin with
+    (``begins``) the next ones are tried with the better ones, too.
     """
+    if with_probabilities(found)[0].is_base:
+        return []
     singles = sorted(singles_of(found).values(), key=lambda e: -e.log_weight)
     tried = {frozenset(e.names) for e in found}
     missing: dict[frozenset[str], tuple[Explanation, Explanation]] = {}
-    for place, one in enumerate(singles if _open(found) else ()):
-        for other in singles if place == 0 or one.probability >= CONFIRMED_FROM else ():
+    for place, one in enumerate(singles):
+        partners = singles[:PAIRS_WITH] if begins and place < PAIRS_OF else []
+        for other in singles if place == 0 or one.probability >= CONFIRMED_FROM else partners:
             key = frozenset([*one.names, *other.names])
             if len(key) == 2 and key not in tried:
                 missing.setdefault(key, (one, other))
@@ -391,7 +367,9 @@ def _confirmed(
                 # Its second effect hardly matters: the first one's solution serves both.
                 about = fit(shifted, pair.fit.mechanisms, pair.fit.values)
                 found[found.index(pair)] = weighing.of(shifted, about, pair.log_prior)
-            found[found.index(one)] = again if made else _as_confirmed(one)
+            # One whose solution stopped can't be confirmed, and is less probable for it.
+            stopped = replace(one, confirmed=True, log_prior=one.log_prior - 3.0)
+            found[found.index(one)] = again if made else stopped
         found = anew(with_probabilities(found))
     return found
 
@@ -406,8 +384,3 @@ def _led_by(one: Explanation, found: Sequence[Explanation], every: bool) -> list
     pairs = [e for e in found if len(e.names) > 1 and not e.confirmed and e is not one]
     led_by = better_of if every else counts_for
     return [pair for pair in pairs if led_by(pair, singles) is one]
-
-
-def _as_confirmed(one: Explanation) -> Explanation:
-    """Return an explanation that can't be confirmed: its solution stopped."""
-    return replace(one, confirmed=True, log_prior=one.log_prior - 3.0)

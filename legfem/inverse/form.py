@@ -72,7 +72,7 @@ def _shares(
     names: list[str],
     parts: list[NDArray[np.bool_]],
 ) -> list[ShareOfPart]:
-    strength = f"{mechanism.name}.{mechanism.parameters[0].name}"
+    strength = mechanism.strength_name
     without = {**fitted.values, strength: null_of(mechanism.parameters[0])}
     effect = problem.predictor(fitted.values, fitted.mechanisms) - problem.predictor(without, fitted.mechanisms)
     acts = [(name, part) for name, part in zip(names, parts, strict=True) if np.any(effect[part])]

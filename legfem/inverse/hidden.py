@@ -12,8 +12,9 @@ taken as straight: of a linear problem it is. Of an effect whose place or time i
 degrees as the effect has parameters: without it they are nowhere (R. B. Davies, Biometrika 74 (1987) 33).
 """
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +25,7 @@ from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
 from legfem.inverse.map_fit import fit
-from legfem.inverse.mechanism import Mechanism, Occurrence, null_of, prior_of
-from legfem.inverse.parameter import Prior
+from legfem.inverse.mechanism import Mechanism, Occurrence, Values, null_of, prior_of
 
 _FAR = 25.0
 """Rise from which a side isn't followed further."""
@@ -149,7 +149,7 @@ class Profile:
     def limit(self, base: LinearisedFit) -> Limit:
         """Return the limits of the strength, and the stiffness within them."""
         mechanism, first = self.mechanism, self.mechanism.parameters[0]
-        prior, full = prior_of(first), f"{mechanism.name}.{first.name}"
+        prior, full = prior_of(first), mechanism.strength_name
         low, high = self.crossings()
         edge = 1e-6 * (self.ends[1] - self.ends[0])
         open_low, open_high = low <= self.ends[0] + edge, high >= self.ends[1] - edge
@@ -208,25 +208,22 @@ def profile_of(one: Explanation, base: LinearisedFit, possible: Occurrence | Non
     possible
         Which strengths are; its parameter's bounds without it.
     """
-    problem, mechanism = one.problem, one.fit.mechanisms[0]
-    first = mechanism.parameters[0]
-    prior = prior_of(first)
-    low, high = first.bounds
+    mechanism = one.fit.mechanisms[0]
+    prior, (low, high) = prior_of(mechanism.parameters[0]), mechanism.parameters[0].bounds
     if possible is not None:
         low, high = max(low, possible.low), min(high, possible.high)
     ends = prior.departure(low), prior.departure(high)
     own = one.fit_without_discrepancy or one.fit
-    shape = _shape_of(own, mechanism)
-    steps = [_held(problem, mechanism, prior, float(np.clip(0.0, *ends)), {**base.values, **shape})]
-    for end in ends:
-        steps += _side(problem, base, mechanism, prior, end, shape, steps[0])
-    full = f"{mechanism.name}.{first.name}"
-    at = prior.departure(own.values[full])
+    held = partial(_held, one.problem, mechanism)
+    begun = [{**base.values, **shape} for shape in _shapes(one.problem, own)]
+    null = held(float(np.clip(0.0, *ends)), begun[0])
+    steps = [null, *(step for end in ends for step in _side(held, end, begun, null.cost + _FAR))]
+    at = prior.departure(own.values[mechanism.strength_name])
     if ends[0] < at < ends[1] and min(abs(at - step.z) for step in steps) > 1e-3:
-        steps.append(_held(problem, mechanism, prior, at, own.values))
-    found = Profile(mechanism, problem, _sorted(steps), ends)
+        steps.append(held(at, own.values))
+    found = Profile(mechanism, one.problem, _sorted(steps), ends)
     for _ in range(_REFINED):
-        found = _refined(found, prior)
+        found = _refined(found)
     return found
 
 
@@ -234,72 +231,48 @@ def _sorted(steps: Sequence[HiddenStep]) -> tuple[HiddenStep, ...]:
     return tuple(sorted(steps, key=lambda step: step.z))
 
 
-def _shape_of(fitted: LinearisedFit, mechanism: Mechanism) -> dict[str, float]:
+def _shapes(problem: LinearisedProblem, fitted: LinearisedFit) -> list[Values]:
+    """Return values of a mechanism's other parameters that a side begins from, the fit's first; one where it has none.
+
+    Names are full.
+    """
+    (mechanism,) = fitted.mechanisms
     names = [f"{mechanism.name}.{p.name}" for p in mechanism.parameters[1:]]
-    return {name: fitted.values[name] for name in names}
+    own = {name: fitted.values[name] for name in names}
+    if not names:
+        return [own]
+    starts = map(mechanism.by_full_name, mechanism.starts(problem.predictor.observed))
+    distinct = list({tuple(s[name] for name in names): {name: s[name] for name in names} for s in starts}.values())
+    return [own, *(distinct[k] for k in np.unique(np.linspace(0, len(distinct) - 1, _SHAPES).astype(int)))]
 
 
-def _side(
-    problem: LinearisedProblem,
-    base: LinearisedFit,
-    mechanism: Mechanism,
-    prior: Prior,
-    end: float,
-    shape: Mapping[str, float],
-    null: HiddenStep,
-) -> list[HiddenStep]:
-    """Return steps from the null to an end, or until the recordings contradict the strength by far."""
-    found: list[HiddenStep] = []
-    if abs(end) < 1e-9:
-        return found
-    for share in _SHARES:
+def _side(held: Callable[..., HiddenStep], end: float, begun: Sequence[Values], highest: float) -> Iterator[HiddenStep]:
+    """Yield steps from the null to an end, or until the recordings contradict the strength by far."""
+    start = None
+    for share in _SHARES if abs(end) >= 1e-9 else ():
         z = share * end
-        if found:
-            found.append(_held(problem, mechanism, prior, z, found[-1].fit.values))
-        else:
-            found.append(_first(problem, base, mechanism, prior, z, shape))
-        if found[-1].cost > null.cost + _FAR:
+        if start is None:
+            # The first step begins at the best of several shapes of the effect.
+            tried = [held(z, one, _FEW) for one in begun] if len(begun) > 1 else []
+            start = min(tried, key=lambda step: step.cost).fit.values if tried else begun[0]
+        step = held(z, start)
+        yield step
+        if step.cost > highest:
             break
-    return found
-
-
-def _first(
-    problem: LinearisedProblem,
-    base: LinearisedFit,
-    mechanism: Mechanism,
-    prior: Prior,
-    z: float,
-    shape: Mapping[str, float],
-) -> HiddenStep:
-    """Return the first step to a side, the best of those from several shapes of the effect."""
-    if not shape:
-        return _held(problem, mechanism, prior, z, base.values)
-    own = [f"{mechanism.name}.{p.name}" for p in mechanism.parameters[1:]]
-    starts = [{f"{mechanism.name}.{k}": v for k, v in s.items()} for s in mechanism.starts(problem.predictor.observed)]
-    distinct = list({tuple(s[name] for name in own): {name: s[name] for name in own} for s in starts}.values())
-    chosen = [distinct[k] for k in np.unique(np.linspace(0, len(distinct) - 1, _SHAPES).astype(int))]
-    tried = [_held(problem, mechanism, prior, z, {**base.values, **begun}, _FEW) for begun in (shape, *chosen)]
-    best = min(tried, key=lambda step: step.cost)
-    return _held(problem, mechanism, prior, z, best.fit.values)
+        start = step.fit.values
 
 
 def _held(
-    problem: LinearisedProblem,
-    mechanism: Mechanism,
-    prior: Prior,
-    z: float,
-    start: Mapping[str, float],
-    evaluations: int | None = None,
+    problem: LinearisedProblem, mechanism: Mechanism, z: float, start: Values, evaluations: int | None = None
 ) -> HiddenStep:
-    first = mechanism.parameters[0]
-    full = f"{mechanism.name}.{first.name}"
-    value = first.inside(prior.value_at(z))
+    first, full = mechanism.parameters[0], mechanism.strength_name
+    value = first.inside(prior_of(first).value_at(z))
     found = fit(problem, [mechanism], {**start, full: value}, (full,), evaluations)
     readings = (((one.prior_z - z) / one.sd) ** 2 for one in problem.measured if one.name == full)
     return HiddenStep(z, found, found.cost + sum(readings))
 
 
-def _refined(found: Profile, prior: Prior) -> Profile:
+def _refined(found: Profile) -> Profile:
     """Return the profile with steps where its least and the ends of its limits seem to lie."""
     z = np.array([step.z for step in found.steps])
     more = []
@@ -307,5 +280,5 @@ def _refined(found: Profile, prior: Prior) -> Profile:
         apart = np.abs(z - at)
         near = found.steps[int(np.argmin(apart))]
         if apart.min() > 1e-3 and found.ends[0] < at < found.ends[1]:
-            more.append(_held(found.problem, found.mechanism, prior, at, near.fit.values))
-    return Profile(found.mechanism, found.problem, _sorted([*found.steps, *more]), found.ends)
+            more.append(_held(found.problem, found.mechanism, at, near.fit.values))
+    return replace(found, steps=_sorted([*found.steps, *more]))

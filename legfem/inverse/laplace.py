@@ -175,8 +175,7 @@ class _Step:
 
 def least_determined(fitted: LinearisedFit, posterior: Posterior) -> int:
     """Return which of the mechanisms' strengths the data tell least of, as a parameter's number."""
-    first = [f"{m.name}.{m.parameters[0].name}" for m in fitted.mechanisms]
-    numbers = [fitted.free.index(name) for name in first]
+    numbers = [fitted.free.index(m.strength_name) for m in fitted.mechanisms]
     return max(numbers, key=lambda k: float(posterior.covariance[k, k]))
 
 
@@ -301,7 +300,7 @@ def gain_of_widths(fitted: LinearisedFit, posterior: Posterior) -> float:
 
     .. math:: \ln \sum_w p_w w^{-1} (1 + a s^2)^{-1/2} e^{-a m^2 / (2 (1 + a s^2))}.
     """
-    strengths = {f"{m.name}.{m.parameters[0].name}" for m in fitted.mechanisms}
+    strengths = {m.strength_name for m in fitted.mechanisms}
     more = 0.0
     for k, one in enumerate(fitted.parameters):
         if one.name in strengths:

@@ -49,14 +49,9 @@ def fit(
     """
     starts = [dict(start)]
     for mechanism in mechanisms:
-        if f"{mechanism.name}.{mechanism.parameters[0].name}" in start:
-            continue
-        own = mechanism.starts(problem.predictor.observed)
-        starts = [
-            {**before, **{f"{mechanism.name}.{key}": value for key, value in mine.items()}}
-            for before in starts
-            for mine in own
-        ]
+        if mechanism.strength_name not in start:
+            own = list(map(mechanism.by_full_name, mechanism.starts(problem.predictor.observed)))
+            starts = [{**before, **mine} for before in starts for mine in own]
     if len(starts) > 1:
         tried = [_fit_from(problem, mechanisms, values, held, _FEW) for values in starts]
         best = min(tried, key=lambda f: f.cost)

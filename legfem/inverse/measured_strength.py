@@ -30,7 +30,7 @@ class MeasuredStrength:
     @property
     def name(self) -> str:
         """Full name of the strength."""
-        return f"{self.mechanism.name}.{self.mechanism.parameters[0].name}"
+        return self.mechanism.strength_name
 
 
 def measured_strength(mechanism: Mechanism, value: float, sd: float, accuracy: Accuracy) -> MeasuredStrength:

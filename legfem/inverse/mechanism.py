@@ -133,6 +133,15 @@ class Mechanism:
     alters_nuisances: ClassVar[bool] = False
     """Whether outlines, aim, direction and what is assumed that are off do something else beside it than without it."""
 
+    @property
+    def strength_name(self) -> str:
+        """Full name of its first parameter, the strength."""
+        return f"{self.name}.{self.parameters[0].name}"
+
+    def by_full_name(self, values: Values) -> dict[str, float]:
+        """Return values of its parameters by their full names."""
+        return {f"{self.name}.{name}": value for name, value in values.items()}
+
     def untestable(self, observed: Observations) -> str | None:
         """Return why such recordings can't show it, or None."""
         return None
@@ -160,26 +169,11 @@ class Mechanism:
         distinct = [v for v in ends if abs(v - null_of(first)) > 1e-9 * abs(ends[1])]
         return tuple({first.name: value, **others} for value in distinct)
 
-    def restated(
-        self,
-        statement: str | None = None,
-        next_experiment: str | None = None,
-        parameters: tuple[Parameter, ...] | None = None,
-        strengths: tuple[float, ...] | None = None,
-    ) -> Self:
-        """Return the same mechanism of another body than a leg: its words, its usual sizes."""
+    def restated(self, **stated: Any) -> Self:
+        """Return the same mechanism of another body than a leg, with its words and its usual sizes by attribute."""
         found = copy(self)
-        given = {
-            "statement": statement,
-            # Another body's isn't said in a leg's words.
-            "would_be": None if statement is None else "",
-            "next_experiment": next_experiment,
-            "parameters": parameters,
-            "strengths": strengths,
-        }
-        for name, value in given.items():
-            if value is not None:
-                object.__setattr__(found, name, value)
+        for name, value in stated.items():
+            object.__setattr__(found, name, value)
         return found
 
     def for_length(self, values: Values, factor: float) -> Values:

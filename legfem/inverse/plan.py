@@ -266,19 +266,14 @@ def _readings(
     onsets: Mapping[str, float] | None = None,
 ) -> FloatArray:
     """Return the readings (N,), first contacts (mm) where they are counted from; of a longer cylinder more force."""
-    given = dict(values)
-    for k in range(len(new.observed.trials)):
-        given.setdefault(f"trial{k + 1}.onset", 0.0)
     # New trials are touched where they are touched: what was fitted before was the old ones'.
-    given = {name: 0.0 if name.endswith(".onset") else value for name, value in given.items()}
+    given = {name: 0.0 if name.endswith(".onset") else value for name, value in values.items()}
     for one in mechanisms:
-        own = one.for_length(values_of(given, one), design.length_factor)
-        given |= {f"{one.name}.{name}": value for name, value in own.items()}
+        given |= one.by_full_name(one.for_length(values_of(given, one), design.length_factor))
     found = new({**given, **(onsets or {})}, mechanisms)
-    for kind, span in zip(
-        [True, *(one.is_force for one in new.observed.channels)], new.observed.data.spans, strict=True
-    ):
-        found[span] *= design.length_factor if kind else 1.0
+    are_forces = [True, *(one.is_force for one in new.observed.channels)]
+    for is_force, span in zip(are_forces, new.observed.data.spans, strict=True):
+        found[span] *= design.length_factor if is_force else 1.0
     return found
 
 
@@ -392,7 +387,6 @@ def _strengths(candidate: Candidate, mechanisms: Sequence[Mechanism]) -> tuple[F
     free = candidate.fit.free
     pick = np.zeros((len(mechanisms), len(free)))
     for row, mechanism in enumerate(mechanisms):
-        name = f"{mechanism.name}.{mechanism.parameters[0].name}"
-        if name in free:
-            pick[row, free.index(name)] = 1.0
+        if mechanism.strength_name in free:
+            pick[row, free.index(mechanism.strength_name)] = 1.0
     return pick @ candidate.mean, pick @ candidate.covariance @ pick.T

@@ -7,7 +7,7 @@ probabilities and expectation propagation (2011), arXiv:1111.6832.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from scipy.optimize import brentq
@@ -66,19 +66,19 @@ def mixed(total: float, weights: FloatArray, parts: Sequence[Posterior]) -> Post
     """
     mean, spread = moments_of(weights, np.array([p.mean for p in parts]), np.array([p.covariance for p in parts]))
 
-    def average(name: str) -> float:
-        return float(sum(w * getattr(p, name) for w, p in zip(weights, parts, strict=True)))
+    def average(name: str) -> Any:
+        return weights @ np.array([getattr(part, name) for part in parts])
 
     return Posterior(
         log_evidence=total,
         mean=mean,
         covariance=spread,
-        discrepancy_probability=average("discrepancy_probability"),
-        discrepancy_size=average("discrepancy_size"),
-        discrepancy_weights=_averaged(weights, [p.discrepancy_weights for p in parts]),
-        gain_sd=average("gain_sd"),
-        zero_sd=average("zero_sd"),
-        effects=_averaged(weights, [p.effects for p in parts]),
+        discrepancy_probability=float(average("discrepancy_probability")),
+        discrepancy_size=float(average("discrepancy_size")),
+        gain_sd=float(average("gain_sd")),
+        zero_sd=float(average("zero_sd")),
+        effects=average("effects"),
+        discrepancy_weights=average("discrepancy_weights"),
     )
 
 
@@ -88,10 +88,6 @@ def moments_of(weights: FloatArray, means: FloatArray, covariances: FloatArray) 
     apart = means - mean
     spread = np.tensordot(weights, covariances, 1) + np.einsum("m,mi,mj->ij", weights, apart, apart)
     return np.asarray(mean), np.asarray(spread)
-
-
-def _averaged(weights: FloatArray, values: Sequence[FloatArray]) -> FloatArray:
-    return np.asarray(weights @ np.array(values))
 
 
 _FAR = 99.0

@@ -182,9 +182,6 @@ def _of_specimen(mechanism: Mechanism, scale: Scale) -> Mechanism:
     if over != 1.0:
         prior, (low, high) = prior_of(first), first.bounds
         first = replace(first, bounds=(over * low, over * high), prior=replace(prior, sd=over * prior.sd))
-    return mechanism.restated(
-        told.get("statement", mechanism.statement),
-        told.get("next_experiment", mechanism.next_experiment),
-        (first, *rest),
-        None if strengths is None else tuple(over * value for value in strengths),
-    )
+    # Another body's strength isn't said in a leg's words.
+    found = mechanism.restated(**told, would_be="", parameters=(first, *rest))
+    return found if strengths is None else found.restated(strengths=tuple(over * value for value in strengths))
