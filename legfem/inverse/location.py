@@ -27,6 +27,8 @@ from legfem.inverse.observations import Observations
 
 _LENGTHS = (3, 5, 8, 12, 20)
 SIGNIFICANT = 0.05
+type _Member = tuple[str, NDArray[np.int_]]
+"""A window: names of its trials, and readings that it holds."""
 
 
 @dataclass(frozen=True)
@@ -50,63 +52,61 @@ class Window:
     """Whose readings these are."""
 
 
-@dataclass(frozen=True, eq=False)
-class Windows:
-    """All windows that are looked at."""
+def significant(
+    observed: Observations, members: Sequence[_Member], scores: FloatArray, largest: FloatArray, residual: FloatArray
+) -> tuple[Window, ...]:
+    """Return non-overlapping significant windows, the strongest first.
 
-    observed: Observations
-    members: Sequence[tuple[str, NDArray[np.int_]]]
-    """Trials' names and readings of each, all of one channel."""
-
-    def significant(self, scores: FloatArray, largest: FloatArray, residual: FloatArray) -> tuple[Window, ...]:
-        """Return non-overlapping significant windows, the strongest first.
-
-        Parameters
-        ----------
-        scores
-            Of all windows.
-        largest
-            Sorted largest scores of draws without misfit.
-        residual
-            (n,), N.
-        """
-        found: list[Window] = []
-        taken: set[int] = set()
-        for k in np.argsort(-scores):
-            p = (len(largest) - np.searchsorted(largest, scores[k]) + 1) / (len(largest) + 1)
-            if p > SIGNIFICANT:
-                break
-            name, where = self.members[k]
-            if taken & set(where.tolist()):
-                continue
-            taken |= set(where.tolist())
-            found.append(self._window(name, where, float(p), residual))
-        return tuple(found)
-
-    def _window(self, name: str, where: NDArray[np.int_], p: float, residual: FloatArray) -> Window:
-        observed = self.observed
+    Parameters
+    ----------
+    observed
+        All readings.
+    members
+        Trials' names and readings of each window, all of one channel.
+    scores
+        Of all windows.
+    largest
+        Sorted largest scores of draws without misfit.
+    residual
+        (n,), N.
+    """
+    found: list[Window] = []
+    taken: set[int] = set()
+    for k in np.argsort(-scores):
+        p = (len(largest) - np.searchsorted(largest, scores[k]) + 1) / (len(largest) + 1)
+        if p > SIGNIFICANT:
+            break
+        name, where = members[k]
+        if taken & set(where.tolist()):
+            continue
+        taken |= set(where.tolist())
         at = observed.nearest[where]
         d, t = observed.displacement[at], observed.time[at]
-        channel = next(
-            one.name
-            for one, span in zip(observed.data.channels, observed.data.spans, strict=True)
-            if where[0] < span.stop
+        channels = zip(observed.data.channels, observed.data.spans, strict=True)
+        found.append(
+            Window(
+                name,
+                str(observed.phase[at[0]]),
+                (float(d.min()), float(d.max())),
+                (float(t.min()), float(t.max())),
+                float(residual[where].mean()),
+                float(p),
+                tuple(map(int, where)),
+                next(one.name for one, span in channels if where[0] < span.stop),
+            )
         )
-        return Window(
-            name,
-            str(observed.phase[at[0]]),
-            (float(d.min()), float(d.max())),
-            (float(t.min()), float(t.max())),
-            float(residual[where].mean()),
-            p,
-            tuple(int(i) for i in where),
-            channel,
-        )
+    return tuple(found)
 
 
-def windows_of(observed: Observations) -> tuple[Windows, FloatArray]:
-    """Return the windows and their boxes (N, k)."""
-    members: list[tuple[str, NDArray[np.int_]]] = []
+def _stretches(count: int) -> list[slice]:
+    """Return stretches of several lengths among so many readings."""
+    lengths = sorted({*(n for n in _LENGTHS if n < count), count} - {0})
+    return [slice(k, k + length) for length in lengths for k in range(0, count - length + 1, max(1, length // 3))]
+
+
+def windows_of(observed: Observations) -> tuple[list[_Member], FloatArray]:
+    """Return all windows that are looked at, and their boxes (N, k)."""
+    members: list[_Member] = []
     for number, stations in enumerate(observed.protocols):
         trials = observed.trials_of(number)
         starts = [int(np.flatnonzero(observed.trial == k)[0]) for k in trials]
@@ -115,20 +115,18 @@ def windows_of(observed: Observations) -> tuple[Windows, FloatArray]:
             groups += [(observed.trials[k], [s]) for k, s in zip(trials, starts, strict=True)]
         for segment in np.unique(stations.segment):
             here = np.flatnonzero(stations.segment == segment)
-            for length in sorted({*(n for n in _LENGTHS if n < len(here)), len(here)}):
-                for first in range(0, len(here) - length + 1, max(1, length // 3)):
-                    part = here[first : first + length]
-                    members += [(name, np.concatenate([start + part for start in at])) for name, at in groups]
+            for part in _stretches(len(here)):
+                members += [(name, np.concatenate([start + here[part] for start in at])) for name, at in groups]
     members += _channel_windows(observed)
     boxes = np.zeros((len(observed.values), len(members)))
     for k, (_, where) in enumerate(members):
         boxes[where, k] = 1.0
-    return Windows(observed, members), boxes
+    return members, boxes
 
 
-def _channel_windows(observed: Observations) -> list[tuple[str, NDArray[np.int_]]]:
+def _channel_windows(observed: Observations) -> list[_Member]:
     """Return the windows of channels beside the force: of all trials of a protocol together, in order along them."""
-    found: list[tuple[str, NDArray[np.int_]]] = []
+    found: list[_Member] = []
     for span in observed.data.spans[1:]:
         own = np.arange(span.start, span.stop)
         at = observed.nearest[own]
@@ -137,9 +135,7 @@ def _channel_windows(observed: Observations) -> list[tuple[str, NDArray[np.int_]
             for segment in np.unique(observed.segment[at]):
                 here = np.flatnonzero((observed.protocol[at] == number) & (observed.segment[at] == segment))
                 here = here[np.argsort(observed.time[at[here]], kind="stable")]
-                for length in sorted({*(n for n in _LENGTHS if n < len(here)), len(here)} - {0}):
-                    firsts = range(0, len(here) - length + 1, max(1, length // 3))
-                    found += [(name, own[here[first : first + length]]) for first in firsts]
+                found += [(name, own[here[part]]) for part in _stretches(len(here))]
     return found
 
 
@@ -165,6 +161,8 @@ class Signature:
     """(N,): the response before whitening, for a figure."""
     shape: Values
     """Values of the parameters beyond the first."""
+    concealed: float
+    """Share of its length that a refit of the base parameters hides."""
 
 
 @dataclass(frozen=True)
@@ -199,12 +197,11 @@ class MisfitAssessment:
 
 def signatures_of(
     problem: LinearisedProblem, fitted: LinearisedFit, mechanisms: Sequence[Mechanism]
-) -> tuple[list[Signature], list[float]]:
-    """Return the projected signatures at a fit, and the share of each that is concealed."""
+) -> list[Signature]:
+    """Return the projected signatures at a fit."""
     basis = np.linalg.qr(fitted.augmented_jacobian)[0]
     observed = problem.predictor.observed
     found: list[Signature] = []
-    hidden: list[float] = []
     for mechanism in mechanisms:
         first = mechanism.parameters[0]
         null = null_of(first)
@@ -221,18 +218,17 @@ def signatures_of(
             rest = float(np.linalg.norm(direction))
             if length == 0 or rest < 1e-6 * length:
                 continue
-            found.append(Signature(mechanism, direction, first.bounds[0] >= null, change, shape))
-            hidden.append(1.0 - rest / length)
-    return found, hidden
+            found.append(Signature(mechanism, direction, first.bounds[0] >= null, change, shape, 1.0 - rest / length))
+    return found
 
 
 def score_tests(
     problem: LinearisedProblem, fitted: LinearisedFit, mechanisms: Sequence[Mechanism], seed: int = 0
 ) -> MisfitAssessment:
     """Test a fit's residual against errors, mechanisms and windows; no solution is needed."""
-    found, hidden = signatures_of(problem, fitted, mechanisms)
+    found = signatures_of(problem, fitted, mechanisms)
     basis = np.linalg.qr(fitted.augmented_jacobian)[0]
-    windows, boxes = windows_of(problem.predictor.observed)
+    members, boxes = windows_of(problem.predictor.observed)
     white_boxes = _padded(problem.whitened(boxes), fitted)
     white_boxes -= basis @ (basis.T @ white_boxes)
     generator = np.random.default_rng(seed)
@@ -245,26 +241,19 @@ def score_tests(
     strength = _by_mechanism(found, everything)
     window_scores = _squares(everything, white_boxes.T, one_sided=np.zeros(len(boxes.T), bool))
     misfit = _rank(_lack_of_fit(problem, fitted, np.vstack([fitted.residual, errors])))
-    names = list(strength)
-    table = np.array([strength[name] for name in names]) if names else np.zeros((1, DRAWS + 1))
-    each = np.array([_rank(row) for row in table])
+    each = {name: _rank(row) for name, row in strength.items()}
     scan = _rank(window_scores.max(axis=1))
-    family = _rank(-each.min(axis=0))
+    family = _rank(-np.min([np.ones(DRAWS + 1), *each.values()], axis=0))
     joint = np.minimum(np.minimum(misfit, family), scan)
     scores = [
-        Score(
-            name,
-            float(row[0]),
-            float(p[0]),
-            float(min(h for s, h in zip(found, hidden, strict=True) if s.mechanism.name == name)),
-        )
-        for name, row, p in zip(names, table, each, strict=False)
+        Score(name, float(strength[name][0]), float(p[0]), min(s.concealed for s in found if s.mechanism.name == name))
+        for name, p in each.items()
     ]
     threshold = np.sort(window_scores[1:].max(axis=1))
     return MisfitAssessment(
         float(misfit[0]),
         tuple(sorted(scores, key=lambda s: (s.p_value, -s.statistic))),
-        windows.significant(window_scores[0], threshold, fitted.residual),
+        significant(problem.predictor.observed, members, window_scores[0], threshold, fitted.residual),
         float(_rank(-joint)[0]),
         tuple(found),
     )

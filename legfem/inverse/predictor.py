@@ -129,18 +129,11 @@ class Predictor:
         if self.law == "reduced-polynomial":
             prior = Prior(0.0, 4.0 * middle, "linear", "nothing is known")
             found.append(Parameter(DEEP_C20, "MPa", self.responses.c20_bounds, prior, statement="likewise"))
-        return (*found, *(self._onset(k) for k in range(len(self.observed.trials))))
-
-    def _onset(self, trial: int) -> Parameter:
-        """Return a trial's first contact, after that counted from."""
-        return Parameter(
-            onset_name(trial),
-            "mm",
-            _ONSETS_MM,
-            onset_prior(self.observed, trial),
-            role="nuisance",
-            statement="first contact, after that found in the recording",
-        )
+        for trial in range(len(self.observed.trials)):
+            prior, known_of = onset_prior(self.observed, trial), "first contact, after that found in the recording"
+            onset = Parameter(onset_name(trial), "mm", _ONSETS_MM, prior, role="nuisance", statement=known_of)
+            found.append(onset)
+        return tuple(found)
 
     def __call__(self, values: Mapping[str, float], mechanisms: Sequence[Mechanism] = ()) -> FloatArray:
         """Return all readings (N,); NaN where a full solution stopped, and of channels that it hasn't."""
@@ -352,16 +345,9 @@ def _nodes_of(factor: FloatArray) -> tuple[FloatArray, FloatArray | None]:
     if high - low < 1e-12:
         return factor[:1], None
     nodes = np.linspace(low, high, _FACTOR_NODES)
-    return nodes, _lagrange(nodes, factor)
-
-
-def _lagrange(nodes: FloatArray, at: FloatArray) -> FloatArray:
-    weights = np.ones((len(nodes), len(at)))
-    for i, node in enumerate(nodes):
-        for j, other in enumerate(nodes):
-            if i != j:
-                weights[i] *= (at - other) / (node - other)
-    return weights
+    # Lagrange's polynomials.
+    each = [[(factor - other) / (node - other) for other in nodes if other != node] for node in nodes]
+    return nodes, np.prod(each, axis=1)
 
 
 def _pressed(elastic: _Elastic, displacement: FloatArray, loss) -> FloatArray:  # type: ignore[no-untyped-def]
