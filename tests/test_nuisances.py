@@ -128,7 +128,7 @@ def test_a_variance_that_a_bound_makes_small_keeps_its_degrees_of_freedom():
     """A bound takes variance away, not what the errors' sizes are known by."""
     problem, base = problem_of(ramps(), seed=1)
     known, names = 0.1 * base.sensitivities[:, :1], ("outline of the skin, mode 1",)
-    problem = problem.with_errors(replace(problem.errors, known=known, names=names))
+    problem = replace(problem, errors=replace(problem.errors, known=known, names=names))
     problem = replace(problem, causes={names[0]: OUTLINE})
     one = explain(problem, base, SOUGHT[:1]).base
     assert np.isfinite(one.degrees_of_freedom[0])

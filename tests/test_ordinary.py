@@ -19,7 +19,7 @@ def with_unknown_outlines(problem):
     """Add five effects of 1 % of the force that the leg's outlines may have."""
     d, force = problem.predictor.observed.displacement, problem.predictor.observed.force
     known = np.column_stack([0.01 * force * np.cos(k * np.pi * d / 20) for k in range(5)])
-    return problem.with_errors(replace(problem.errors, known=known))
+    return replace(problem, errors=replace(problem.errors, known=known))
 
 
 def distance(residual):

@@ -31,6 +31,7 @@ wrong with it. Its error replaces that of the table.
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -120,17 +121,16 @@ class TabulatedCorrection:
     errors: Mapping[str, FloatArray]
     given: Mapping[str, Any] = field(default_factory=dict)
 
-    def __post_init__(self) -> None:
-        """Prepare the interpolation; a single point of an axis stands for all its values."""
-        axes = (np.log(self.c10), self.stiffening, self.displacement)
+    @cached_property
+    def _table(self) -> RegularGridInterpolator:
+        """Interpolation; a single point of an axis stands for all its values."""
         values, wide = self.values, []
-        for number, axis in enumerate(axes):
+        for number, axis in enumerate((np.log(self.c10), self.stiffening, self.displacement)):
             if len(axis) == 1:
                 axis = np.array([axis[0], axis[0] + 1])
                 values = np.repeat(values, 2, axis=number)
             wide.append(axis)
-        object.__setattr__(self, "_table", RegularGridInterpolator(tuple(wide), values))
-        object.__setattr__(self, "_bounds", [(axis[0], axis[-1]) for axis in wide])
+        return RegularGridInterpolator(tuple(wide), values)
 
     def correction(self, displacement: FloatArray, c10: FloatArray, c20: FloatArray) -> FloatArray:
         """Return P (..., n) at displacements (n,) in mm for stiffnesses (...) in MPa."""
@@ -140,9 +140,9 @@ class TabulatedCorrection:
         at = np.empty((*shape, 3))
         at[..., :2] = stiff[..., None, :]
         at[..., 2] = displacement
-        for number, (low, high) in enumerate(self._bounds):  # type: ignore[attr-defined]
-            at[..., number] = np.clip(at[..., number], low, high)
-        return np.asarray(self._table(at))  # type: ignore[attr-defined]
+        for number, axis in enumerate(self._table.grid):
+            at[..., number] = np.clip(at[..., number], axis[0], axis[-1])
+        return np.asarray(self._table(at))
 
     def factor(self, displacement: FloatArray, c10: FloatArray, c20: FloatArray) -> FloatArray:
         """Return ``1 - P`` (..., n)."""

@@ -122,7 +122,7 @@ class Weighing:
     def aware(self, problem: LinearisedProblem, posterior: Posterior) -> LinearisedProblem:
         """Return the problem with the most probable of the unknown errors among its own."""
         most = self.unknowns[int(np.argmax(posterior.discrepancy_weights))]
-        return problem.with_errors(with_discrepancy(problem.errors, most))
+        return replace(problem, errors=with_discrepancy(problem.errors, most))
 
     def _shares_beside(self, problem: LinearisedProblem, fitted: LinearisedFit, hides: bool = False) -> list[float]:
         """Return the logarithms of the shares of unknown errors beside a model with mechanisms, or one that hides."""

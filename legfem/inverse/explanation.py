@@ -125,11 +125,6 @@ class Explanation:
         noise = self.problem.errors.noise
         return self.problem.aside is None and (noise.beyond_force > 0.0 or noise.beyond_way > 0.0)
 
-    @property
-    def leaves_discrepancy(self) -> bool:
-        """Whether something unknown is left: beside its mechanisms, or as all that it adds."""
-        return self.unnamed or self.in_part
-
     def value(self, name: str) -> float:
         """Return a parameter's expected value, in its unit."""
         if name in self.identified:
@@ -245,19 +240,16 @@ class Explained:
             found.append(Statement(() if like else names, not names or bool(like), held, like))
         return tuple(sorted(found, key=lambda one: -one.probability))
 
-    @cached_property
-    def _rest(self) -> tuple[Explanation, ...]:
-        return tuple(e for e in self.every if self._adds(e))
-
     def _held(self) -> dict[tuple[str, ...], float]:
         """Return the probabilities of what shows, pairs counted for what they add to one.
 
         Mechanisms that don't describe the recordings count for something unknown: probabilities
         weigh explanations against each other, and all of them may be bad.
         """
-        singles = singles_of(self._rest)
+        adding = [e for e in self.every if self._adds(e)]
+        singles = singles_of(adding)
         held: dict[tuple[str, ...], float] = {}
-        for one in self._rest:
+        for one in adding:
             counted = counts_for(one, singles)
             names = counted.names if self.describes(counted) else ()
             held[names] = held.get(names, 0.0) + one.probability

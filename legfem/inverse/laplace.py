@@ -24,6 +24,7 @@ hidden as by the usual strength. A share of them may be of any strength that is 
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
@@ -36,7 +37,7 @@ from legfem.inverse.evidence import Evidence, Linearisation
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
 from legfem.inverse.map_fit import fit
 from legfem.inverse.measured_strength import MeasuredStrength
-from legfem.inverse.mechanism import prior_of
+from legfem.inverse.mechanism import Occurrence, prior_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
 from legfem.inverse.posterior import MixtureComponents, Posterior, mixed, moments_of
@@ -198,7 +199,8 @@ def integrate_strength(
     k = least_determined(fitted, posterior)
     prior = prior_of(fitted.parameters[k])
     low, high = sorted(prior.departure(end) for end in fitted.parameters[k].bounds)
-    strong = _strong(problem, fitted.parameters[k])
+    possible = _possible(problem, fitted.parameters[k])
+    beside_strong = partial(_beside_strong, possible, fitted.parameters[k])
     steps = _steps(problem, fitted, k, of, (low, high))
     if len(steps) < 2:
         return posterior
@@ -207,8 +209,8 @@ def integrate_strength(
     log_likelihood = CubicSpline(z, [step.log_likelihood for step in steps])(fine)
     log_likelihood += np.log(fine[1] - fine[0])
     log_likelihood[[0, -1]] -= np.log(2.0)
-    total = float(logsumexp(log_likelihood + strong.beside(_log_prior(prior, fine), fine)))
-    log_shares = log_likelihood + strong.beside(norm.logpdf(fine), fine)
+    total = float(logsumexp(log_likelihood + beside_strong(_log_prior(prior, fine), fine)))
+    log_shares = log_likelihood + beside_strong(norm.logpdf(fine), fine)
     shares = np.exp(log_shares - logsumexp(log_shares))
     hats = np.array([np.interp(fine, z, one) for one in np.eye(len(z))])
     # Between points the strength is spread evenly.
@@ -218,7 +220,8 @@ def integrate_strength(
     )
     mean, covariance = moments_of(shares, means, covariances)
     strands = MixtureComponents(shares, means, np.sqrt(np.diagonal(covariances, axis1=1, axis2=2)))
-    inside = strong.share + (1 - strong.share) * np.exp(_log_inside(prior, low, high))
+    strong = 0.0 if possible is None else possible.strong
+    inside = strong + (1 - strong) * np.exp(_log_inside(prior, low, high))
     found = mixed(total - float(np.log(inside)), hats @ shares, parts)
     return replace(found, mean=mean, covariance=covariance, components=strands)
 
@@ -235,7 +238,7 @@ def _steps(
     for end, side in zip(ends, (-1.0, 1.0), strict=True):
         last, size = first, sd
         for _ in range(_MOST):
-            if abs(last.z - end) < _CLOSE * sd or last.log_density < _best(found) - _BELOW:
+            if abs(last.z - end) < _CLOSE * sd or last.log_density < max(one.log_density for one in found) - _BELOW:
                 break
             further = last.z + side * size
             # What would be left to the bound isn't worth a step.
@@ -251,10 +254,6 @@ def _steps(
     return sorted(found, key=lambda step: step.z)
 
 
-def _best(steps: Sequence[_Step]) -> float:
-    return max(step.log_density for step in steps)
-
-
 def _held(problem: LinearisedProblem, near: LinearisedFit, k: int, z: float, of: Conditional) -> _Step:
     """Return all else fitted with the strength held, beginning at a fit nearby."""
     every = problem.parameters(near.mechanisms)
@@ -263,33 +262,24 @@ def _held(problem: LinearisedProblem, near: LinearisedFit, k: int, z: float, of:
     held = fit(problem, near.mechanisms, {**near.values, own.name: value}, (own.name,))
     posterior = of(held)
     likelihood = posterior.log_evidence + gain_of_widths(held, posterior)
-    density = float(_strong(problem, own).beside(np.asarray(norm.logpdf(z)), np.asarray(z)))
+    density = float(_beside_strong(_possible(problem, own), own, np.asarray(norm.logpdf(z)), np.asarray(z)))
     return _Step(z, held, posterior, likelihood, likelihood + density)
 
 
-@dataclass(frozen=True)
-class _Strong:
-    """The share of strengths that lie anywhere within what is possible, evenly, as departures."""
-
-    share: float
-    low: float
-    high: float
-
-    def beside(self, log_usual: FloatArray, z: FloatArray) -> FloatArray:
-        """Return the logarithm of the density of the usual ones and these."""
-        if self.share == 0.0:
-            return log_usual
-        even = np.where((z >= self.low) & (z <= self.high), self.share / (self.high - self.low), 0.0)
-        return np.asarray(np.log((1 - self.share) * np.exp(log_usual) + even))
-
-
-def _strong(problem: LinearisedProblem, strength: Parameter) -> _Strong:
-    possible = problem.possible.get(strength.name.partition(".")[0])
-    if possible is None:
-        return _Strong(0.0, 0.0, 0.0)
+def _beside_strong(
+    possible: Occurrence | None, strength: Parameter, log_usual: FloatArray, z: FloatArray
+) -> FloatArray:
+    """Return the logarithm of the density of usual strengths and of those that lie anywhere within what is possible."""
+    if possible is None or possible.strong == 0.0:
+        return log_usual
     prior, (low, high) = prior_of(strength), strength.bounds
-    ends = prior.departure(max(low, possible.low)), prior.departure(min(high, possible.high))
-    return _Strong(possible.strong, *ends)
+    low, high = prior.departure(max(low, possible.low)), prior.departure(min(high, possible.high))
+    even = np.where((z >= low) & (z <= high), possible.strong / (high - low), 0.0)
+    return np.asarray(np.log((1 - possible.strong) * np.exp(log_usual) + even))
+
+
+def _possible(problem: LinearisedProblem, strength: Parameter) -> Occurrence | None:
+    return problem.possible.get(strength.name.partition(".")[0])
 
 
 def gain_of_widths(fitted: LinearisedFit, posterior: Posterior) -> float:

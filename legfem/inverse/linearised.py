@@ -218,11 +218,7 @@ class LinearisedProblem:
 
     def corrected(self, offset: FloatArray) -> "LinearisedProblem":
         """Return the problem with the predictor shifted to a full solution."""
-        return replace(self, predictor=self.predictor.corrected(offset))
-
-    def with_errors(self, errors: ErrorModel) -> "LinearisedProblem":
-        """Return the problem with other errors."""
-        return replace(self, errors=errors)
+        return replace(self, predictor=replace(self.predictor, offset=offset))
 
     def with_nuisances(
         self, noise: Noise, about: LinearisedFit, effects: Sequence[NuisanceEffect]

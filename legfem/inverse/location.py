@@ -208,7 +208,7 @@ def signatures_of(
         step = 0.05 * (value_at(first, 1.0) - null)
         shapes = {tuple(list(values.items())[1:]): values for values in mechanism.starts(observed)}
         for shape in shapes.values():
-            values = fitted.values | mechanism.by_full_name({**shape, first.name: null + step})
+            values = {**fitted.values, **mechanism.by_full_name({**shape, first.name: null + step})}
             moved = problem.predictor(values, (*fitted.mechanisms, mechanism))
             change = (moved - fitted.prediction) / step
             white = _padded(problem.whitened(change), fitted)

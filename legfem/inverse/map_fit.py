@@ -65,11 +65,6 @@ def refitted_beside(problem: LinearisedProblem, fitted: LinearisedFit) -> tuple[
     return beside, fitted if beside is problem else fit(beside, fitted.mechanisms, fitted.values)
 
 
-def fit_base(problem: LinearisedProblem, starts: Sequence[Mapping[str, float]]) -> LinearisedFit:
-    """Fit the base model from several starts."""
-    return min((fit(problem, (), start) for start in starts), key=lambda f: f.cost)
-
-
 def _fit_from(
     problem: LinearisedProblem,
     mechanisms: Sequence[Mechanism],
@@ -231,7 +226,8 @@ def ordinary_fit(problem: LinearisedProblem, starts: Sequence[Mapping[str, float
     force, *others = data.channels
     sizes = [max(_FIRST_SHARE * float(np.ptp(one.values)), float(one.sd.max())) for one in others]
     scales = [0.05 * force.values, *(np.full(len(one), size) for one, size in zip(others, sizes, strict=True))]
-    found = fit_base(equally_weighted(problem, np.concatenate(scales)), starts)
+    begun = equally_weighted(problem, np.concatenate(scales))
+    found = min((fit(begun, (), start) for start in starts), key=lambda f: f.cost)
     for _ in range(_ROUNDS):
         found = fit(equally_weighted(problem, found.residual), (), found.values)
     return found
@@ -247,7 +243,7 @@ def equally_weighted(problem: LinearisedProblem, misfit: FloatArray) -> Linearis
     equal = replace(
         errors, dense=np.diag(sizes**2), known=0.0 * errors.known, gains=0.0 * errors.gains, zeros=0.0 * errors.zeros
     )
-    return problem.with_errors(equal if problem.aside is None else equal.without_bounds(problem.aside))
+    return replace(problem, errors=equal if problem.aside is None else equal.without_bounds(problem.aside))
 
 
 REFITS = 8

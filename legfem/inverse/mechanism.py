@@ -76,6 +76,11 @@ def factor(name: str, statement: str, bounds: tuple[float, float], log_sd: float
     return Parameter(name, "-", bounds, prior, scale="log", statement=statement)
 
 
+def error_mode(name: str, statement: str, source: str) -> Parameter:
+    """Return a parameter that counts standard deviations of what a table or a correction errs by."""
+    return Parameter(name, "sd", (-3.0, 3.0), Prior(0.0, 1.0, "linear", source), statement=statement)
+
+
 @dataclass(frozen=True)
 class Occurrence:
     """Which strengths of a mechanism anatomy and rigs allow, and how common the great ones are.
@@ -130,6 +135,8 @@ class Mechanism:
     """What every body has of it that recordings don't show, as a sentence without its full stop; see `Unseen`."""
     hides_in_stiffness: ClassVar[bool] = False
     """Whether a refit of the stiffness takes up nearly all that it does, so that even recordings of it hardly tell."""
+    scaled: ClassVar[tuple[str, ...]] = ()
+    """Full names of the assumed numbers that its strength multiplies."""
     alters_nuisances: ClassVar[bool] = False
     """Whether outlines, aim, direction and what is assumed that are off do something else beside it than without it."""
 
@@ -179,11 +186,6 @@ class Mechanism:
     def for_length(self, values: Values, factor: float) -> Values:
         """Return its values with an indenter that is ``factor`` times as long."""
         return values
-
-    @property
-    def scaled(self) -> tuple[str, ...]:
-        """Full names of the assumed numbers that its strength multiplies."""
-        return ()
 
     def relative_change(
         self, values: Values, at: Stiffness, observed: Observations, responses: TissueResponses
@@ -366,14 +368,6 @@ class TissueMechanism(Mechanism):
         """Return what each of the derivatives, and what they miss at each of the nodes, is multiplied by (k,)."""
         raise NotImplementedError(f"{self.name} isn't tabulated by derivatives")
 
-    @property
-    def scaled(self) -> tuple[str, ...]:
-        """Full names of the assumed numbers that its strength multiplies."""
-        first = self.parameters[0]
-        if prior_of(first).scale != "log":
-            return ()
-        return tuple(self.solution({first.name: value_at(first, 1.0)}).scaled)
-
     def relative_change(
         self, values: Values, at: Stiffness, observed: Observations, responses: TissueResponses
     ) -> FloatArray | None:
@@ -396,5 +390,7 @@ class TissueMechanism(Mechanism):
         return (*super().starts(observed), *({first: end, **others} for end in ends))
 
     def solution(self, values: Values) -> Solution:
-        """Return the solution that shows the mechanism at values."""
-        raise NotImplementedError(f"{self.name} doesn't say which solution shows it")
+        """Return the solution that shows the mechanism at values: the model with those numbers scaled, by itself."""
+        if not self.scaled:
+            raise NotImplementedError(f"{self.name} doesn't say which solution shows it")
+        return Solution(scaled=dict.fromkeys(self.scaled, values[self.parameters[0].name]))

@@ -68,7 +68,9 @@ def held_out(problem: LinearisedProblem, fitted: LinearisedFit, errors: ErrorMod
     errors
         Of the observations, if others.
     """
-    observed = problem.predictor.observed
+    observed, errors = problem.predictor.observed, errors or problem.errors
+    # What differs from trial to trial.
+    variance = errors.trial_sd**2 + errors.gain_sd**2 * np.sum(errors.gains**2, axis=1) + errors.zero_sd**2
     how, folds = folds_of(observed)
     squares, noise, count = 0.0, 0.0, 0
     for fold in folds:
@@ -78,14 +80,9 @@ def held_out(problem: LinearisedProblem, fitted: LinearisedFit, errors: ErrorMod
         refit = fit(problem.without(fold[observed.nearest]), fitted.mechanisms, fitted.values, shapes | onsets)
         forces = np.flatnonzero(fold)
         squares += float(np.sum(refit.residual[forces] ** 2))
-        noise += float(np.sum(_between_trials(errors or problem.errors)[forces]))
+        noise += float(np.sum(variance[forces]))
         count += int(fold.sum())
     return HeldOut(how, float(np.sqrt(squares / count)), float(np.sqrt(noise / count)))
-
-
-def _between_trials(errors: ErrorModel) -> NDArray[np.float64]:
-    """Return the variance (N,) of what differs from trial to trial."""
-    return np.asarray(errors.trial_sd**2 + errors.gain_sd**2 * np.sum(errors.gains**2, axis=1) + errors.zero_sd**2)
 
 
 @dataclass(frozen=True)

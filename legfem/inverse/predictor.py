@@ -7,7 +7,7 @@ nothing else.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal, Protocol
 
@@ -114,10 +114,6 @@ class Predictor:
     offset: FloatArray | float = 0.0
     _splines: dict[tuple[int, float, float], PPoly | None] = field(default_factory=dict, repr=False)
     _curves: dict[tuple[int, tuple[str, ...], float, float], FloatArray] = field(default_factory=dict, repr=False)
-
-    def corrected(self, offset: FloatArray) -> "Predictor":
-        """Return the predictor shifted to agree with a full solution."""
-        return replace(self, offset=offset)
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:

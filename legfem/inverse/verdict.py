@@ -200,11 +200,6 @@ class Diagnosis:
         return self._estimates(self.best, True)
 
     @property
-    def base_estimates(self) -> dict[str, Estimate]:
-        """What was fitted in the base model."""
-        return dict(self.base.estimates)
-
-    @property
     def hidden(self) -> tuple[tuple[Limit, HiddenEnd], ...]:
         """Effects that may be there unseen and would move C10 by more than `TRUSTED`, the greatest first."""
         c10 = self.weighted_base.fit.values[DEEP_C10]
@@ -247,7 +242,7 @@ def explained_share(found: Diagnosis, model: Explanation) -> float:
 
 def residual_intervals(found: Diagnosis, model: Explanation) -> list[ResidualInterval]:
     """Return where something unknown is left beside an explanation, the greatest first."""
-    if not model.leaves_discrepancy:
+    if not (model.unnamed or model.in_part):
         return []
     observed, base = found.observed, found.weighted_base.fit
     course = unknown_course(model, possible_discrepancies(observed, base.prediction))

@@ -44,10 +44,7 @@ def mechanism_named(name: str) -> Mechanism:
     KeyError
         If there is none.
     """
-    for mechanism in mechanisms():
-        if mechanism.name == name:
-            return mechanism
-    raise KeyError(name)
+    return {one.name: one for one in mechanisms()}[name]
 
 
 def shown_in(variant: str) -> list[TissueMechanism]:

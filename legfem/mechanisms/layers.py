@@ -18,6 +18,7 @@ class SuperficialStiffness(TissueMechanism):
     parameters: ClassVar[tuple[Parameter, ...]] = (
         factor("factor", "on C10", (0.1, 9.0), 0.9, "reported stiffness of fat differs tenfold"),
     )
+    scaled: ClassVar[tuple[str, ...]] = ("superficial.C10",)
     would_be: ClassVar[str] = "fat of {} times the assumed stiffness"
     alters_nuisances: ClassVar[bool] = True
     next_experiment: ClassVar[str] = (
@@ -26,10 +27,6 @@ class SuperficialStiffness(TissueMechanism):
     measured_sd: ClassVar[float | None] = 0.25
     """An estimate."""
     strengths: ClassVar[tuple[float, ...]] = (0.4, 1.7, 3.5, 8.0)
-
-    def solution(self, values: Values) -> Solution:
-        """Return the model with that parameter scaled."""
-        return Solution(scaled={"superficial.C10": values["factor"]})
 
 
 @dataclass(frozen=True)
@@ -116,16 +113,13 @@ class FasciaStiffness(TissueMechanism):
             "crural fascia is reported from 0.1 to 100 MPa",
         ),
     )
+    scaled: ClassVar[tuple[str, ...]] = ("fascia.C10",)
     would_be: ClassVar[str] = "a fascia of {} times the assumed stiffness"
     alters_nuisances: ClassVar[bool] = True
     next_experiment: ClassVar[str] = "measure the fascia by shear-wave elastography"
     measured_sd: ClassVar[float | None] = 0.4
     """An estimate: a sheet thinner than a wave is long."""
     strengths: ClassVar[tuple[float, ...]] = (0.2, 3.0, 9.0, 26.0)
-
-    def solution(self, values: Values) -> Solution:
-        """Return the model with that parameter scaled."""
-        return Solution(scaled={"fascia.C10": values["factor"]})
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from legfem.inverse.mechanism import (
     Solution,
     TissueMechanism,
     Values,
+    error_mode,
     factor,
     null_of,
     strength,
@@ -43,15 +44,12 @@ class Compressibility(TissueMechanism):
             "factor", "D1 over the assumed one", (0.1, 60.0), 1.3, "reported bulk moduli of muscle differ a hundredfold"
         ),
     )
+    scaled: ClassVar[tuple[str, ...]] = ("deep.D1",)
     would_be: ClassVar[str] = "a muscle of {} times the assumed compressibility"
     next_experiment: ClassVar[str] = "image the section under load and measure how its area changes"
     measured_sd: ClassVar[float | None] = 0.7
     """An estimate: areas to 0.5 % beside changes of 1 %."""
     strengths: ClassVar[tuple[float, ...]] = (0.3, 3.0, 9.0, 26.0)
-
-    def solution(self, values: Values) -> Solution:
-        """Return the model with that parameter scaled."""
-        return Solution(scaled={"deep.D1": values["factor"]})
 
 
 @dataclass(frozen=True)
@@ -133,11 +131,7 @@ class MuscleContraction(Mechanism):
 
 _UNSEEN = 5
 """Ratios, and errors of the table, that stand for all."""
-
-
-def _error(name: str, statement: str) -> Parameter:
-    prior = Prior(0.0, 1.0, "linear", "the table of fibres' own errors")
-    return Parameter(name, "sd", (-3.0, 3.0), prior, statement=statement)
+_SOURCE = "the table of fibres' own errors"
 
 
 @dataclass(frozen=True)
@@ -159,8 +153,8 @@ class MuscleFibres(Mechanism):
             0.8,
             "shear waves in vivo: about 3 in the vastus lateralis (PMC8754054)",
         ),
-        _error("size", "error of the table that is mostly alike at all depths"),
-        _error("course", "error of the table that changes along the depth"),
+        error_mode("size", "error of the table that is mostly alike at all depths", _SOURCE),
+        error_mode("course", "error of the table that changes along the depth", _SOURCE),
     )
     next_experiment: ClassVar[str] = (
         "press with the cylinder across the leg or with an end-on punch, or measure the muscle by "

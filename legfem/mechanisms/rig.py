@@ -17,6 +17,7 @@ from legfem.inverse.mechanism import (
     TissueMechanism,
     TissueResponses,
     Values,
+    error_mode,
     strength,
 )
 from legfem.inverse.observations import Observations
@@ -254,9 +255,7 @@ class ContactOnset(Mechanism):
         return np.full(len(force), values["offset"])
 
 
-def _error(name: str, statement: str) -> Parameter:
-    prior = Prior(0.0, 1.0, "linear", "the correction's own errors")
-    return Parameter(name, "sd", (-3.0, 3.0), prior, statement=statement)
+_SOURCE = "the correction's own errors"
 
 
 @dataclass(frozen=True)
@@ -279,9 +278,9 @@ class EndEffects(Mechanism):
     statement: ClassVar[str] = "the cylinder is short: tissue moves along the leg and its ends carry force"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         strength("scale", "-", "of the idealised leg's correction P(d)", 1.0, (0.0, 3.0)),
-        _error("leg_length", "P's error for the leg's unknown length"),
-        _error("calibration", "P's error by the mesh it was found on"),
-        _error("first_contact", "P's error where contact begins"),
+        error_mode("leg_length", "P's error for the leg's unknown length", _SOURCE),
+        error_mode("calibration", "P's error by the mesh it was found on", _SOURCE),
+        error_mode("first_contact", "P's error where contact begins", _SOURCE),
     )
     MODES: ClassVar[Mapping[str, str]] = {
         "leg_length": "leg length",

@@ -265,7 +265,7 @@ def diagnosed_parameters(found: Mapping[str, Estimate]) -> dict[str, Any]:
 
 def parameter_rows(found: Diagnosis) -> Iterator[dict[str, Any]]:
     """Yield a row a parameter of the base model and of the repaired one."""
-    for when, model in (("before repair", found.base_estimates), ("after repair", found.estimates)):
+    for when, model in (("before repair", found.base.estimates), ("after repair", found.estimates)):
         for name, one in diagnosed_parameters(model).items():
             low, high = one["ci95"]
             numbers = {key: one[key] for key in ("value", "unit", "identifiability")}

@@ -102,7 +102,7 @@ def _row(one: DiagnosedSpecimen) -> dict[str, Any]:
                 "goodness": {"p_value": found.assessment.lack_of_fit},
             }
         },
-        "parameters_of_base_model": diagnosis_document.diagnosed_parameters(found.base_estimates),
+        "parameters_of_base_model": diagnosis_document.diagnosed_parameters(found.base.estimates),
         "recordings_not_used": [asdict(each) for each in one.left_out],
     }
 

@@ -81,7 +81,7 @@ def tests_finding(found: Sequence[DiagnosedSpecimen], after: bool = False) -> Te
     Specimens err by their intervals, or by as much as those of one test differ.
     """
     each = [
-        (one.test, one.diagnosis.estimates if after else one.diagnosis.base_estimates)
+        (one.test, one.diagnosis.estimates if after else one.diagnosis.base.estimates)
         for one in found
         if one.diagnosis is not None
     ]
