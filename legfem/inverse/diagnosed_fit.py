@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import DEEP_C20, LawName
-from legfem.inverse.estimates import Estimate
+from legfem.inverse.estimates import Estimate, correlations_of
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.fit import (
     EXACT,
@@ -60,13 +59,14 @@ def fit_of_model(
     """
     fitted = model.fit
     equal = weighted is not None and equally
+    fitted_at = [fitted.free.index(name) for name in estimates]
     tests, agreement = fits_of_trials(model, weighted)
     return Fit(
         kind=kind,
         subject=subject,
         law=law,
         estimates=estimates,
-        correlations=_correlations(model, tuple(estimates)),
+        correlations=correlations_of(model.posterior.covariance[np.ix_(fitted_at, fitted_at)]),
         values=dict(fitted.values),
         assumed={},
         goodness=Goodness(fitted.cost, len(fitted.whitened), fitted.lack_of_fit),
@@ -134,14 +134,6 @@ def fits_of_trials(model: Explanation, weighted: Explanation | None) -> tuple[tu
     if weighted is not None:
         by_itself, agreement = _each_trial(weighted)
     return tuple(_trial_fits(model, by_itself)), agreement
-
-
-def _correlations(model: Explanation, names: tuple[str, ...]) -> FloatArray:
-    """Return the correlations (p, p) of parameters' departures."""
-    at = [model.fit.free.index(name) for name in names]
-    covariance = model.posterior.covariance[np.ix_(at, at)]
-    sd = np.sqrt(np.diag(covariance))
-    return np.asarray(covariance / np.outer(sd, sd))
 
 
 def _each_trial(base: Explanation) -> tuple[list[dict[str, OwnEstimate]], Goodness]:

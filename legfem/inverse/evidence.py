@@ -28,7 +28,7 @@ from legfem.common.units import FloatArray
 from legfem.data.phases import HOLD
 from legfem.inverse.errors import GAIN_SDS, ErrorModel
 from legfem.inverse.observations import Observations
-from legfem.inverse.posterior import Posterior, within
+from legfem.inverse.posterior import Posterior, moments_of, within
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,11 +202,9 @@ class Evidence:
                     solve_triangular(lower, shared, lower=True),
                 )
             )
-        self._sizes = [
-            (gain, zero, _log_normal(k, len(GAIN_SDS)) + _log_normal(j, len(errors.zero_sds)))
-            for k, gain in enumerate(GAIN_SDS)
-            for j, zero in enumerate(errors.zero_sds)
-        ]
+        gains, zeros = np.meshgrid(GAIN_SDS, errors.zero_sds, indexing="ij")
+        self._gains, self._zeros = gains.ravel(), zeros.ravel()
+        self._log_sizes = np.add.outer(_log_normal(len(GAIN_SDS)), _log_normal(len(errors.zero_sds))).ravel()
 
     def of(
         self, about: Linearisation, log_unknown: Sequence[float] | None = None, errors: ErrorModel | None = None
@@ -229,17 +227,13 @@ class Evidence:
         n, p = about.jacobian.shape
         k, trials = errors.known.shape[1], errors.gains.shape[1]
         centred = about.residual + about.jacobian @ about.prior_z
-        logs, means, spreads, effects = [], [], [], []
-        scales = np.array([np.repeat([gain, zero], trials) for gain, zero, _ in self._sizes])
-        log_sizes = [log_size for _, _, log_size in self._sizes]
+        shape = len(self._factors), len(self._log_sizes)
+        logs, means, spreads = np.full(shape, -np.inf), np.zeros((*shape, p + k)), np.zeros((*shape, p, p))
+        scales = np.repeat(np.column_stack([self._gains, self._zeros]), trials, axis=1)
         for number, factor in enumerate(self._factors):
             prior = factor.discrepancy.log_prior if log_unknown is None else log_unknown[number]
             if prior == -np.inf:
                 # Its weights are nought, whatever it says: most of the unknown errors beside a small effect.
-                logs += [-np.inf] * len(self._sizes)
-                means += [np.zeros(p)] * len(self._sizes)
-                effects += [np.zeros(k)] * len(self._sizes)
-                spreads += [np.zeros((p, p))] * len(self._sizes)
                 continue
             mine = np.column_stack([centred, about.jacobian])
             white = solve_triangular(factor.lower, mine, lower=True, check_finite=False)
@@ -257,32 +251,25 @@ class Evidence:
             strength = np.einsum("sij,sj->si", inverse, along)
             log_det = factor.log_det + 2 * np.log(np.diag(lower)).sum() + np.linalg.slogdet(inner)[1]
             squares = white[:, 0] @ white[:, 0] - given[:, 0] @ alone - np.sum(along * strength, axis=1)
-            logs += list(-0.5 * (squares + log_det + n * np.log(2 * np.pi)) + prior + np.array(log_sizes))
-            mean = alone - (scales * strength) @ taken.T
-            means += list(mean[:, :p])
-            effects += list(mean[:, p:])
+            logs[number] = -0.5 * (squares + log_det + n * np.log(2 * np.pi)) + prior + self._log_sizes
+            means[number] = alone - (scales * strength) @ taken.T
             each_taken = taken[:p] * scales[:, None, :]
-            spreads += list(own + np.einsum("sia,sab,sjb->sij", each_taken, inverse, each_taken))
+            spreads[number] = own + np.einsum("sia,sab,sjb->sij", each_taken, inverse, each_taken)
         total = float(logsumexp(logs))
-        weights = np.exp(np.array(logs) - total)
-        mean = weights @ np.array(means)
-        apart = np.array(means) - mean
-        spread = np.einsum("i,ijk->jk", weights, np.array(spreads))
-        spread += np.einsum("i,ij,ik->jk", weights, apart, apart)
-        each = len(self._sizes)
-        of_unknown = weights.reshape(-1, each).sum(axis=1)
+        weights = np.exp(logs - total)
+        mean, spread = moments_of(weights.ravel(), means[..., :p].reshape(-1, p), spreads.reshape(-1, p, p))
+        of_unknown, of_sizes = weights.sum(axis=1), weights.sum(axis=0)
         sizes = np.array([factor.discrepancy.size for factor in self._factors])
         some = float(of_unknown[sizes > 0].sum())
-        of_sizes = weights.reshape(-1, each).sum(axis=0)
         inside = _inside(about, mean, spread)
         return Posterior(
             total + inside,
             *within(mean, spread, about.low, about.high),
             some,
             float(of_unknown @ sizes) / some if some > 0 else 0.0,
-            float(of_sizes @ [gain for gain, _, _ in self._sizes]),
-            float(of_sizes @ [zero for _, zero, _ in self._sizes]),
-            weights @ np.array(effects),
+            float(of_sizes @ self._gains),
+            float(of_sizes @ self._zeros),
+            np.tensordot(weights, means[..., p:], 2),
             of_unknown,
         )
 
@@ -292,10 +279,10 @@ def _shared(errors: ErrorModel) -> FloatArray:
     return np.hstack([errors.known, errors.gains, errors.zeros])
 
 
-def _log_normal(number: int, count: int) -> float:
-    """Return the logarithm of a share of steps one standard deviation apart."""
-    steps = np.arange(count) - (count - 1) / 2
-    return float(norm.logpdf(steps[number]) - logsumexp(norm.logpdf(steps)))
+def _log_normal(count: int) -> FloatArray:
+    """Return the logarithms of the shares (k,) of steps one standard deviation apart."""
+    logs = norm.logpdf(np.arange(count) - (count - 1) / 2)
+    return np.asarray(logs - logsumexp(logs))
 
 
 def _inside(about: Linearisation, mean: FloatArray, spread: FloatArray) -> float:

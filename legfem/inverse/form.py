@@ -120,18 +120,12 @@ def _families(problem: LinearisedProblem) -> Iterator[tuple[list[str], list[NDAr
 def _channels(problem: LinearisedProblem, kept: NDArray[np.bool_] | bool) -> tuple[list[str], list[NDArray[np.bool_]]]:
     """Return channels that are read in one way, together."""
     observed = problem.predictor.observed
-    number: FloatArray = np.zeros(len(observed.values), dtype=int)
-    titles: list[list[str]] = [["force"]]
-    ways: list[object] = [None]
+    number = np.zeros(len(observed.values), dtype=int)
+    titles: dict[object, list[str]] = {None: ["force"]}
     for one, span in zip(observed.channels, observed.data.spans[1:], strict=True):
-        way = FILE_OF[one.name]
-        if way not in ways:
-            ways.append(way)
-            titles.append([])
-        place = ways.index(way)
-        titles[place].append(one.kind.title)
-        number[span] = place
-    return [_shared_words(own) for own in titles], [kept & (number == k) for k in range(len(ways))]
+        titles.setdefault(FILE_OF[one.name], []).append(one.kind.title)
+        number[span] = list(titles).index(FILE_OF[one.name])
+    return [_shared_words(own) for own in titles.values()], [kept & (number == k) for k in range(len(titles))]
 
 
 def _shared_words(titles: list[str]) -> str:

@@ -106,7 +106,7 @@ def _assembled(
     middle: float,
 ) -> Library:
     done = [(t, o) for t, o in zip(tasks, outcomes, strict=True) if o is not None]
-    elastic = [(t.point, o[ONE]) for t, o in done if _is_elastic(t)]
+    elastic = [(t.point, o[ONE]) for t, o in done if t.is_elastic]
     emulator = Emulator(_samples(elastic, ("force",)))
     names = _known_channels(done)
     outcomes = _filled(tasks, outcomes, names)
@@ -129,7 +129,11 @@ def _assembled(
         for m in tissue
         if any(t.beside is not None and t.beside[0] is m for t, _ in done)
     }
-    tables = ChannelTables(names, _kriging(_samples(elastic, names)), beside) if names else NO_CHANNELS
+    tables = NO_CHANNELS
+    if names:
+        # Channels themselves, not their logarithms, as they may change sign.
+        courses = _samples(elastic, names)
+        tables = ChannelTables(names, Kriging(courses.at, courses.force, courses.slopes, _NUGGET), beside)
     pairs = {
         frozenset(m.name for m, _ in t.pair): {
             "force": smoothed(solved.grid, o[ONE]["force"]),
@@ -160,10 +164,6 @@ def _nuisances(
     from_zero = np.concatenate([[0.0], grid])
     beside_force = {one: NuisanceChanges(from_zero, courses(geometric, one), courses(material, one)) for one in names}
     return NuisanceChanges(grid, forces(geometric), forces(material), beside_force)
-
-
-def _is_elastic(task: Task) -> bool:
-    return task.mechanism is None and task.geometry is None and not task.material and not task.pair
 
 
 def _known_channels(done: Sequence[tuple[Task, Outcome]]) -> tuple[str, ...]:
@@ -228,11 +228,6 @@ def _departure(task: Task) -> float:
 
 
 _NUGGET = 1e-8
-
-
-def _kriging(samples: Samples) -> Kriging:
-    """Return channels' elastic courses by the stiffness: themselves, not their logarithms, as they may change sign."""
-    return Kriging(samples.at, samples.force, samples.slopes, _NUGGET)
 
 
 def smoothed(grid: FloatArray, change: FloatArray) -> FloatArray:

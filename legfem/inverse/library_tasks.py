@@ -49,6 +49,11 @@ class Task:
     """Mechanism, with its strength, beside which a geometry or what is assumed is off."""
 
     @property
+    def is_elastic(self) -> bool:
+        """Whether it is of the base model alone."""
+        return self.mechanism is None and self.geometry is None and not self.material and not self.pair
+
+    @property
     def label(self) -> str:
         """What progress says."""
         what = "elastic"
@@ -153,15 +158,12 @@ def tasks_for(
     ]
     if pairs:
         beside = [(m, strength) for m in tissue if (strength := pair_strength(m)) is not None]
-        # Where each by itself is solved, too.
-        tasks += [Task(where[0], pair=pair) for pair in combinations(beside, 2) if _has_model(pair)]
+        for pair in combinations(beside, 2):
+            one, other = (m.solution(_values_at(m, strength)) for m, strength in pair)
+            # Of pairs that a model shows, where each by itself is solved, too.
+            if one.joined(other) is not None:
+                tasks.append(Task(where[0], pair=pair))
     return tasks + [Task(centre, m, node=node) for m in tissue if not m.along_path for node in m.nodes]
-
-
-def _has_model(pair: Sequence[tuple[TissueMechanism, float]]) -> bool:
-    """Return whether some model shows both of two mechanisms."""
-    one, other = (mechanism.solution(_values_at(mechanism, strength)) for mechanism, strength in pair)
-    return one.joined(other) is not None
 
 
 def middle_of(observed: Observations, coarse: SolvedResponses, stiffening: float) -> float:

@@ -76,9 +76,14 @@ def factor(name: str, statement: str, bounds: tuple[float, float], log_sd: float
     return Parameter(name, "-", bounds, prior, scale="log", statement=statement)
 
 
+def shape(name: str, unit: str, statement: str, prior: Prior, bounds: tuple[float, float]) -> Parameter:
+    """Return a mechanism's further parameter, searched on the scale of what is known of it."""
+    return Parameter(name, unit, bounds, prior, scale=prior.scale, statement=statement)
+
+
 def error_mode(name: str, statement: str, source: str) -> Parameter:
     """Return a parameter that counts standard deviations of what a table or a correction errs by."""
-    return Parameter(name, "sd", (-3.0, 3.0), Prior(0.0, 1.0, "linear", source), statement=statement)
+    return shape(name, "sd", statement, Prior(0.0, 1.0, "linear", source), (-3.0, 3.0))
 
 
 @dataclass(frozen=True)

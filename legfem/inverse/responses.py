@@ -7,7 +7,7 @@ so has all that is computed from them.
 import pathlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -151,7 +151,9 @@ class SolvedResponses:
         both, first, second = (self.elastic_change(solution, stiffness) for solution in (joint, one, other))
         share = shares[0] * shares[1]
         if share != 1.0:
-            without = self._null_change(joint, stiffness)
+            # What the model that it is compared with is changed by what both change of any model.
+            models = Solution(joint.null), Solution(joint.null, scaled=joint.scaled, tilt_deg=joint.tilt_deg)
+            without = _changes(*(self._sprung(stiffness, model, joint.null_in_series) for model in models))
             both = {name: share * both[name] + (1.0 - share) * without[name] for name in both if name in without}
         force_alone = [1 + own * alone["force"] for own, alone in zip(shares, (first, second), strict=True)]
         found: Columns = {"force": (1 + both["force"]) / (force_alone[0] * force_alone[1]) - 1}
@@ -166,11 +168,6 @@ class SolvedResponses:
                     own * (changes[name] if knows else rest(changes[name])) for own, changes, knows in alone
                 )
         return found
-
-    def _null_change(self, joint: Solution, stiffness: Stiffness) -> Columns:
-        """Return the changes of the model that a solution is compared with, by what that changes of any model."""
-        models = Solution(joint.null), Solution(joint.null, scaled=joint.scaled, tilt_deg=joint.tilt_deg)
-        return _changes(*(self._sprung(stiffness, model, joint.null_in_series) for model in models))
 
     def path_change(self, solution: Solution, stations: Stations, stiffness: Stiffness) -> Columns:
         """Return the changes at a protocol's stations (m,): of the force relative, of channels absolute."""
@@ -246,11 +243,7 @@ class SolvedResponses:
         entry = asked.entry(self.variants.described(asked.solution.variant))
         key = key_of(entry)
         if key not in self._known:
-
-            def make() -> Columns:
-                return self._made(asked)
-
-            store = self._store
+            make, store = partial(self._made, asked), self._store
             self._known[key] = make() if store is None else store.get_or_make(entry, make)
         columns = self._known[key]
         if "force" not in columns:
@@ -259,9 +252,7 @@ class SolvedResponses:
 
     @cached_property
     def _store(self) -> Store[Columns] | None:
-        if self.folder is None:
-            return None
-        return Store(self.folder, dict[str, FloatArray], self.fingerprint)
+        return None if self.folder is None else Store(self.folder, dict[str, FloatArray], self.fingerprint)
 
     def _made(self, asked: PathRequest) -> Columns:
         if self.only_kept:

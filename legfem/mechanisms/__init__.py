@@ -20,9 +20,9 @@ import numpy as np
 
 from legfem.common.registry import registered
 from legfem.common.units import FloatArray
-from legfem.inverse.mechanism import Mechanism, Occurrence, Solution, Stiffness, TissueMechanism, Values
+from legfem.inverse.mechanism import Mechanism, Occurrence, Solution, Stiffness, TissueMechanism, Values, shape
 from legfem.inverse.observations import Observations
-from legfem.inverse.parameter import Parameter, Prior
+from legfem.inverse.parameter import Prior
 
 __all__ = ["GROUP", "Mechanism", "Solution", "Stiffness", "TissueMechanism", "Values", "mechanism_named", "mechanisms"]
 
@@ -63,13 +63,12 @@ def smooth_switch(fraction: FloatArray) -> FloatArray:
     return np.asarray(x * x * (3 - 2 * x))
 
 
-AWAY = Parameter(
+AWAY = shape(
     "away",
     "-",
-    (0.01, 3.0),
+    "how long until that was over, likewise; above one it stayed",
     Prior(0.3, 1.2, "log", "nothing is known"),
-    scale="log",
-    statement="how long until that was over, likewise; above one it stayed",
+    (0.01, 3.0),
 )
 
 

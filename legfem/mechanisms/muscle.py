@@ -23,6 +23,7 @@ from legfem.inverse.mechanism import (
     error_mode,
     factor,
     null_of,
+    shape,
     strength,
 )
 from legfem.inverse.observations import Observations
@@ -93,20 +94,19 @@ class MuscleContraction(Mechanism):
     statement: ClassVar[str] = "the muscle tensed during the test and became stiffer"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         strength("stiffening", "-", "rise of the deep stiffness over itself", 0.2, (0.0, 3.0)),
-        Parameter(
+        shape(
             "onset",
             "-",
-            (0.0, 1.0),
+            "when it begins, over the time of the shortest programme",
             Prior(0.5, 0.3, "linear", "any time"),
-            statement="when it begins, over the time of the shortest programme",
+            (0.0, 1.0),
         ),
-        Parameter(
+        shape(
             "rise",
             "-",
-            (0.005, 0.5),
+            "how long it takes to rise, likewise",
             Prior(0.06, 0.8, "log", "a second or some"),
-            scale="log",
-            statement="how long it takes to rise, likewise",
+            (0.005, 0.5),
         ),
         AWAY,
     )
@@ -253,26 +253,26 @@ class UnevenMuscle(TissueMechanism):
             0.7,
             "the calf's muscles differ by up to a factor of two in shear-wave elastography",
         ),
-        Parameter(
+        shape(
             "depth",
             "mm",
-            (0.0, 36.0),
+            "of its middle below the fascia, along the travel",
             Prior(18.0, 9.0, "linear", "anywhere under the indenter"),
-            statement="of its middle below the fascia, along the travel",
+            (0.0, 36.0),
         ),
-        Parameter(
+        shape(
             "side",
             "mm",
-            (-20.0, 20.0),
+            "of its middle from the line of travel, counter-clockwise positive",
             Prior(0.0, 10.0, "linear", "anywhere under the indenter"),
-            statement="of its middle from the line of travel, counter-clockwise positive",
+            (-20.0, 20.0),
         ),
-        Parameter(
+        shape(
             "radius",
             "mm",
-            (_RADII_MM[0], _RADII_MM[-1]),
+            "of it, taken as a disk",
             Prior(8.0, 2.5, "linear", "from a tendon's to a muscle's own size"),
-            statement="of it, taken as a disk",
+            (_RADII_MM[0], _RADII_MM[-1]),
         ),
     )
     would_be: ClassVar[str] = "a region of the muscle of {} times the stiffness of the rest"

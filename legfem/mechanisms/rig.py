@@ -18,6 +18,7 @@ from legfem.inverse.mechanism import (
     TissueResponses,
     Values,
     error_mode,
+    shape,
     strength,
 )
 from legfem.inverse.observations import Observations
@@ -42,20 +43,15 @@ class LegMovement(Mechanism):
     statement: ClassVar[str] = "the leg moved during the test: it gave way to the cylinder or came towards it"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         strength("shift", "mm", "how far it moved away from the cylinder", 0.7, (-5.0, 5.0)),
-        Parameter(
+        shape(
             "onset",
             "-",
-            (0.0, 1.0),
+            "when it began, over the time of the shortest programme",
             Prior(0.5, 0.3, "linear", "any time"),
-            statement="when it began, over the time of the shortest programme",
+            (0.0, 1.0),
         ),
-        Parameter(
-            "rise",
-            "-",
-            (0.005, 0.3),
-            Prior(0.05, 0.8, "log", "a second or some"),
-            scale="log",
-            statement="how long a movement took, likewise",
+        shape(
+            "rise", "-", "how long a movement took, likewise", Prior(0.05, 0.8, "log", "a second or some"), (0.005, 0.3)
         ),
         AWAY,
     )
@@ -96,12 +92,12 @@ class SupportCompliance(TissueMechanism):
     statement: ClassVar[str] = "the leg's support or the rig gave way: bones and frame moved with the force"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         strength("compliance", "mm/N", "displacement per force", 0.2, (0.0, 2.0)),
-        Parameter(
+        shape(
             "at_bones",
             "-",
-            (0.0, 1.0),
+            "part of the displacement that is the bones', the rest being the frame's (0 to 1)",
             Prior(0.5, 0.5, "linear", "nothing is known"),
-            statement="part of the displacement that is the bones', the rest being the frame's (0 to 1)",
+            (0.0, 1.0),
         ),
     )
     would_be: ClassVar[str] = "a support that gives way by {}"

@@ -17,6 +17,7 @@ from legfem.inverse.mechanism import (
     TissueMechanism,
     Values,
     null_of,
+    shape,
     strength,
     value_at,
 )
@@ -103,29 +104,22 @@ SPECTRUM: tuple[Parameter, ...] = (
         (0.0, 40.0),
         "muscle loses a third to three quarters of its force in a hold",
     ),
-    Parameter(
-        "relaxation_time",
-        "s",
-        (0.03, 300.0),
-        Prior(8.0, 1.5, "log", "reported spectra"),
-        scale="log",
-        statement="middle of the spectrum",
-    ),
-    Parameter(
+    shape("relaxation_time", "s", "middle of the spectrum", Prior(8.0, 1.5, "log", "reported spectra"), (0.03, 300.0)),
+    shape(
         "spread",
         "-",
-        (0.05, 4.0),
+        "standard deviation of the logarithm of the times",
         Prior(1.5, 1.0, "linear", "reported spectra"),
-        statement="standard deviation of the logarithm of the times",
+        (0.05, 4.0),
     ),
 )
 _HOLDS_TOO = "hold at half the depth too, and for several minutes: relaxation takes the same time at every depth"
-SLOW = Parameter(
+SLOW = shape(
     "slow",
     "-",
-    (0.0, 0.9),
+    "share of the relaxing stress that fades over ten minutes or more, which a hold of a minute hardly shows",
     Prior(0.1, 0.1, "linear", "muscle still relaxes after minutes"),
-    statement="share of the relaxing stress that fades over ten minutes or more, which a hold of a minute hardly shows",
+    (0.0, 0.9),
 )
 
 
@@ -232,13 +226,12 @@ class PoroelasticDrainage(TissueMechanism):
     statement: ClassVar[str] = "fluid is squeezed through the tissue and its volume follows in time"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         strength("permeability", "mm4/(N s)", "Darcy's, of the deep tissue", 400.0, (0.0, 3000.0)),
-        Parameter(
+        shape(
             "skeleton",
             "-",
-            (0.003, 0.5),
+            "share of the stiffness in volume that stays when all fluid has gone",
             Prior(_USUAL, 1.0, "log", "drained Poisson's ratios of 0 to 0.4 of soft tissue"),
-            scale="log",
-            statement="share of the stiffness in volume that stays when all fluid has gone",
+            (0.003, 0.5),
         ),
     )
     kin: ClassVar[str] = RELAXES
@@ -301,26 +294,26 @@ class Preconditioning(Mechanism):
     statement: ClassVar[str] = "the tissue softened from one trial to the next: it was not preconditioned"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         strength("softening", "-", "excess stiffness of the first trial", 0.15, (-0.5, 1.5)),
-        Parameter(
+        shape(
             "fading",
             "-",
-            (0.0, 0.95),
+            "excess of a trial over that of the one before",
             Prior(0.35, 0.25, "linear", "most is gone after a cycle"),
-            statement="excess of a trial over that of the one before",
+            (0.0, 0.95),
         ),
-        Parameter(
+        shape(
             "slope",
             "-",
-            (-2.0, 2.0),
+            "change of the excess from first touch to full depth, over its mean",
             Prior(0.0, 0.5, "linear", "nothing is known"),
-            statement="change of the excess from first touch to full depth, over its mean",
+            (-2.0, 2.0),
         ),
-        Parameter(
+        shape(
             "staying",
             "-",
-            (0.0, 1.0),
+            "share of the excess that is still there at the end of the unloading",
             Prior(0.5, 0.4, "linear", "between a gain, which stays, and a tissue that has softened by the way back"),
-            statement="share of the excess that is still there at the end of the unloading",
+            (0.0, 1.0),
         ),
     )
     would_be: ClassVar[str] = "a first trial that is stiffer than the later ones by a share of {} (softer, if negative)"
