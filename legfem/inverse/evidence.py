@@ -257,7 +257,8 @@ class Evidence:
             spreads[number] = own + np.einsum("sia,sab,sjb->sij", each_taken, inverse, each_taken)
         total = float(logsumexp(logs))
         weights = np.exp(logs - total)
-        mean, spread = moments_of(weights.ravel(), means[..., :p].reshape(-1, p), spreads.reshape(-1, p, p))
+        every = weights.size
+        mean, spread = moments_of(weights.ravel(), means[..., :p].reshape(every, p), spreads.reshape(every, p, p))
         of_unknown, of_sizes = weights.sum(axis=1), weights.sum(axis=0)
         sizes = np.array([factor.discrepancy.size for factor in self._factors])
         some = float(of_unknown[sizes > 0].sum())
