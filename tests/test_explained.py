@@ -93,7 +93,7 @@ def test_mechanisms_that_explain_the_same_misfit_are_no_hidden_pair():
     found = explain(problem, base, sought)
     assert found.every[0].names == ("preconditioning",)
     assert not any("preconditioning" in pair.names for pair in untried_pairs(found, DEEP_C10))
-    assert sum(pair.probability for pair in untried_pairs(found, DEEP_C10)) < 1e-3
+    assert sum(pair.weight for pair in untried_pairs(found, DEEP_C10)) < 1e-3
 
 
 def test_limits_hold_what_is_there_and_are_small_where_nothing_is():

@@ -22,7 +22,7 @@ from making_diagnosis import (
 from scipy.stats import norm
 
 from legfem.common.progress import Silent
-from legfem.inverse.averaging import _beside_unseen, unseen_of
+from legfem.inverse.averaging import Weighted, _beside_unseen, unseen_of
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.diagnose import DiagnosisInput, diagnose
 from legfem.inverse.evidence import Evidence, possible_discrepancies
@@ -242,8 +242,8 @@ def test_an_interval_beside_what_is_unseen_is_the_mixture_by_hand():
     given = Mixture(np.ones(1), np.array([0.1]), np.array([0.2]), np.array([np.inf]))
     for prior in (Prior(1.0, 0.5, "log"), Prior(1.0, 0.5)):
         unseen = Unseen(mechanism_named("muscle-fibres"), (1.1, 1.3))
-        found = _beside_unseen([(("dermis",), 0.7, given)], prior, [unseen])
-        named = _beside_unseen([(("muscle-fibres",), 0.7, given)], prior, [unseen])
+        found = _beside_unseen([Weighted(("dermis",), 0.7, given)], prior, [unseen])
+        named = _beside_unseen([Weighted(("muscle-fibres",), 0.7, given)], prior, [unseen])
         assert named.below(0.3) == pytest.approx(given.below(0.3), rel=1e-12), "what names it has it"
 
         def by_hand(value, prior=prior):

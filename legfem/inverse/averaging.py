@@ -42,21 +42,21 @@ _COUNTS = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
-class HiddenPair:
-    """Two mechanisms that may be hidden at once, whose model wasn't fitted.
+class Weighted:
+    """What an explanation says of a parameter, or two mechanisms that may be hidden at once, whose model wasn't fitted.
 
     Parameters
     ----------
     names
         Of the mechanisms.
-    probability
-        Beside all explanations' sum of one.
+    weight
+        Beside all fitted explanations' sum of one.
     distribution
-        Of a parameter.
+        Of the parameter.
     """
 
-    names: tuple[str, str]
-    probability: float
+    names: tuple[str, ...]
+    weight: float
     distribution: Mixture
 
 
@@ -77,12 +77,11 @@ def averaged_interval(
         How many times as common as is assumed mechanisms are, by their names.
     """
     times = more_common or {}
-    every = [(e, weight * _times(e.names, times)) for e, weight in _averaged(explained, name)]
+    every = _averaged(explained, name)
     if not every:
         return None
-    each = [(e.names, weight, e.distribution(name)) for e, weight in every]
-    pairs = untried_pairs(explained, name)
-    each += [(pair.names, pair.probability * _times(pair.names, times), pair.distribution) for pair in pairs]
+    each = [Weighted(e.names, weight, e.distribution(name)) for e, weight in every] + untried_pairs(explained, name)
+    each = [replace(e, weight=e.weight * math.prod(times.get(one, 1.0) for one in e.names)) for e in each]
     parameter = next(p for p in every[0][0].fit.parameters if p.name == name)
     assert parameter.prior is not None
     unseen = explained.base.problem.unseen if name in (DEEP_C10, DEEP_C20) else ()
@@ -104,32 +103,30 @@ def unseen_of(
     return tuple(found)
 
 
-def _beside_unseen(
-    each: Sequence[tuple[tuple[str, ...], float, Mixture]], prior: Prior, unseen: Sequence[Unseen]
-) -> Mixture:
+def _beside_unseen(each: Sequence[Weighted], prior: Prior, unseen: Sequence[Unseen]) -> Mixture:
     """Return the distribution of a stiffness, divided by what is unseen where an explanation leaves that out.
 
     Parameters
     ----------
     each
-        Explanations' mechanisms, weights and distributions.
+        Of the explanations.
     prior
         Of the stiffness, in whose standard deviations distributions are.
     unseen
         What they may leave out.
     """
-    by_left_out: dict[tuple[Unseen, ...], list[tuple[float, Mixture]]] = {}
-    for names, weight, one in each:
-        left_out = tuple(u for u in unseen if u.mechanism.name not in names)
-        by_left_out.setdefault(left_out, []).append((weight, one))
+    by_left_out: dict[tuple[Unseen, ...], list[Weighted]] = {}
+    for one in each:
+        left_out = tuple(u for u in unseen if u.mechanism.name not in one.names)
+        by_left_out.setdefault(left_out, []).append(one)
     weights, found = [], []
-    for left_out, alike in by_left_out.items():
-        whole = Mixture.joined([weight for weight, _ in alike], [one for _, one in alike]).merged(_MOST)
+    for left_out, members in by_left_out.items():
+        whole = Mixture.joined([e.weight for e in members], [e.distribution for e in members]).merged(_MOST)
         for unseen_one in left_out:
             parts = [_divided(whole, prior, factor) for factor in unseen_one.factors]
             shares = [WITH_UNSEEN, *[(1.0 - WITH_UNSEEN) / len(parts)] * len(parts)]
             whole = Mixture.joined(shares, [whole, *parts])
-        weights.append(sum(weight for weight, _ in alike))
+        weights.append(sum(e.weight for e in members))
         found.append(whole)
     return Mixture.joined(weights, found)
 
@@ -164,10 +161,6 @@ def widened_by(explained: Explained, name: str) -> Explanation | None:
 
     every = [one for one in _averaged(explained, name) if one[0].names]
     return max(every, key=beyond)[0] if every else None
-
-
-def _times(names: Sequence[str], more_common: Mapping[str, float]) -> float:
-    return math.prod(more_common.get(name, 1.0) for name in names)
 
 
 @dataclass(frozen=True)
@@ -231,7 +224,7 @@ def _log_weight(one: Explanation) -> float:
     return one.log_prior + POWER * one.posterior.log_evidence
 
 
-def untried_pairs(explained: Explained, name: str) -> list[HiddenPair]:
+def untried_pairs(explained: Explained, name: str) -> list[Weighted]:
     """Return the pairs of mechanisms that weren't tried, for a parameter's interval.
 
     Linear about the base model's fit, and as if the recordings bound each effect by itself: where
@@ -258,7 +251,7 @@ def untried_pairs(explained: Explained, name: str) -> list[HiddenPair]:
         probability = like[1] * float(np.exp(log_weight - _log_weight(like[0])))
         if frozenset(names) not in tried and probability > _COUNTS:
             summed = _sum(each[names[0]], each[names[1]], common)
-            found.append(HiddenPair(names, probability, summed))
+            found.append(Weighted(names, probability, summed))
     return found
 
 

@@ -185,26 +185,22 @@ class Library:
 
     def curve(self, c10: float, c20: float) -> FloatArray:
         """Return the elastic force at the grid, N."""
-        return self.elastic(_place(c10, c20))
+        return self.elastic(coordinates(c10, c20))
 
     def relative_change(
         self, mechanism: TissueMechanism, values: Values, at: Stiffness, observed: Observations
     ) -> FloatArray:
         """Return what a mechanism adds to the elastic force, over that force; (n,)."""
-        if not mechanism.along_path:
-            table = self.changes[mechanism.name, ""]
+
+        def row(key: str) -> FloatArray:
             if mechanism.derivatives:
-                change = mechanism.shares(values) @ table(at[0])
-            else:
-                whole = np.expm1(self._at_strength(self.changes, mechanism, "", values, at[0]))
-                change = mechanism.share(values) * whole
-            return np.asarray(self._to_stations(observed) @ change)
-        keys = [s.key for s in observed.protocols]
-        if mechanism.derivatives:
-            rows = [self.changes[mechanism.name, key](at[0]) for key in keys]
-            return observed.spread([mechanism.shares(values) @ row for row in rows])
-        changes = [self._at_strength(self.changes, mechanism, k, values, at[0]) for k in keys]
-        return mechanism.share(values) * observed.spread(changes)
+                return mechanism.shares(values) @ self.changes[mechanism.name, key](at[0])
+            found = self._at_strength(self.changes, mechanism, key, values, at[0])
+            return mechanism.share(values) * (found if mechanism.along_path else np.expm1(found))
+
+        if mechanism.along_path:
+            return observed.spread([row(stations.key) for stations in observed.protocols])
+        return np.asarray(self._to_stations(observed) @ row(""))
 
     def _of(self, names: Sequence[str]) -> ChannelTables:
         """Return what is known of some of the channels, which is quicker to ask."""
@@ -217,7 +213,7 @@ class Library:
         """Return the elastic courses of channels at zero and at the grid (m + 1, k)."""
         own = self._of(names)
         assert own.elastic is not None
-        return own.columns(own.elastic(_place(c10, c20)))
+        return own.columns(own.elastic(coordinates(c10, c20)))
 
     def channel_changes(
         self,
@@ -234,12 +230,12 @@ class Library:
         def row(key: str) -> FloatArray:
             if mechanism.derivatives:
                 return own.columns(mechanism.shares(values) @ own.changes[mechanism.name, key](stiffness[0]))
-            return own.columns(self._at_strength(own.changes, mechanism, key, values, stiffness[0], own.names))
+            found = self._at_strength(own.changes, mechanism, key, values, stiffness[0], own.names)
+            return own.columns(mechanism.share(values) * found)
 
-        share = 1.0 if mechanism.derivatives else mechanism.share(values)
         if mechanism.along_path:
-            return share * observed.spread([row(stations.key) for stations in observed.protocols])
-        return at(share * row(""))
+            return observed.spread([row(stations.key) for stations in observed.protocols])
+        return at(row(""))
 
     def pair_change(self, pair: Sequence[tuple[TissueMechanism, Values]], stiffness: Stiffness) -> Columns:
         """Return what two do at once beyond each, in proportion to the departures of both."""
@@ -297,11 +293,6 @@ class Library:
             weights = unit(np.maximum(observed.displacement, self.grid[0]))
             self._weights[:] = [(observed, weights)]
         return self._weights[0][1]
-
-
-def _place(c10: float, c20: float) -> FloatArray:
-    """Return the coordinates (2,) of one stiffness."""
-    return np.array([math.log(c10), math.log1p(c20 / c10)])
 
 
 def coordinates(c10: ArrayLike, c20: ArrayLike) -> FloatArray:

@@ -241,15 +241,9 @@ def shown_mechanisms(
     ruled_out
         Reasons by name why a mechanism isn't missing from the base model.
     """
-    able: list[Mechanism] = []
-    unable: dict[str, str] = {}
-    for mechanism in mechanisms:
-        why = ruled_out.get(mechanism.name) or mechanism.untestable(observed)
-        if why is None:
-            able.append(mechanism)
-        else:
-            unable[mechanism.name] = why
-    return able, unable
+    why = {m.name: ruled_out.get(m.name) or m.untestable(observed) for m in mechanisms}
+    unable = {name: reason for name, reason in why.items() if reason is not None}
+    return [m for m in mechanisms if m.name not in unable], unable
 
 
 def prior_of(parameter: Parameter) -> Prior:

@@ -62,10 +62,8 @@ def nuisance_effects(
 
     @cache
     def effect(name: str) -> FloatArray:
-        by_channel: list[FloatArray] = [force * of_force[name]]
-        for one in observed.channels:
-            by_channel.append(one.read(lambda course: of_course(course)[name]))
-        return np.concatenate(by_channel)
+        further = [one.read(lambda course: of_course(course)[name]) for one in observed.channels]
+        return np.concatenate([force * of_force[name], *further])
 
     found: list[NuisanceEffect] = []
     for name in changes.material:

@@ -158,17 +158,13 @@ class Diagnosis:
         if self.withheld:
             fitted = self.base_model.fit
             return {p.name: p.bounds for p in fitted.parameters if p.name in fitted.stiffness}
-        return self._averaged
+        found = {name: robust_interval(self.explained, name) for name in (DEEP_C10, DEEP_C20)}
+        return {name: ends for name, ends in found.items() if ends is not None}
 
     def shown_interval(self, name: str) -> tuple[float, float]:
         """Return one of the intervals as people read it, in kPa."""
         low, high = self.intervals[name]
         return mpa_to_kpa(low), mpa_to_kpa(high)
-
-    @cached_property
-    def _averaged(self) -> dict[str, tuple[float, float]]:
-        found = {name: robust_interval(self.explained, name) for name in (DEEP_C10, DEEP_C20)}
-        return {name: ends for name, ends in found.items() if ends is not None}
 
     @cached_property
     def withheld(self) -> bool:
@@ -192,7 +188,8 @@ class Diagnosis:
     def _estimates(self, model: Explanation, over_all: bool) -> dict[str, Estimate]:
         ends = self.intervals if over_all else {}
         fits = not self.withheld if over_all else self.verdict == "consistent" or model is not self.base_model
-        return {name: model.estimate(name, ends.get(name), fits) for name in _fitted_names(model)}
+        own = [f"{m.name}.{p.name}" for m in model.fit.mechanisms for p in m.parameters]
+        return {name: model.estimate(name, ends.get(name), fits) for name in (*model.fit.stiffness, *own)}
 
     @property
     def estimates(self) -> dict[str, Estimate]:
@@ -206,12 +203,6 @@ class Diagnosis:
         each = [(abs(end.c10 / c10 - 1.0), limit, end) for limit in self.limits for end in limit.ends]
         far = sorted((one for one in each if one[0] > TRUSTED), key=lambda one: -one[0])
         return tuple((limit, end) for _, limit, end in far)
-
-
-def _fitted_names(model: Explanation) -> tuple[str, ...]:
-    """Return the names of the stiffness and of the mechanisms' parameters."""
-    own = tuple(f"{m.name}.{p.name}" for m in model.fit.mechanisms for p in m.parameters)
-    return (*model.fit.stiffness, *own)
 
 
 _LEAST_OF_NOISE = 1.0
