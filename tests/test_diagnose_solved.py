@@ -226,8 +226,8 @@ def test_end_effects_may_err_as_the_correction_does(observed):
     asked = observed, *map(np.asarray, SOFT)
     plain = {"scale": 2.0, **dict.fromkeys(EndEffects.MODES, 0.0)}
     ends = EndEffects(correction)
-    longer = ends.relative_change({**plain, "leg_length": 1.0}, SOFT, observed, None)
+    longer = ends.relative_change({**plain, "leg_length": 1.0}, SOFT, observed)
     mode = np.interp(observed.displacement, correction.displacement, correction.errors["leg length"])
     tabulated = correction.correction(asked[0].displacement, *asked[1:])
-    np.testing.assert_allclose(ends.relative_change(plain, SOFT, observed, None), -2.0 * tabulated)
+    np.testing.assert_allclose(ends.relative_change(plain, SOFT, observed), -2.0 * tabulated)
     np.testing.assert_allclose(longer, -2.0 * (tabulated + mode))

@@ -150,13 +150,13 @@ def diagnose(given: DiagnosisInput, solved: FullSolutions | None, progress: Prog
             aside = None
         else:
             problem, ordinary, base, explained = rest, plain, alone, again
+    verdict, models = _verdict(explained)
     limits: tuple[Limit, ...] = ()
-    if _verdict(explained)[0] == "consistent":
+    if verdict == "consistent":
         progress.stage("what could hide")
         limits = limits_of(explained)
     progress.stage("where the base model is wrong")
     assessment = score_tests(problem, base, able, seed)
-    verdict, models = _verdict(explained)
     if identified is None or aside is not None:
         by_errors = base.lack_of_fit >= LEAST_CHANCE
     shown = explained.base if by_errors else ordinary_explanation(problem, ordinary, explained.base)

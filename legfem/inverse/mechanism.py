@@ -48,16 +48,6 @@ class IndentedLeg(Protocol):
         ...
 
 
-class TissueResponses(Protocol):
-    """Responses to mechanisms that change the tissue, by finite-element solutions."""
-
-    def relative_change(
-        self, mechanism: "TissueMechanism", values: Values, at: Stiffness, observed: Observations
-    ) -> FloatArray:
-        """Return what a mechanism adds to the elastic force, over that force (n,); NaN where a solution stopped."""
-        ...
-
-
 def strength(
     name: str,
     unit: str,
@@ -192,9 +182,7 @@ class Mechanism:
         """Return its values with an indenter that is ``factor`` times as long."""
         return values
 
-    def relative_change(
-        self, values: Values, at: Stiffness, observed: Observations, responses: TissueResponses
-    ) -> FloatArray | None:
+    def relative_change(self, values: Values, at: Stiffness, observed: Observations) -> FloatArray | None:
         """Return what it adds to the elastic force, over that (n,); None where it leaves the tissue as it is.
 
         Of a mechanism without finite-element solutions it is one of every force on the cylinder.
@@ -366,12 +354,6 @@ class TissueMechanism(Mechanism):
     def shares(self, values: Values) -> FloatArray:
         """Return what each of the derivatives, and what they miss at each of the nodes, is multiplied by (k,)."""
         raise NotImplementedError(f"{self.name} isn't tabulated by derivatives")
-
-    def relative_change(
-        self, values: Values, at: Stiffness, observed: Observations, responses: TissueResponses
-    ) -> FloatArray | None:
-        """Return what finite-element solutions say."""
-        return responses.relative_change(self, values, at, observed)
 
     def terms(self, leg: IndentedLeg) -> Sequence[Any]:
         """Return the terms that it adds to the leg's model, at their nulls."""

@@ -20,7 +20,7 @@ from legfem.inverse.body_models import Columns
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, deep_stiffness
 from legfem.inverse.emulator import At, GridSpline
 from legfem.inverse.ends import Correction
-from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, TissueResponses, Values, null_of
+from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, Values, null_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
 from legfem.inverse.stations import since_touch
@@ -30,7 +30,7 @@ _FACTOR_NODES = 4
 _CURVES_KEPT = 400
 
 
-class Responses(TissueResponses, Protocol):
+class Responses(Protocol):
     """What the finite-element model said beforehand."""
 
     @property
@@ -50,6 +50,12 @@ class Responses(TissueResponses, Protocol):
 
     def curve(self, c10: float, c20: float) -> FloatArray:
         """Return the elastic force (m,) at the grid, N."""
+        ...
+
+    def relative_change(
+        self, mechanism: TissueMechanism, values: Values, at: Stiffness, observed: Observations
+    ) -> FloatArray:
+        """Return what a mechanism adds to the elastic force, over that force (n,); NaN where a solution stopped."""
         ...
 
     def channel_curves(self, names: Sequence[str], c10: float, c20: float) -> FloatArray:
@@ -191,12 +197,11 @@ class Predictor:
         for mechanism in mechanisms:
             mine = own[mechanism.name]
             if not (mechanism.stands_for_C20 and self.law == "neo-hookean"):
-                change = mechanism.relative_change(mine, (c10, c20), observed, self.responses)
-                force = force if change is None else force * (1 + change)
                 if isinstance(mechanism, TissueMechanism):
+                    force = force * (1 + self.responses.relative_change(mechanism, mine, (c10, c20), observed))
                     tissue.append((mechanism, mine))
-                elif change is not None:
-                    factors = factors * (1 + change)
+                elif (change := mechanism.relative_change(mine, (c10, c20), observed)) is not None:
+                    force, factors = force * (1 + change), factors * (1 + change)
             own_factor = mechanism.force_factor(mine, observed)
             force, factors = force * own_factor, factors * own_factor
         acting = [(m, its) for m, its in tissue if not m.along_path]

@@ -15,7 +15,6 @@ from legfem.inverse.mechanism import (
     Solution,
     Stiffness,
     TissueMechanism,
-    TissueResponses,
     Values,
     error_mode,
     shape,
@@ -299,9 +298,7 @@ class EndEffects(Mechanism):
         """Return a smaller share of the correction: a longer cylinder's ends count less."""
         return {**values, "scale": values["scale"] / factor}
 
-    def relative_change(
-        self, values: Values, at: Stiffness, observed: Observations, responses: TissueResponses
-    ) -> FloatArray:
+    def relative_change(self, values: Values, at: Stiffness, observed: Observations) -> FloatArray:
         """Return the share of the idealised leg's correction (n,).
 
         Raises
