@@ -172,7 +172,6 @@ def _trial_fits(model: Explanation, by_itself: Sequence[Mapping[str, OwnEstimate
     """Yield every trial beside a model, the force first."""
     observed, fitted, total = model.problem.predictor.observed, model.fit, model.problem.errors.covariance
     trial_of = observed.trial[observed.nearest]
-    aside = np.zeros(len(trial_of), dtype=bool) if model.problem.aside is None else model.problem.aside
     for trial, name in enumerate(observed.trials):
         channels = []
         for channel, span in zip(observed.data.channels, observed.data.spans, strict=True):
@@ -180,7 +179,7 @@ def _trial_fits(model: Explanation, by_itself: Sequence[Mapping[str, OwnEstimate
             if len(mine):
                 own = replace(channel, station=channel.station[mine], values=channel.values[mine], sd=channel.sd[mine])
                 channels.append(ChannelFit(own, fitted.prediction[span][mine]))
-        here = np.flatnonzero((trial_of == trial) & ~aside)
+        here = np.flatnonzero((trial_of == trial) & model.problem.counted)
         left = fitted.residual[here]
         square = float(left @ np.linalg.solve(total[np.ix_(here, here)], left)) if len(here) else 0.0
         yield TestFit(

@@ -65,16 +65,15 @@ class Weighing:
         unknowns = possible_discrepancies(problem.predictor.observed, base.prediction)
         return cls(base, unknowns, Evidence(problem.errors, unknowns))
 
-    def base_model(
-        self, problem: LinearisedProblem, fitted: LinearisedFit, log_prior: float, unknown: bool
-    ) -> Explanation:
+    def base_model(self, problem: LinearisedProblem, unknown: bool) -> Explanation:
         """Return the base model alone, or with something unknown."""
         shares = [
             (-np.inf if unknown else 0.0) if u.covariance is None else (u.log_prior if unknown else -np.inf)
             for u in self.unknowns
         ]
-        posterior = laplace_posterior(problem, self.evidence, fitted, shares)
-        return Explanation(problem, fitted, posterior, log_prior, unknown, False)
+        posterior = laplace_posterior(problem, self.evidence, self.base, shares)
+        log_prior = float(np.log(PRIOR_UNKNOWN if unknown else PRIOR_NONE))
+        return Explanation(problem, self.base, posterior, log_prior, unknown, False)
 
     def of(
         self, problem: LinearisedProblem, fitted: LinearisedFit, log_prior: float, confirmed: bool = False
@@ -225,10 +224,7 @@ def explain(
         Base parameters that searches begin with; the base model's fit without it.
     """
     weighing = Weighing.about(problem, base)
-    found = [
-        weighing.base_model(problem, base, float(np.log(PRIOR_UNKNOWN if unknown else PRIOR_NONE)), unknown)
-        for unknown in (False, True)
-    ]
+    found = [weighing.base_model(problem, unknown) for unknown in (False, True)]
     expected = {m.name: m.expected for m in mechanisms}
     alone = [fit(problem, [m], start or base.values) for m in mechanisms]
     singles = [

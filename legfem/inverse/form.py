@@ -102,7 +102,7 @@ def _of_part(k: int, name: str, shares: FloatArray, covariance: FloatArray) -> S
 def _families(problem: LinearisedProblem) -> Iterator[tuple[list[str], list[NDArray[np.bool_]]]]:
     """Yield names and readings (N,) of parts: of each family every reading has one."""
     observed = problem.predictor.observed
-    at, kept = observed.nearest, ~problem.aside if problem.aside is not None else True
+    at, kept = observed.nearest, problem.counted
     trials = [observed.trial[at] == k for k in range(len(observed.trials))]
     yield list(observed.trials), [kept & one for one in trials]
     phases = list(dict.fromkeys(map(str, observed.phase)))
@@ -117,7 +117,7 @@ def _families(problem: LinearisedProblem) -> Iterator[tuple[list[str], list[NDAr
         yield _channels(problem, kept)
 
 
-def _channels(problem: LinearisedProblem, kept: NDArray[np.bool_] | bool) -> tuple[list[str], list[NDArray[np.bool_]]]:
+def _channels(problem: LinearisedProblem, kept: NDArray[np.bool_]) -> tuple[list[str], list[NDArray[np.bool_]]]:
     """Return channels that are read in one way, together."""
     observed = problem.predictor.observed
     number = np.zeros(len(observed.values), dtype=int)

@@ -208,6 +208,11 @@ class LinearisedProblem:
     nuisances: Nuisances | None = None
     """Recomputes nuisances for a fit with mechanisms; they are the same with all mechanisms without it."""
 
+    @property
+    def counted(self) -> NDArray[np.bool_]:
+        """Which readings (N,) aren't set aside."""
+        return np.ones(len(self.errors.trial_sd), dtype=bool) if self.aside is None else ~self.aside
+
     def without(self, left_out: NDArray[np.bool_]) -> "LinearisedProblem":
         """Return the problem with observations left out."""
         return replace(self, kept=~left_out)

@@ -238,7 +238,7 @@ def equally_weighted(problem: LinearisedProblem, misfit: FloatArray) -> Linearis
     errors = problem.errors
     sizes = np.empty(len(errors.trial_sd))
     for span in problem.predictor.observed.data.spans:
-        counted = misfit[span] if problem.aside is None else misfit[span][~problem.aside[span]]
+        counted = misfit[span][problem.counted[span]]
         sizes[span] = max(float(np.sqrt(np.mean(counted**2))), float(np.median(errors.trial_sd[span])))
     equal = replace(
         errors, dense=np.diag(sizes**2), known=0.0 * errors.known, gains=0.0 * errors.gains, zeros=0.0 * errors.zeros

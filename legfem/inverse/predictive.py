@@ -103,10 +103,9 @@ def checks_by_phase(model: Explanation) -> tuple[PhaseCheck, ...]:
     observed = problem.predictor.observed
     forces = len(observed.force)
     residual, total = model.fit.residual[:forces], problem.errors.covariance[:forces, :forces]
-    kept = np.ones(forces, dtype=bool) if problem.aside is None else ~problem.aside[:forces]
     found = []
     for phase in dict.fromkeys(observed.phase):
-        here = np.flatnonzero((observed.phase == phase) & kept)
+        here = np.flatnonzero((observed.phase == phase) & problem.counted[:forces])
         if len(here):
             own = residual[here]
             square = float(own @ cho_solve(cho_factor(total[np.ix_(here, here)], lower=True), own))
@@ -151,8 +150,7 @@ def misfit_of(problem: LinearisedProblem, ordinary: LinearisedFit) -> Misfit:
     """
     observed = problem.predictor.observed
     forces = observed.data.spans[0]
-    counted = np.ones(len(observed.values), dtype=bool) if problem.aside is None else ~problem.aside
-    left = ordinary.residual[forces][counted[forces]]
+    left = ordinary.residual[forces][problem.counted[forces]]
     size = float(np.sqrt(np.mean(left**2)) / np.abs(observed.force).max())
     if DEEP_C10 not in ordinary.free:
         return Misfit(size, 0.0)
