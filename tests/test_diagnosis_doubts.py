@@ -35,7 +35,7 @@ def test_a_stiffness_that_few_people_have_is_doubted_with_the_unit_that_explains
     mean[k] = base.fit.parameters[k].prior.departure(9.0)
     stiff = replace(base, posterior=replace(base.posterior, mean=mean), probability=1.0)
     explained = replace(usual.explained, every=(stiff,), base=stiff)
-    told = [str(doubt) for doubt in doubts_of(replace(usual, explained=explained), subject)]
+    told = [str(doubt) for doubt in doubts_of(replace(usual, explained=explained, base_model=stiff), subject)]
     assert len(told) == 1 and "stiffer than in 99 of 100 people" in told[0]
 
 

@@ -44,6 +44,11 @@ def readable_unit(unit: str) -> tuple[str, float]:
     return ("kPa", 1 / MPA_PER_KPA) if unit == "MPa" else (unit, 1.0)
 
 
+def spaced_unit(unit: str) -> str:
+    """Return a unit as it stands after its number: nothing of a number that has none (-)."""
+    return "" if unit == "-" else f" {unit}"
+
+
 def decimals(standard_error: float) -> int:
     """Return how many decimals a number has whose standard error leaves two digits at most."""
     return min(max(-math.floor(math.log10(0.65 * standard_error)), 0), 6)

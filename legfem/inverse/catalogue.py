@@ -4,7 +4,7 @@ import difflib
 import math
 import re
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
 
@@ -50,11 +50,6 @@ _STATEMENTS = {
 }
 
 
-def known_names(nominal: Values) -> tuple[str, ...]:
-    """Return the names that a model's values and the instrument have."""
-    return (*nominal, *INSTRUMENT)
-
-
 def check_known(names: Collection[str], nominal: Values, source: Argument) -> None:
     """Check that there are parameters of these names.
 
@@ -63,7 +58,7 @@ def check_known(names: Collection[str], nominal: Values, source: Argument) -> No
     InputError
         With the nearest known name.
     """
-    known = known_names(nominal)
+    known = (*nominal, *INSTRUMENT)
     for name in names:
         if name not in known:
             nearest = difflib.get_close_matches(name, known, 1, 0.0)
@@ -104,7 +99,7 @@ def parameter_of(name: str, nominal: Values) -> Parameter:
     Parameters
     ----------
     name : str
-        One of `known_names`.
+        Of the model's values, or of `INSTRUMENT`.
     nominal : Mapping[str, float]
         The model's values as assumed.
     """
@@ -172,9 +167,7 @@ def within_prior(parameter: Parameter) -> Parameter:
             f"{parameter.bounds[1]:g} {parameter.unit}",
             "widen the bounds, or correct the prior",
         )
-    return Parameter(
-        parameter.name, parameter.unit, bounds, prior, parameter.role, parameter.scale, parameter.statement
-    )
+    return replace(parameter, bounds=bounds)
 
 
 def deep_stiffness(values: Mapping[str, float]) -> tuple[float, float]:

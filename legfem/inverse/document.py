@@ -9,7 +9,7 @@ from legfem.common.documents import json_types
 from legfem.common.units import readable_unit
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values, key_of, short_key_of, unit_of, unit_suffix, with_units
 from legfem.inverse.estimates import DISPLACEMENT, FORCE, Estimate
-from legfem.inverse.fit import ChannelFit, Computed, Cost, Fit, Goodness, OwnEstimate, TestFit
+from legfem.inverse.fit import ChannelFit, Computed, Cost, Fit, OwnEstimate, TestFit
 from legfem.inverse.trial import CostMap, SearchLog
 
 SCHEMA = "legfem.identify/3"
@@ -100,8 +100,8 @@ def fitted_document(fit: Fit[Any], key: Callable[[str], str] = key_of) -> dict[s
         "identifiability_why": why,
         "assumed": with_units(fit.assumed),
         "notices": [asdict(one) for one in fit.notices],
-        "goodness": _goodness(fit.goodness),
-        "agreement": {**_goodness(fit.agreement), "intervals_widened_by": fit.agreement.birge_ratio},
+        "goodness": asdict(fit.goodness),
+        "agreement": {**asdict(fit.agreement), "intervals_widened_by": fit.agreement.birge_ratio},
         "cost": _cost(fit.cost),
         **({"computed": {key: _computed(one) for key, one in fit.computed.items()}} if fit.computed else {}),
         "weighting": fit.weighting,
@@ -118,7 +118,7 @@ def _test(fit: Fit[Any], number: int) -> dict[str, Any]:
         "fitted": one.fitted,
         f"rms_{unit_suffix(first.channel.unit)}": first.rms,
         "r_squared": first.r_squared,
-        "goodness": _goodness(one.goodness),
+        "goodness": asdict(one.goodness),
         "by_itself": {key_of(name): _own(name, own) for name, own in one.by_itself.items()},
         "curve": _curve(first),
         **({"channels": {beside.channel.name: _beside(beside) for beside in others}} if others else {}),
@@ -164,10 +164,6 @@ def _computed(one: Computed) -> dict[str, Any]:
     """A quantity that follows from a fit, its interval where it is known."""
     known = {"standard_error": one.standard_error, "ci95": list(one.ci95)} if math.isfinite(one.standard_error) else {}
     return {"name": one.name, "value": one.value, "unit": one.unit, **known}
-
-
-def _goodness(found: Goodness) -> dict[str, Any]:
-    return asdict(found)
 
 
 def _own(name: str, found: OwnEstimate) -> dict[str, Any]:

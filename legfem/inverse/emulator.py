@@ -55,11 +55,6 @@ class Kriging:
         """Number of coordinates."""
         return int(self._at.shape[1])
 
-    @property
-    def lengths(self) -> FloatArray:
-        """Lengths (p,) of the covariance."""
-        return self._fit.lengths
-
     def __call__(self, at: FloatArray) -> FloatArray:
         """Return the values (..., m) at coordinates (..., p)."""
         flat = at.reshape(math.prod(at.shape[:-1]), self.dimensions)
@@ -205,16 +200,6 @@ class Emulator:
             slopes = np.where(linear, samples.slopes / safe, slopes)
             values = np.where(linear, samples.force / safe, values)
         self._log_force = Kriging(samples.at, values, slopes, _NUGGET)
-
-    @property
-    def dimensions(self) -> int:
-        """Number of coordinates."""
-        return self._log_force.dimensions
-
-    @property
-    def lengths(self) -> FloatArray:
-        """Lengths (p,) of the covariance."""
-        return self._log_force.lengths
 
     def __call__(self, at: FloatArray) -> FloatArray:
         """Return the force (..., m) in N at coordinates (..., p)."""

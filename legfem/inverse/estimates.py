@@ -3,26 +3,29 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from legfem.common.units import FloatArray, readable_unit
+from legfem.common.units import FloatArray, readable_unit, spaced_unit
 from legfem.inverse.catalogue import DEEP_C10, symbol_of
 from legfem.inverse.comparison import Comparison, Covariances, ErrorSource, total_of
 from legfem.inverse.intervals import (
     ADDS_NOTHING,
     NO_DEPARTURE,
-    Bound,
     Estimated,
     Identifiability,
     PartDeparture,
     bound_of,
     cut_height,
+    departure_of,
     profile_interval,
 )
-from legfem.inverse.least_squares import Residual, inverse_in_units, sandwich
+from legfem.inverse.least_squares import inverse_in_units, sandwich
 from legfem.inverse.parameter import Domain, Parameter
+from legfem.inverse.searches import Found
 from legfem.inverse.trial import Linearised
 
 
@@ -37,17 +40,13 @@ class Shown:
 
 
 @dataclass(frozen=True)
-class Estimate:
-    """One parameter that was free; numbers in its unit, which is the model's (MPa, not kPa)."""
+class Estimate(Estimated):
+    """One parameter that was free; numbers in its unit, which is the model's (MPa, not kPa).
 
-    parameter: Parameter
-    """With its bounds, role and prior."""
-    value: float
-    standard_error: float
-    """From the errors of the recordings and of the model, and the priors; of a profile that is closed, half its width
-    over the quantile behind `ci95`."""
-    ci95: tuple[float, float]
-    """95 % confidence interval; from a profile, so not always symmetric."""
+    Its standard error is from the errors of the recordings and of the model, and the priors; of a profile that is
+    closed, half its width over the quantile behind the 95 % interval, which isn't always symmetric.
+    """
+
     identifiability: Identifiability
     why: str
     """Why the parameter is called that."""
@@ -65,28 +64,9 @@ class Estimate:
         return self.parameter.unit
 
     @property
-    def at_bound(self) -> Bound:
-        """Whether the value stands at a bound of the search."""
-        return bound_of(self.value, self.parameter.bounds)
-
-    @property
-    def undetermined(self) -> bool:
-        """Whether the interval is all that was searched: it says where the search ended, and nothing of the value."""
-        return self._known.undetermined
-
-    @property
-    def relative_half_width(self) -> float:
-        """Half the interval over the value; see `legfem.inverse.intervals.Estimated`."""
-        return self._known.relative_half_width
-
-    @property
     def adds_nothing(self) -> bool:
         """Whether the data say nothing beyond the prior."""
-        return self._known.error_over_prior > ADDS_NOTHING
-
-    @property
-    def _known(self) -> Estimated:
-        return Estimated(self.parameter, self.value, self.standard_error, self.ci95)
+        return self.error_over_prior > ADDS_NOTHING
 
     @property
     def shown(self) -> Shown:
@@ -125,12 +105,10 @@ class Optimum:
 
     Parameters
     ----------
-    linear : Linearised
-        About the optimum; its law has p free parameters.
-    residual : callable
-        Weighted differences and departures of points (p,), without further full solves.
+    found : Found
+        The finished search; its law has p free parameters.
     covariances : mapping
-        Of the forces' differences (N2), by source, correction included.
+        Of the readings' differences, by source, correction included.
     times : float
         Standard errors that half a 95 % interval holds.
     law_fits : bool
@@ -139,23 +117,33 @@ class Optimum:
         Stiffnesses that were held, whose effect is told.
     plane : bool
         Whether the model is a section of a leg, which knows no ends.
-    departure : PartDeparture
-        What a law that misses may do to a stiffness.
     """
 
-    linear: Linearised
-    residual: Residual
+    found: Found[Any]
     covariances: Covariances
     times: float
     law_fits: bool
-    assumed: Mapping[str, float]
-    plane: bool = True
-    departure: PartDeparture = NO_DEPARTURE
+    assumed: Mapping[str, float] = field(default_factory=dict)
+    plane: bool = False
 
-    @property
+    @cached_property
     def spread(self) -> FloatArray:
         """Covariance (p, p) of the parameters' errors."""
-        return self.linear.errors(total_of(self.covariances))
+        return self.found.linear.errors(total_of(self.covariances))
+
+    @property
+    def correlations(self) -> FloatArray:
+        """Correlations (p, p) of the parameters' errors."""
+        return correlations_of(self.spread)
+
+    @property
+    def departure(self) -> PartDeparture:
+        """What a law that misses may do to a stiffness, beyond errors of readings and of the model's numbers."""
+        if self.law_fits:
+            return NO_DEPARTURE
+        misfit, known = self.found.search.misfit, ("recordings", "model")
+        errors = total_of({source: part for source, part in self.covariances.items() if source in known})
+        return departure_of(misfit.parts_along, misfit.measured, self.found.linear.prediction.values, errors)
 
 
 def correlations_of(spread: FloatArray) -> FloatArray:
@@ -167,13 +155,12 @@ def correlations_of(spread: FloatArray) -> FloatArray:
 
 def estimates(optimum: Optimum) -> dict[str, Estimate]:
     """Return an estimate of each free parameter, by full name."""
-    law, at = optimum.linear.law, optimum.linear.point
+    linear, residual, departure = optimum.found.linear, optimum.found.residual, optimum.departure
+    law, at, misfit = linear.law, linear.point, linear.misfit
     spread, bounds = optimum.spread, Domain(law.parameters).bounds
-    jacobian = optimum.linear.jacobian
-    inverse = inverse_in_units(jacobian)
+    inverse = inverse_in_units(linear.jacobian)
     curvature = inverse @ inverse.T
-    correlations = correlations_of(spread)
-    linear, misfit = optimum.linear, optimum.linear.misfit
+    correlations = optimum.correlations
     sensitivities = linear.prediction.sensitivities
     # By which measured forces would differ less from the model's, were each a tenth higher.
     tenths = {
@@ -182,7 +169,7 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
         DISPLACEMENT: misfit.if_deeper,
     }
     moves = {name: _moves(linear, _TENTH * change) for name, change in tenths.items()}
-    shares = shares_of_error(optimum.linear.gain, optimum.covariances)
+    shares = shares_of_error(linear.gain, optimum.covariances)
     told = shares_of_information(
         linear.prediction.jacobian(law.names),
         total_of(optimum.covariances),
@@ -194,7 +181,7 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
         if curvature[k, k] > 0:
             error = math.sqrt(spread[k, k])
             rise = cut_height(optimum.times, float(spread[k, k]), float(curvature[k, k]))
-            interval = profile_interval(optimum.residual, at, k, rise, bounds, optimum.times * error)
+            interval = profile_interval(residual, at, k, rise, bounds, optimum.times * error)
             if bounds[k, 0] < interval[0] and interval[1] < bounds[k, 1]:
                 # A tangent leaves a curved valley long before the sum of squares rises.
                 error = _half_width(parameter, float(at[k]), interval) / optimum.times
@@ -202,13 +189,13 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
             low, high = map(float, bounds[k])
             error, interval = 0.5 * (high - low) / optimum.times, (low, high)
         if parameter.name.endswith((".C10", ".C20")):
-            interval = optimum.departure.carried(float(at[k]), interval, parameter.bounds)
+            interval = departure.carried(float(at[k]), interval, parameter.bounds)
         known = Estimated(parameter, float(at[k]), error, interval)
         own = {name: float(change[k]) for name, change in moves.items()}
         trade = trade_of(law.names, k, correlations)
         why = reasons(known, "" if optimum.law_fits else _LAW_MISSES, trade, own)
-        if optimum.departure.by:
-            why += f"; {optimum.departure.text}"
+        if departure.by:
+            why += f"; {departure.text}"
         source = main_source(shares[k])
         if source in _RULED_BY:
             part = f"{100 * shares[k][source]:.0f} % of the variance comes from {_RULED_BY[source]}"
@@ -288,7 +275,7 @@ def reasons(
     """
     parameter = known.parameter
     name, factor = readable_unit(parameter.unit)
-    unit = f" {name}".removesuffix(" -")
+    unit = spaced_unit(name)
     low, high = (factor * end for end in known.ci95)
     if known.undetermined:
         found = [f"no interval was found within what was searched, {_between(low, high)}{unit}"]

@@ -74,12 +74,16 @@ class Outcome:
         return only
 
 
-class ForwardModel(Protocol):
+class Forward(Protocol):
     """What identification needs of a model; it must be picklable for several processes."""
 
     @property
     def nominal(self) -> Values:
         """All values of the model as assumed, by full name."""
+        ...
+
+    def prepare(self) -> None:
+        """Mesh and compile now."""
         ...
 
     def solve(self, values: Values, sensitivities: Sequence[str]) -> Outcome:
@@ -88,14 +92,6 @@ class ForwardModel(Protocol):
 
     def fingerprint(self) -> Mapping[str, Any]:
         """Return all that a solve depends on but the values, as JSON types."""
-        ...
-
-
-class Forward(ForwardModel, Protocol):
-    """A forward model that can be made ready before its first solve."""
-
-    def prepare(self) -> None:
-        """Mesh and compile now."""
         ...
 
 
@@ -109,7 +105,7 @@ class FullSolver:
 
     Parameters
     ----------
-    model : ForwardModel
+    model : Forward
         Picklable if ``jobs`` is over 1.
     store : Store, optional
         Where every solve is kept as soon as it is done.
@@ -123,7 +119,7 @@ class FullSolver:
 
     def __init__(
         self,
-        model: ForwardModel,
+        model: Forward,
         store: Store[Outcome] | None,
         jobs: int,
         progress: Progress,
@@ -132,7 +128,7 @@ class FullSolver:
         self.model, self.store, self.jobs, self.progress = model, store, jobs, progress
         self.sensitivities = sensitivities
         self.reused: set[Key] = set()
-        self._workers: Workers[ForwardModel, _Task, Outcome] = Workers(_solve, model, jobs, along=True)
+        self._workers: Workers[Forward, _Task, Outcome] = Workers(_solve, model, jobs, along=True)
         self._known: dict[Key, Outcome] = {}
 
     def __enter__(self) -> "FullSolver":
@@ -192,13 +188,13 @@ def key_of_values(values: Values) -> Key:
     return frozenset(values.items())
 
 
-def _solve(model: ForwardModel, task: _Task) -> Outcome:
+def _solve(model: Forward, task: _Task) -> Outcome:
     return model.solve(*task)
 
 
 @dataclass(eq=False)
 class JointForward[Model: Forward]:
-    """Sites of the same tissues, a `legfem.inverse.outcome.ForwardModel`.
+    """Sites of the same tissues, a `legfem.inverse.outcome.Forward`.
 
     Parameters
     ----------

@@ -14,10 +14,8 @@ import numpy as np
 
 from legfem.common.units import FloatArray, readable_unit
 from legfem.inverse import catalogue
-from legfem.inverse.comparison import Comparison, Covariances, total_of
-from legfem.inverse.estimates import Estimate, Optimum, correlations_of, estimates
+from legfem.inverse.comparison import Comparison
 from legfem.inverse.fit import Cost, Fit, Goodness, r_squared
-from legfem.inverse.intervals import NO_DEPARTURE, PartDeparture, departure_of
 from legfem.inverse.outcome import Forward, FullSolver
 from legfem.inverse.parameter import Parameter
 from legfem.inverse.search import Search
@@ -122,43 +120,6 @@ def goodness_of(
     left, departures = found.linear.nearest(covariance, expected)
     chi_square = float(left @ np.linalg.solve(covariance, left) + departures @ departures)
     return Goodness.of(chi_square, len(left) + len(departures) - len(found.search.law.parameters) - lost)
-
-
-def optimum_of(
-    found: Found[Any],
-    covariances: Covariances,
-    times: float,
-    goodness: Goodness,
-    assumed: catalogue.Values,
-    plane: bool,
-) -> tuple[Mapping[str, Estimate], FloatArray]:
-    """Estimates and their correlations (p, p) at the optimum.
-
-    Parameters
-    ----------
-    found
-        The finished search.
-    covariances
-        Errors of the readings by source, from which intervals are drawn.
-    times
-        Standard errors in half a 95 % interval.
-    goodness
-        Of the fit.
-    assumed
-        Stiffnesses that were held, whose effect is stated.
-    plane
-        Whether the model is a section of a leg, which has no ends.
-    """
-    departure = NO_DEPARTURE if goodness.fits else _departure(found, covariances)
-    optimum = Optimum(found.linear, found.residual, covariances, times, goodness.fits, assumed, plane, departure)
-    return MappingProxyType(estimates(optimum)), correlations_of(optimum.spread)
-
-
-def _departure(found: Found[Any], covariances: Covariances) -> PartDeparture:
-    """What the law's misfit may do to a stiffness, beyond errors of readings and of the model's numbers."""
-    comparison = found.search.misfit
-    errors = total_of({source: part for source, part in covariances.items() if source in ("recordings", "model")})
-    return departure_of(comparison.parts_along, comparison.measured, found.linear.prediction.values, errors)
 
 
 def cost_of(found: Found[Any], per_length: float = math.nan) -> Cost:

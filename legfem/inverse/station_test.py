@@ -66,7 +66,7 @@ class StationTest:
 
     Parameters
     ----------
-    title : str
+    name : str
         What people call the site.
     observed : Observations
         K trials at n stations, and what else was recorded.
@@ -90,7 +90,7 @@ class StationTest:
         Misfits of the channels that weigh their readings where weights are equal.
     """
 
-    title: str
+    name: str
     observed: Observations
     rows: NDArray[np.int_]
     correction: Correction | None = None
@@ -101,11 +101,6 @@ class StationTest:
     unknowns: tuple[Unknown, ...] = ()
     slopes: FloatArray | None = None
     sizes: FloatArray | None = None
-
-    @property
-    def name(self) -> str:
-        """What people call the site."""
-        return self.title
 
     @cached_property
     def data(self) -> Data:
@@ -314,7 +309,7 @@ class StationTest:
                 _, source, shared = stated[name]
             elif name == COMMON_GAIN:
                 source, shared = "recordings", True
-            found[name if shared else f"{self.title}: {name}"] = Mode(source, effect[self.rows])
+            found[name if shared else f"{self.name}: {name}"] = Mode(source, effect[self.rows])
         if self.correction is not None:
             found |= self._of_correction(values, predicted)
         return found
@@ -340,7 +335,7 @@ class StationTest:
                 unlike[span] = _ENDS_OF_LENGTHS * one.displacement * one.slope(one.values)
         result = {name: Mode(source_of_mode(name), mode[self.rows]) for name, mode in found.items()}
         if unlike.any():
-            result[f"{self.title}: ends, shape under the cylinder"] = Mode("ends", unlike[self.rows])
+            result[f"{self.name}: ends, shape under the cylinder"] = Mode("ends", unlike[self.rows])
         return result
 
     def contacts_of(self, left: FloatArray) -> FloatArray:

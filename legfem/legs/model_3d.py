@@ -17,7 +17,7 @@ from legfem.inverse.catalogue import DEEP_RATIO, Values, stiffness_in_words
 from legfem.inverse.chain_rule import Chain, needed_for, through
 from legfem.inverse.elastography import FibreRatio
 from legfem.inverse.fibre_ratio import USUAL_RATIO, moduli, slopes_at_ratio
-from legfem.inverse.outcome import ForwardModel, Outcome
+from legfem.inverse.outcome import Forward, Outcome
 from legfem.inverse.settings import SearchRequest
 from legfem.jobs.pool import Together
 from legfem.jobs.store import Store, key_of
@@ -42,7 +42,7 @@ _FASCIA = "fascia."
 
 @dataclass(eq=False)
 class SpatialForward:
-    """A `legfem.inverse.outcome.ForwardModel` of the leg itself.
+    """A `legfem.inverse.outcome.Forward` of the leg itself.
 
     Over several ranks of the experiment's communicator this is the first, and the others serve it,
     as `legfem.jobs.pool.leading` has it.
@@ -178,9 +178,9 @@ class LegModels:
         Of the muscle, where they are known.
     """
 
-    full: ForwardModel
-    rough: ForwardModel
-    shorter: ForwardModel
+    full: Forward
+    rough: Forward
+    shorter: Forward
     leg: SpatialLeg
     depth: float
     kept: Path | None = None
@@ -231,6 +231,10 @@ class LegModels:
         shorter = pressed(trimmed, larger)
         return cls(full, rough, shorter, leg, depth, kept, fibres)
 
+    def store_of(self, model: Forward) -> Store[Outcome] | None:
+        """Return where solves of one of the models are kept, if they are."""
+        return None if self.kept is None else Store(self.kept, Outcome, model.fingerprint())
+
     def pressed(self, outcome: Outcome) -> PressedLeg | None:
         """Return a full solve to be looked at; None where its states were not kept."""
         return self.full.pressed(outcome) if isinstance(self.full, SpatialForward) else None
@@ -274,7 +278,7 @@ class KeptForward:
         Where; nowhere without it.
     """
 
-    model: ForwardModel
+    model: Forward
     store: Store[Outcome] | None
 
     @property
@@ -284,8 +288,7 @@ class KeptForward:
 
     def prepare(self) -> None:
         """Mesh and compile now."""
-        if isinstance(self.model, SpatialForward):
-            self.model.prepare()
+        self.model.prepare()
 
     def solve(self, values: Values, sensitivities: Sequence[str]) -> Outcome:
         """Solve in full, or return what was kept."""
@@ -332,8 +335,4 @@ def seeks_ratio(subject: Subject, request: SearchRequest) -> bool:
 
 def kept_forward(models: LegModels) -> KeptForward:
     """Return the full model of a site, its solves kept where its models say."""
-    model = models.full
-    store = None
-    if models.kept is not None:
-        store = Store(models.kept, Outcome, model.fingerprint())
-    return KeptForward(model, store)
+    return KeptForward(models.full, models.store_of(models.full))

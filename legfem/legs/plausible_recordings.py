@@ -11,7 +11,7 @@ from numpy.polynomial import Polynomial
 from legfem.channels.kind import ReadingsAtSite
 from legfem.channels.kinds import FILE_OF
 from legfem.common.errors import Doubt, InputError
-from legfem.common.units import FloatArray
+from legfem.common.units import FloatArray, spaced_unit
 from legfem.data import Recording, Segmentation, ranges
 from legfem.data.channel_reader import LONGEST_LAG_S
 from legfem.data.contact import LEG
@@ -303,9 +303,7 @@ def _check_time(channel: RecordedChannel, trial: Segmentation, source: str) -> N
         raise InputError(
             source,
             channel.name,
-            f"all its {len(channel.values)} readings are {channel.values[0] + 0.0:g} {channel.kind.unit}".removesuffix(
-                " -"
-            ),
+            f"all its {len(channel.values)} readings are {channel.values[0] + 0.0:g}{spaced_unit(channel.kind.unit)}",
             "check that the sensor was connected, or leave the channel out",
         )
     # The place that moves most shows it best.

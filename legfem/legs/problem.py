@@ -19,12 +19,13 @@ from legfem.inverse.catalogue import DEEP_D2, IdentifiedLaw, LawName, Values, de
 from legfem.inverse.comparison import Covariances, ErrorSource, Weighting, total_of
 from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.ends import Correction, corrected, source_of_mode
+from legfem.inverse.estimates import Optimum, estimates
 from legfem.inverse.fit import LEAST_CHANCE, ChannelFit, Cost, Fit, Identity, TestFit, r_squared, versions
 from legfem.inverse.intervals import IDENTIFIABLE_WITHIN, NUMERICAL_ERROR, PRIOR_DOF, WEAKLY_WITHIN, effective_degrees
 from legfem.inverse.joint_comparison import JointComparison, SingleTests
 from legfem.inverse.outcome import Forward, JointForward
 from legfem.inverse.parameter import Parameter
-from legfem.inverse.problem import cost_of, goodness_of, held_values, log_of, optimum_of, search_settings
+from legfem.inverse.problem import cost_of, goodness_of, held_values, log_of, search_settings
 from legfem.inverse.readings import INSTRUMENT
 from legfem.inverse.search import Search
 from legfem.inverse.searches import Found
@@ -153,14 +154,8 @@ class LegProblem:
         agreement = single.agreement
         times = self._quantile(found, covariances)
         spatial = None if self.spatial is None else self.spatial(found)
-        estimates, correlations = optimum_of(
-            found,
-            _widened(covariances, agreement.birge_ratio),
-            times,
-            goodness,
-            _assumed_stiffness(law),
-            spatial is None,
-        )
+        wider = _widened(covariances, agreement.birge_ratio)
+        optimum = Optimum(found, wider, times, goodness.fits, _assumed_stiffness(law), spatial is None)
         corrections = tuple(
             _applied(test.correction, curve.displacement, best.values)
             for test, curve in zip(self.tests, self.curves, strict=True)
@@ -172,8 +167,8 @@ class LegProblem:
             kind="leg",
             subject=Identity(self.leg.id, self.leg.title, self.leg.origin),
             law=law.name,
-            estimates=estimates,
-            correlations=correlations,
+            estimates=MappingProxyType(estimates(optimum)),
+            correlations=optimum.correlations,
             values=MappingProxyType(dict(best.values)),
             assumed=held_values(law),
             goodness=goodness,

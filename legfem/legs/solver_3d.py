@@ -20,11 +20,10 @@ from legfem.inverse.elastography import FibreRatio
 from legfem.inverse.ends import FIBRES, OF_MODEL
 from legfem.inverse.fibre_ratio import SHAPE_SD_OF_FIBRES
 from legfem.inverse.joint_comparison import JointComparison
-from legfem.inverse.outcome import ForwardModel, FullSolver, Outcome
+from legfem.inverse.outcome import Forward, FullSolver, Outcome
 from legfem.inverse.search import SearchError
 from legfem.inverse.searches import Found
 from legfem.jobs.pool import Workers
-from legfem.jobs.store import Store
 from legfem.legs.details import SpatialSites
 from legfem.legs.model_3d import ROUGHER, LegModels
 from legfem.legs.subject import SitedLeg
@@ -118,11 +117,8 @@ class LegSolver:
             )
         return outcome
 
-    def _solver(self, model: ForwardModel, sensitivities: tuple[str, ...] = ()) -> FullSolver:
-        kept, store = self.models.kept, None
-        if kept is not None:
-            store = Store(kept, Outcome, model.fingerprint())
-        return FullSolver(model, store, 1, self.progress, sensitivities)
+    def _solver(self, model: Forward, sensitivities: tuple[str, ...] = ()) -> FullSolver:
+        return FullSolver(model, self.models.store_of(model), 1, self.progress, sensitivities)
 
 
 def fibre_errors(curve: ForceCurve, fibres: FibreRatio, c10: float, displacement: FloatArray) -> dict[str, FloatArray]:
@@ -246,10 +242,11 @@ def model_errors(
         every = list(workers.in_order(tasks))
     corrections = []
     for site, one, (grid, share, _) in zip(leg.sites, models, every, strict=True):
+        of_fibres = dict(share)
         errors = {
-            f"{OF_MODEL}mesh at {site.site or 'leg'}": share["mesh"],
-            f"{OF_MODEL}leg's length": share["leg's length"],
-            **{name: mode for name, mode in share.items() if name.startswith(FIBRES)},
+            f"{OF_MODEL}mesh at {site.site or 'leg'}": of_fibres.pop("mesh"),
+            f"{OF_MODEL}leg's length": of_fibres.pop("leg's length"),
+            **of_fibres,
         }
         if DEEP_RATIO in law.names and why_fibres_undetermined(leg):
             errors[f"{FIBRES}bend of the curve"] = SHAPE_SD_OF_FIBRES * grid / one.depth

@@ -42,7 +42,7 @@ def experiment_of(
 
 @dataclass(frozen=True, eq=False)
 class SpecimenForward(Picklable):
-    """Tests of one tissue, a `legfem.inverse.outcome.ForwardModel`.
+    """Tests of one tissue, a `legfem.inverse.outcome.Forward`.
 
     Parameters
     ----------

@@ -18,10 +18,11 @@ from legfem.common.wording import Argument
 from legfem.inverse.catalogue import IdentifiedLaw, LawName, model_values
 from legfem.inverse.chosen import least_akaike
 from legfem.inverse.comparison import total_of
+from legfem.inverse.estimates import Optimum, estimates
 from legfem.inverse.fit import EXACT, ChannelFit, Fit, Goodness, Identity, TestFit, versions
 from legfem.inverse.intervals import bound_of, quantile
 from legfem.inverse.notice import Notice, doubted
-from legfem.inverse.problem import cost_of, fit, goodness_of, log_of, optimum_of, search_settings
+from legfem.inverse.problem import cost_of, fit, goodness_of, log_of, search_settings
 from legfem.inverse.readings import READINGS
 from legfem.inverse.search import Search
 from legfem.inverse.searches import Found
@@ -137,13 +138,12 @@ class SpecimenProblem:
         covariances["misfit"] = comparison.of_forces_alone(missed.covariance)
         goodness = goodness_of(found, covariance + comparison.thickness_errors, comparison.expected, lost=apart)
         fitted = forces.recordings
-        estimates, correlations = optimum_of(
-            found, covariances, quantile(apart or len(fitted) - 1), goodness, {}, False
-        )
+        optimum = Optimum(found, covariances, quantile(apart or len(fitted) - 1), goodness.fits)
+        known = estimates(optimum)
         thickness = goes_with_thickness(forces, force, stiffness)
         if thickness is not None:
-            moved = {name: thickness.over(one) for name, one in estimates.items() if name.endswith("C10")}
-            estimates = MappingProxyType({**estimates, **moved})
+            moved = {name: thickness.over(one) for name, one in known.items() if name.endswith("C10")}
+            known |= moved
         tests = [
             _test_fit(one, force[span], comparison.fits_of(k, predicted))
             for k, (one, span) in enumerate(zip(fitted, forces.spans, strict=True))
@@ -158,8 +158,8 @@ class SpecimenProblem:
             kind="specimens",
             subject=Identity(self.folder.id, self.folder.title, self.folder.origin),
             law=law.name,
-            estimates=estimates,
-            correlations=correlations,
+            estimates=MappingProxyType(known),
+            correlations=optimum.correlations,
             values=MappingProxyType(values),
             assumed=MappingProxyType(
                 {name: value for name, value in values.items() if name not in law.names and np.isfinite(value)}
