@@ -40,7 +40,7 @@ def fit_of_model(
     log: SearchLog,
     settings: Mapping[str, Any],
     weighted: Explanation | None,
-    equally: bool = False,
+    equally: bool,
 ) -> Fit[None]:
     """Return a model of a diagnosis as the fit of all recordings, each a test.
 

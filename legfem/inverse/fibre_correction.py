@@ -11,7 +11,7 @@ mesh, changes :math:`\ln f` by a share of itself: its errors, the muscle's stiff
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
@@ -52,7 +52,7 @@ class FibreTable:
     displacement: FloatArray
     log_factor: FloatArray
     errors: Mapping[str, FloatArray]
-    given: Mapping[str, Any] = field(default_factory=dict)
+    given: Mapping[str, Any]
 
     def log_at(self, ratio: float, displacement: FloatArray) -> FloatArray:
         """Return the factor's logarithm (n,) at displacements (n,) in mm, level beyond the last."""

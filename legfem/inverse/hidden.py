@@ -13,7 +13,7 @@ degrees as the effect has parameters: without it they are nowhere (R. B. Davies,
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -26,6 +26,7 @@ from legfem.inverse.explanation import Explanation
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
 from legfem.inverse.map_fit import fit
 from legfem.inverse.mechanism import Mechanism, Occurrence, Values, null_of, prior_of
+from legfem.inverse.predictor import values_of
 
 _FAR = 25.0
 """Rise from which a side isn't followed further."""
@@ -77,9 +78,9 @@ class Limit:
     """Whether that end is only where what is possible ends: the recordings don't close it."""
     effect: float
     """N: greatest change of the force by the strongest of them, the stiffness as it is then."""
-    stiffness: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    stiffness: Mapping[str, tuple[float, float]]
     """MPa: between which C10 and C20 then are, by full name."""
-    ends: tuple[HiddenEnd, ...] = ()
+    ends: tuple[HiddenEnd, ...]
     """Ends on the sides of the null that it has."""
 
     @property
@@ -184,7 +185,6 @@ class Profile:
     def _ends(
         self, inside: Sequence[HiddenStep], base: LinearisedFit, opened: Mapping[int, bool]
     ) -> Iterator[HiddenEnd]:
-        mechanism = self.mechanism
         for side, is_open in opened.items():
             beyond = [step for step in inside if side * step.z > 0.0]
             if not beyond:
@@ -192,7 +192,7 @@ class Profile:
             furthest = max(beyond, key=lambda step: abs(step.z))
             if DEEP_C10 in base.free:
                 furthest = max(beyond, key=lambda step: abs(np.log(step.fit.values[DEEP_C10] / base.values[DEEP_C10])))
-            values = {p.name: furthest.fit.values[f"{mechanism.name}.{p.name}"] for p in mechanism.parameters}
+            values = values_of(furthest.fit.values, self.mechanism)
             yield HiddenEnd(values, is_open, furthest.fit.values[DEEP_C10] if DEEP_C10 in base.free else float("nan"))
 
 

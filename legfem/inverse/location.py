@@ -48,7 +48,7 @@ class Window:
     """Family-wise over all windows."""
     stations: tuple[int, ...]
     """Readings that it holds."""
-    channel: str = "force"
+    channel: str
     """Whose readings these are."""
 
 

@@ -267,21 +267,14 @@ class Solution:
     null_in_series: float = 0.0
     """Compliance (mm/N) of springs that this one is in series with."""
 
-    @property
-    def of_base(self) -> bool:
-        """Whether it is one of the base model."""
-        return {self.variant, self.null} == {"elastic"}
-
-    @property
-    def of_any(self) -> bool:
-        """Whether other models than the base one show it, too: it changes numbers or the travel that all have."""
-        return self.of_base and not self.parameters
-
     def joined(self, other: "Solution") -> "Solution | None":
         """Return the solution with what both change of a model that shows both; None where there is none."""
-        if not ((self.of_base and other.of_base) or self.of_any or other.of_any):
+        of_base = [{one.variant, one.null} == {"elastic"} for one in (self, other)]
+        # Other models than the base one show it, too, where it changes numbers or the travel that all have.
+        of_any = [base and not one.parameters for base, one in zip(of_base, (self, other), strict=True)]
+        if not (all(of_base) or any(of_any)):
             return None
-        model = self if other.of_any else other
+        model = self if of_any[1] else other
         return replace(
             model,
             parameters={**self.parameters, **other.parameters},

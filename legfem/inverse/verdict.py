@@ -91,7 +91,7 @@ class Diagnosis:
     """``leg`` or ``specimens``."""
     seed: int
     """Of its draws."""
-    aside: SetAside | None = None
+    aside: SetAside | None
     """A part of a trial that something unknown touched: all else is said of the rest."""
 
     @property
