@@ -89,7 +89,7 @@ def summed(problem, evidence, fitted, shares):
 @pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_evidence_and_stiffness_are_those_of_sums_where_a_strength_is_far_from_linear(seed):
     problem, _, fitted, evidence = tense(seed)
-    shares = [0.0 if f.discrepancy.covariance is None else -np.inf for f in evidence._factors]
+    shares = [0.0 if u.covariance is None else -np.inf for u in evidence.unknowns]
     conditional = partial(contact_posterior, evidence, observed=problem.predictor.observed, shares=shares)
     linear = conditional(fitted)
     found = integrate_strength(problem, fitted, linear, conditional)
@@ -110,7 +110,7 @@ def test_a_strength_that_acts_in_proportion_is_as_a_line_has_it():
     problem, base = problem_of(ramps(), {"force-drift.rate": 0.004}, seed=2)
     fitted = fit(problem, [mechanism_named("force-drift")], base.values)
     evidence = Evidence(problem.errors, possible_discrepancies(problem.predictor.observed, base.prediction))
-    shares = [0.0 if f.discrepancy.covariance is None else -np.inf for f in evidence._factors]
+    shares = [0.0 if u.covariance is None else -np.inf for u in evidence.unknowns]
     conditional = partial(contact_posterior, evidence, observed=problem.predictor.observed, shares=shares)
     linear = conditional(fitted)
     found = integrate_strength(problem, fitted, linear, conditional)
@@ -130,7 +130,7 @@ class VaguerDrift(ForceDrift):
 def test_a_strength_s_usual_size_decides_little_between_what_does_the_same(monkeypatch):
     problem, base = problem_of(ramps(), {"force-drift.rate": 0.004}, seed=2)
     evidence = Evidence(problem.errors, possible_discrepancies(problem.predictor.observed, base.prediction))
-    shares = [0.0 if f.discrepancy.covariance is None else -np.inf for f in evidence._factors]
+    shares = [0.0 if u.covariance is None else -np.inf for u in evidence.unknowns]
     conditional = partial(contact_posterior, evidence, observed=problem.predictor.observed, shares=shares)
 
     def gap() -> float:

@@ -167,7 +167,6 @@ class Linearisation:
 
 @dataclass(frozen=True, eq=False)
 class _Factor:
-    discrepancy: Discrepancy
     lower: FloatArray
     log_det: float
     columns: FloatArray
@@ -186,21 +185,13 @@ class Evidence:
     """
 
     def __init__(self, errors: ErrorModel, unknowns: Sequence[Discrepancy]) -> None:
-        self.errors = errors
+        self.errors, self.unknowns = errors, tuple(unknowns)
         shared = _shared(errors)
         self._factors = []
         for unknown in unknowns:
-            dense = errors.dense
-            if unknown.covariance is not None:
-                dense = dense + unknown.covariance
-            lower = np.asarray(cholesky(dense, lower=True))
+            lower = np.asarray(cholesky(with_discrepancy(errors, unknown).dense, lower=True))
             self._factors.append(
-                _Factor(
-                    unknown,
-                    lower,
-                    2 * float(np.sum(np.log(np.diag(lower)))),
-                    solve_triangular(lower, shared, lower=True),
-                )
+                _Factor(lower, 2 * float(np.sum(np.log(np.diag(lower)))), solve_triangular(lower, shared, lower=True))
             )
         gains, zeros = np.meshgrid(GAIN_SDS, errors.zero_sds, indexing="ij")
         self._gains, self._zeros = gains.ravel(), zeros.ravel()
@@ -230,8 +221,8 @@ class Evidence:
         shape = len(self._factors), len(self._log_sizes)
         logs, means, spreads = np.full(shape, -np.inf), np.zeros((*shape, p + k)), np.zeros((*shape, p, p))
         scales = np.repeat(np.column_stack([self._gains, self._zeros]), trials, axis=1)
-        for number, factor in enumerate(self._factors):
-            prior = factor.discrepancy.log_prior if log_unknown is None else log_unknown[number]
+        for number, (unknown, factor) in enumerate(zip(self.unknowns, self._factors, strict=True)):
+            prior = unknown.log_prior if log_unknown is None else log_unknown[number]
             if prior == -np.inf:
                 # Its weights are nought, whatever it says: most of the unknown errors beside a small effect.
                 continue
@@ -260,7 +251,7 @@ class Evidence:
         every = weights.size
         mean, spread = moments_of(weights.ravel(), means[..., :p].reshape(every, p), spreads.reshape(every, p, p))
         of_unknown, of_sizes = weights.sum(axis=1), weights.sum(axis=0)
-        sizes = np.array([factor.discrepancy.size for factor in self._factors])
+        sizes = np.array([unknown.size for unknown in self.unknowns])
         some = float(of_unknown[sizes > 0].sum())
         inside = _inside(about, mean, spread)
         return Posterior(

@@ -12,7 +12,6 @@ from functools import partial
 import numpy as np
 
 from legfem.inverse.evidence import (
-    Discrepancy,
     Evidence,
     discrepancy_scales,
     possible_discrepancies,
@@ -49,27 +48,24 @@ class Weighing:
     ----------
     base
         The base model's fit.
-    unknowns
-        Errors of no known form that there may be, none among them.
     evidence
-        With the errors and these.
+        With the errors, and those of no known form that there may be.
     """
 
     base: LinearisedFit
-    unknowns: Sequence[Discrepancy]
     evidence: Evidence
 
     @classmethod
     def about(cls, problem: LinearisedProblem, base: LinearisedFit) -> "Weighing":
         """Return the weighing of explanations about a base model's fit."""
         unknowns = possible_discrepancies(problem.predictor.observed, base.prediction)
-        return cls(base, unknowns, Evidence(problem.errors, unknowns))
+        return cls(base, Evidence(problem.errors, unknowns))
 
     def base_model(self, problem: LinearisedProblem, unknown: bool) -> Explanation:
         """Return the base model alone, or with something unknown."""
         shares = [
             (-np.inf if unknown else 0.0) if u.covariance is None else (u.log_prior if unknown else -np.inf)
-            for u in self.unknowns
+            for u in self.evidence.unknowns
         ]
         posterior = laplace_posterior(problem, self.evidence, self.base, shares)
         log_prior = float(np.log(PRIOR_UNKNOWN if unknown else PRIOR_NONE))
@@ -120,7 +116,7 @@ class Weighing:
 
     def aware(self, problem: LinearisedProblem, posterior: Posterior) -> LinearisedProblem:
         """Return the problem with the most probable of the unknown errors among its own."""
-        most = self.unknowns[int(np.argmax(posterior.discrepancy_weights))]
+        most = self.evidence.unknowns[int(np.argmax(posterior.discrepancy_weights))]
         return replace(problem, errors=with_discrepancy(problem.errors, most))
 
     def _shares_beside(self, problem: LinearisedProblem, fitted: LinearisedFit, hides: bool = False) -> list[float]:
@@ -130,17 +126,17 @@ class Weighing:
         shown = shown_effects(problem, fitted, self.base)
         whole = _whole_effects(problem, fitted) if hides else [0.0] * len(shown)
         most = [
-            max(INEXACT_SHARE * effect / scale, FORM_SHARE * all_of_it / scale, self.unknowns[1].size)
+            max(INEXACT_SHARE * effect / scale, FORM_SHARE * all_of_it / scale, self.evidence.unknowns[1].size)
             for effect, all_of_it, scale in zip(shown, whole, scales, strict=True)
         ]
         fits = [
             u.covariance is not None and all(size <= own for size, own in zip(u.by_channel, most, strict=True))
-            for u in self.unknowns
+            for u in self.evidence.unknowns
         ]
         share = np.log(INEXACT / max(sum(fits), 1))
         return [
             float(np.log(1 - INEXACT)) if u.covariance is None else (float(share) if small else -np.inf)
-            for u, small in zip(self.unknowns, fits, strict=True)
+            for u, small in zip(self.evidence.unknowns, fits, strict=True)
         ]
 
 
