@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from legfem.common.errors import Doubt, InputError
 from legfem.common.progress import Progress
@@ -194,7 +194,11 @@ def doubts_of(found: Diagnosis, subject: object) -> tuple[Doubt, ...]:
     of_repeats = tuple(_doubts_about_repeats(found))
     if not isinstance(subject, Subject):
         return of_repeats
-    of_stiffness = doubts_about_stiffness(subject, _found(found))
+    # As far as all explanations leave it open.
+    known = {
+        name: found.best.estimate(name, ends) for name, ends in found.intervals.items() if name in found.best.fit.free
+    }
+    of_stiffness = doubts_about_stiffness(subject, known)
     return (*doubts_about(subject), *of_repeats, *of_stiffness)
 
 
@@ -219,17 +223,3 @@ def _doubts_about_repeats(found: Diagnosis) -> Iterator[Doubt]:
                 "lay the trials over each other and look for what differs: a leg or a rig that "
                 "moved, a ripple of the drive; or state the accuracy that the rig has",
             )
-
-
-class _Found(NamedTuple):
-    value: float
-    standard_error: float
-
-
-def _found(found: Diagnosis) -> dict[str, _Found]:
-    """Return the deep tissue's stiffness (MPa), as far as all explanations leave it open."""
-    return {
-        name: _Found(found.best.value(name), (high - low) / (2 * 1.96))
-        for name, (low, high) in found.intervals.items()
-        if name in found.best.fit.free
-    }

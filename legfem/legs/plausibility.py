@@ -10,7 +10,6 @@ can a radius for a diameter, which changes the force of a long cylinder little.
 import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from scipy.special import ndtri
@@ -22,6 +21,7 @@ from legfem.data import ranges
 from legfem.geometry.section import BONES, PARTS, first_crossing, girth
 from legfem.inverse.catalogue import key_of
 from legfem.inverse.elastography import doubts_about_elastography
+from legfem.inverse.estimates import Estimate
 from legfem.inverse.parameter import Prior
 from legfem.inverse.population import CALF, SHIN, TISSUES, population, population_prior
 from legfem.legs.plausible_recordings import doubts_about_recordings
@@ -223,19 +223,7 @@ _UNITS = {
 """By what a stiffness would change, about, were a column or size in another unit."""
 
 
-class KnownParameter(Protocol):
-    """A parameter as recordings say it, MPa."""
-
-    @property
-    def value(self) -> float:
-        """Its value."""
-
-    @property
-    def standard_error(self) -> float:
-        """How far that may be off."""
-
-
-def doubts_about_stiffness(subject: Subject, parameters: Mapping[str, KnownParameter]) -> tuple[Doubt, ...]:
+def doubts_about_stiffness(subject: Subject, parameters: Mapping[str, Estimate]) -> tuple[Doubt, ...]:
     """Return stiffnesses that nobody has found so, and those that few people have.
 
     Left out are those that the folder says were confirmed.
@@ -257,7 +245,7 @@ def doubts_about_stiffness(subject: Subject, parameters: Mapping[str, KnownParam
     return (*of_people, *published)
 
 
-def _doubts_beside_people(subject: Subject, parameters: Mapping[str, KnownParameter]) -> Iterator[Doubt]:
+def _doubts_beside_people(subject: Subject, parameters: Mapping[str, Estimate]) -> Iterator[Doubt]:
     """Yield a doubt about each C10 that fewer than one in a hundred people have.
 
     What the recordings leave open of it counts as people's spread does.
