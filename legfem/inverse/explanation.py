@@ -136,13 +136,13 @@ class Explanation:
         k = self.fit.free.index(name)
         return bool(self.posterior.covariance[k, k] < 0.8)
 
-    def interval(self, name: str) -> tuple[float, float]:
+    def interval(self, name: str, tail: float = 0.025) -> tuple[float, float]:
         """Return a parameter's 95 % interval, or that without other tails, in its unit."""
-        if name in self.identified:
+        if name in self.identified and tail == 0.025:
             return self.identified[name].ci95
         k, mixture = self.fit.free.index(name), self.distribution(name)
         ends = []
-        for probability in (0.025, 0.975):
+        for probability in (tail, 1 - tail):
             at = self.posterior.mean.copy()
             at[k] = mixture.quantile(probability)
             ends.append(self.fit.moved(at)[name])
