@@ -117,9 +117,11 @@ def test_a_diagnosis_comes_back_with_its_verdict_and_explanations(verdict: str, 
 def test_a_folder_without_results_and_one_of_another_version_are_refused(tmp_path: Path) -> None:
     with pytest.raises(lf.InputError, match=r"contains no result\.json or diagnosis\.json"):
         lf.read_result(tmp_path)
-    older = fit_document([result("neo-hookean")], kind_of([result("neo-hookean")]).document) | {"schema": "legfem/1"}
+    older = fit_document([result("neo-hookean")], kind_of([result("neo-hookean")]).document) | {
+        "schema": "legfem.identify/1"
+    }
     (tmp_path / "result.json").write_text(json.dumps(older))
-    with pytest.raises(lf.InputError, match=r"its schema is legfem/1.*run it again"):
+    with pytest.raises(lf.InputError, match=r"its schema is legfem.identify/1.*run it again"):
         lf.read_result(tmp_path)
     (tmp_path / "result.json").write_text('{"schema": ')
     with pytest.raises(lf.InputError, match="cannot be read"):

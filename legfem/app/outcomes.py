@@ -12,8 +12,7 @@ from legfem.app.runs import Run
 from legfem.common.documents import literal
 from legfem.common.errors import InputError
 from legfem.inverse.stored import StoredEstimate, StoredModel, StoredResult, read_result
-from legfem.report.answers import headline_of
-from legfem.report.plan import first_lines
+from legfem.report.answers import first_lines, headline_of
 from legfem.report.words import number
 
 if TYPE_CHECKING:

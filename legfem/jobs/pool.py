@@ -20,13 +20,13 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from queue import SimpleQueue
 from types import FrameType, TracebackType
-from typing import Any, NoReturn
-
-from mpi4py import MPI
-from mpi4py.futures import MPICommExecutor
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from legfem.common.command_line import ignore_broken_pipes
 from legfem.common.errors import InputError
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 
 @dataclass(frozen=True)
@@ -48,9 +48,11 @@ def with_context[Task, Outcome](work: Callable[..., Outcome], task: Task) -> Out
 
 
 @contextmanager
-def over_ranks(comm: MPI.Intracomm, context: object) -> Iterator[Executor]:
+def over_ranks(comm: "MPI.Intracomm", context: object) -> Iterator[Executor]:
     """Yield an executor of all ranks but the first, which is to work along; they have a context for `with_context`."""
     comm.bcast(_Apart(pickle.dumps(context)))
+    from mpi4py.futures import MPICommExecutor
+
     first: Any = MPICommExecutor(comm, root=0)
     with first as executor:
         yield executor
@@ -72,7 +74,7 @@ class Together[Context, Task, Outcome]:
         Picklable; all of it that is collective has to be made by tasks.
     """
 
-    def __init__(self, comm: MPI.Intracomm, work: Callable[[Context, Task], Outcome], context: Context) -> None:
+    def __init__(self, comm: "MPI.Intracomm", work: Callable[[Context, Task], Outcome], context: Context) -> None:
         self._comm, self._work, self._context = comm, work, context
         self._name = uuid.uuid4().hex
         self._sent = False
@@ -87,7 +89,7 @@ class Together[Context, Task, Outcome]:
 
 
 @contextmanager
-def leading(comm: MPI.Intracomm, expected: tuple[type[Exception], ...] = (InputError,)) -> Iterator[bool]:
+def leading(comm: "MPI.Intracomm", expected: tuple[type[Exception], ...] = (InputError,)) -> Iterator[bool]:
     """Yield True on the first rank, whose `Workers` and `Together` the others serve.
 
     On the others False, after that. Ctrl-C and errors end all ranks; those that are ``expected`` are
@@ -113,7 +115,7 @@ def leading(comm: MPI.Intracomm, expected: tuple[type[Exception], ...] = (InputE
     comm.bcast(None)
 
 
-def _end_all(comm: MPI.Intracomm, error: BaseException) -> NoReturn:
+def _end_all(comm: "MPI.Intracomm", error: BaseException) -> NoReturn:
     """End all ranks: others may wait to hand in an outcome, and can't be told any more."""
     interrupted = isinstance(error, KeyboardInterrupt)
     if interrupted:
@@ -135,7 +137,7 @@ class _Joint:
     task: Any
 
 
-def _serve(comm: MPI.Intracomm) -> None:
+def _serve(comm: "MPI.Intracomm") -> None:
     """Do tasks until the first rank has no more."""
     last = b""
     named: dict[str, Any] = {}
@@ -149,6 +151,8 @@ def _serve(comm: MPI.Intracomm) -> None:
             continue
         if given.context != last:  # else what tasks made of the context, their meshes, stays
             last, shared[:] = given.context, [given]
+        from mpi4py.futures import MPICommExecutor
+
         with MPICommExecutor(comm, root=0):
             pass
 
@@ -209,7 +213,7 @@ class Workers[Context, Task, Outcome]:
         work: Callable[[Context, Task], Outcome],
         context: Context,
         jobs: int = 1,
-        comm: MPI.Intracomm = MPI.COMM_SELF,
+        comm: "MPI.Intracomm | None" = None,
         along: bool = False,
     ) -> None:
         self.work, self.context, self.jobs = work, context, jobs
@@ -244,7 +248,7 @@ class Workers[Context, Task, Outcome]:
 
     def places(self, tasks: Sequence[Task]) -> Iterator[tuple[int, Outcome]]:
         """Yield tasks' places in the list with their outcomes as they become known."""
-        if self.comm.size > 1:
+        if self.comm is not None and self.comm.size > 1:
             with over_ranks(self.comm, self.context) as executor:
                 yield from self._working_along(executor, self.comm.size - 1, tasks)
         elif self.jobs == 1 or (len(tasks) < 2 and (self.along or self._executor is None)):
@@ -267,7 +271,7 @@ class Workers[Context, Task, Outcome]:
 
         What getting ready raises is left to a task.
         """
-        if self.jobs == 1 or self.comm.size > 1:
+        if self.jobs == 1 or (self.comm is not None and self.comm.size > 1):
             return
         self._executor = self._executor or _Processes(self.jobs - self.along, self.context)
         for _ in range(min(most, self.jobs - self.along)):

@@ -17,17 +17,19 @@ from dataclasses import dataclass, field, fields, is_dataclass
 from enum import Enum
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from zipfile import BadZipFile
 
 import numpy as np
-from mpi4py import MPI
 from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
 from legfem.common.documents import package_version, write_atomically, write_document
 from legfem.common.progress import Progress
 from legfem.jobs.pool import Workers
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 
 @dataclass(frozen=True)
@@ -220,17 +222,19 @@ class Store[Kept]:
         self,
         asked: object,
         make: Callable[[], Kept],
-        comm: MPI.Intracomm = MPI.COMM_SELF,
+        comm: "MPI.Intracomm | None" = None,
         worth: Callable[[Kept], bool] = lambda kept: True,
     ) -> Kept:
         """Return a finished piece; if it is absent, make it, and keep it if it is worth that.
 
-        Collective over the communicator, whose first rank alone reads and writes.
+        Collective over a communicator, whose first rank alone reads and writes; without one this process does.
         """
-        kept = comm.bcast(self.get(asked) if comm.rank == 0 else None)
+        first = comm is None or comm.rank == 0
+        kept = self.get(asked) if first else None
+        kept = kept if comm is None else comm.bcast(kept)
         if kept is None:
             kept = make()
-            if comm.rank == 0 and worth(kept):
+            if first and worth(kept):
                 self.put(asked, kept)
         return kept
 
@@ -324,7 +328,7 @@ class Checkpoint:
 
     folder: Path
     key: str
-    comm: MPI.Intracomm
+    comm: "MPI.Intracomm"
     seconds: float = 120.0
     _last: float = field(default_factory=time.monotonic)
     _number: int = 0
@@ -355,7 +359,7 @@ class Checkpoint:
         number, plain = head
         arrays = read_arrays(self._part(number))
         fits = all(name in arrays and arrays[name].shape == s for name, s in shapes.items())
-        if not self.comm.allreduce(fits, MPI.LAND):
+        if not all(self.comm.allgather(fits)):
             return None
         self._number = number
         return arrays, plain

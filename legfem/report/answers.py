@@ -2,16 +2,16 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 from legfem.common.units import mpa_to_mmhg, percent
 from legfem.inverse.answer import Answer, Finding, Value
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.report import page as web
 from legfem.report.estimates import held_text, words_of
-from legfem.report.stocking_pressures import sentence_at_ankle, share_of
 from legfem.report.style import LAW_NAMES
 from legfem.report.words import MODULI, between, capital, moduli_text, number, share, spaced
-from legfem.stockings.assessment import TISSUES
+from legfem.stockings.levels import TISSUES
 
 
 def headline_of(answer: Answer, answers: Sequence[tuple[str, str]] = ()) -> web.Headline:
@@ -106,13 +106,13 @@ def _of_stocking(answer: Answer) -> str:
     given = answer.parameters
     if answer.finding is Finding.NOT_COMPUTED:
         return "The leg in its stocking could not be computed: there are no pressures inside it."
-    ankle = sentence_at_ankle(given["ankle"]) if given["ankle"] else ""
+    ankle = _sentence_at_ankle(given["ankle"]) if given["ankle"] else ""
     text = f"{ankle}The stocking presses on the skin with {mpa_to_mmhg(given['mean']):.0f} mmHg on average"
     if not given["veins"]:
         return f"{text}, {mpa_to_mmhg(given['greatest']):.0f} mmHg at most."
     low, high = (f"{mpa_to_mmhg(end(given['veins'])):.0f}" for end in (min, max))
     span = low if low == high else f"{low} to {high}"
-    of_mean = share_of(given["veins"], given["mean"])
+    of_mean = _share_of(given["veins"], given["mean"])
     return f"{text}; at the deep veins the pressure is {span} mmHg ({of_mean} of the mean on the skin)."
 
 
@@ -148,3 +148,42 @@ _HEADINGS: Mapping[Finding, Callable[[Answer], str]] = {
     Finding.CORRECTED: lambda answer: "Yes, but use the corrected one.",
     Finding.CAUSES_DIFFER: lambda answer: "Only as a range.",
 }
+
+
+def _share_of(pressures: Sequence[float], mean: float) -> str:
+    """Return the range of pressures over a mean, in per cent."""
+    shares = sorted(100 * p / mean for p in pressures if math.isfinite(p))
+    if not shares:
+        return "an unknown share"
+    low, high = f"{shares[0]:.0f}", f"{shares[-1]:.0f}"
+    return f"{low} %" if low == high else f"{low} to {high} %"
+
+
+def span_of(limits: tuple[float, float] | None) -> str:
+    """Return a class' limits, mmHg; the greatest has no upper one."""
+    if limits is None:
+        return "–"
+    return f"{limits[0]:.3g} to {limits[1]:.3g}" if math.isfinite(limits[1]) else f"{limits[0]:.3g} or more"
+
+
+_BESIDE = {"within": "within", "too low": "too low for", "too high": "too high for"}
+_UNSURE = "which may or may not be within"
+
+
+def _sentence_at_ankle(ankle: Mapping[str, Any]) -> str:
+    """Return the pressure at B beside the class, of a `legfem.stockings.details.StockingDetails.answer`."""
+    of_class = f"class {ankle['class']} ({span_of(ankle['limits'])} mmHg)"
+    beside = "" if ankle["limits"] is None else f", {_BESIDE.get(ankle['verdict'], _UNSURE)} {of_class}"
+    low, high = ankle["ci95"]
+    return f"At the ankle (B) the stocking presses with {ankle['mean']:.1f} ({low:.1f} to {high:.1f}) mmHg{beside}. "
+
+
+def first_lines(tests: Sequence[str]) -> web.Headline:
+    """Return a plan's heading and sentence, of the tests' names, the most informative first."""
+    if tests:
+        return web.Headline("sound", f"Do this test first: {tests[0]}.", [], _HEADING)
+    sentence = "No test could be weighed: the leg's responses don't reach the depth."
+    return web.Headline("wrong", sentence, [("What to do", "Plan a less deep test (--depth).")], _HEADING)
+
+
+_HEADING = "What to test"

@@ -8,18 +8,20 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-
-from mpi4py import MPI
+from typing import TYPE_CHECKING
 
 from legfem.common.documents import write_document
 from legfem.common.errors import naming
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 REPORT = "report.txt"
 _UNFINISHED = ".report-unfinished"
 
 
 @contextmanager
-def made_in_place(out: Path, comm: MPI.Intracomm = MPI.COMM_SELF) -> Iterator[Path]:
+def made_in_place(out: Path, comm: "MPI.Intracomm | None" = None) -> Iterator[Path]:
     """Yield a hidden folder, from which files are moved into place at the end, the report last.
 
     Whoever stops the run in between finds no half-written file.
@@ -29,17 +31,19 @@ def made_in_place(out: Path, comm: MPI.Intracomm = MPI.COMM_SELF) -> Iterator[Pa
     out
         Where the files are to be; made if missing.
     comm
-        Of the ranks that write to the folder; all of them call.
+        Of the ranks that write to the folder, all of which call; this process alone without it.
     """
     hidden = out / _UNFINISHED
-    if comm.rank == 0:
+    first = comm is None or comm.rank == 0
+    if first:
         shutil.rmtree(hidden, ignore_errors=True)
         hidden.mkdir(parents=True)
-    comm.barrier()
+    if comm is not None:
+        comm.barrier()
     try:
         with naming(out):
             yield hidden
-            if comm.rank == 0:
+            if first:
                 made = sorted(hidden.iterdir(), key=lambda path: path.name == REPORT)
                 if before := _made_by(out):
                     names = {*before["files"], *(path.name for path in made)}
@@ -50,9 +54,10 @@ def made_in_place(out: Path, comm: MPI.Intracomm = MPI.COMM_SELF) -> Iterator[Pa
                         shutil.rmtree(target)
                     path.replace(target)
     finally:
-        if comm.rank == 0:
+        if first:
             shutil.rmtree(hidden, ignore_errors=True)
-    comm.barrier()
+    if comm is not None:
+        comm.barrier()
 
 
 _WITHOUT_EFFECT = {"--quiet": 1, "--json": 1, "--jobs": 2, "--out": 2}

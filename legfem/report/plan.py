@@ -11,6 +11,7 @@ from legfem.inverse.plan import DesignValue
 from legfem.legs.plan import Expected
 from legfem.legs.subject import Subject
 from legfem.report import page as web
+from legfem.report.answers import first_lines
 from legfem.report.diagnosis_curves import plain
 from legfem.report.leg_options import options_of
 from legfem.report.page import Bars, LabelledBar
@@ -129,17 +130,6 @@ def plan_web_page(
         web.Repeat(command, versions),
         DataKind("simulated data", f"no test has been made yet; section of the leg: {subject.origin}"),
     )
-
-
-def first_lines(tests: Sequence[str]) -> web.Headline:
-    """Return a plan's heading and sentence, of the tests' names, the most informative first."""
-    if tests:
-        return web.Headline("sound", f"Do this test first: {tests[0]}.", [], _HEADING)
-    sentence = "No test could be weighed: the leg's responses don't reach the depth."
-    return web.Headline("wrong", sentence, [("What to do", "Plan a less deep test (--depth).")], _HEADING)
-
-
-_HEADING = "What to test"
 
 
 def _headline(ranked: Sequence[DesignValue], names: Sequence[str], never: Sequence[str]) -> web.Headline:

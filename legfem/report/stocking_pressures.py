@@ -1,13 +1,13 @@
 """Pressures of a stocking on its page: the leg in 3D, tables and bars, in words."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 
 from legfem.common.units import FloatArray, mpa_to_kpa, mpa_to_mmhg
 from legfem.geometry.leg_shape import SKIN, LegShape, fat_thickness_around
 from legfem.inverse.intervals import quantile
+from legfem.report.answers import span_of
 from legfem.report.curves import Curves, Dash, Line
 from legfem.report.page import Bars, Block, LabelledBar, Prose, WebTable
 from legfem.report.style import DATA_COLOUR, FAINT
@@ -25,15 +25,6 @@ PRESSURES = "Pressures on the skin and inside"
 def both_units(pressure: float) -> str:
     """Return a pressure (MPa) in mmHg and kPa."""
     return f"{mpa_to_mmhg(pressure):.1f} mmHg ({mpa_to_kpa(pressure):.2f} kPa)"
-
-
-def share_of(pressures: Sequence[float], mean: float) -> str:
-    """Return the range of pressures over a mean, in per cent."""
-    shares = sorted(100 * p / mean for p in pressures if np.isfinite(p))
-    if not shares:
-        return "an unknown share"
-    low, high = f"{shares[0]:.0f}", f"{shares[-1]:.0f}"
-    return f"{low} %" if low == high else f"{low} to {high} %"
 
 
 def vein_interval(details: StockingDetails, vein: int) -> tuple[float, float]:
@@ -231,12 +222,6 @@ def _share(pressure: float, found: TissuePressures) -> str:
     return f"{100 * pressure / found.mean_interface:.0f} % of the mean on the skin"
 
 
-def _span(limits: tuple[float, float] | None) -> str:
-    if limits is None:
-        return "–"
-    return f"{limits[0]:.3g} to {limits[1]:.3g}" if np.isfinite(limits[1]) else f"{limits[0]:.3g} or more"
-
-
 def level_blocks(details: StockingDetails) -> list[Block]:
     """Return levels with limits, the gradient, and the curve along the leg."""
     along, makers, leg = details.pressure_along, details.leg.makers, details.leg
@@ -252,7 +237,7 @@ def level_blocks(details: StockingDetails) -> list[Block]:
                 "height": f"{one.height:.0f} mm, {'as stated' if one.stated else PLACES[one.level]}",
                 "pressure (mmHg)": f"{one.mean:.1f} ({one.ci95[0]:.1f} to {one.ci95[1]:.1f})",
                 "share of B's": "–" if one.over_ankle is None else f"{100 * one.over_ankle:.0f} %",
-                "limits (mmHg)": _span(one.limits),
+                "limits (mmHg)": span_of(one.limits),
                 "verdict": verdicts.get(one.verdict, one.verdict),
             }
             for one in levels
@@ -320,15 +305,3 @@ def _about_levels(details: StockingDetails) -> Iterator[str]:
         f"Gradient: {slope:+.2f} mmHg per cm upwards, from {along.mean[0]:.1f} mmHg at the lower end to "
         f"{along.mean[-1]:.1f} mmHg at the upper end.{assumed if makers.assumed_fabric else ''}"
     )
-
-
-_BESIDE = {"within": "within", "too low": "too low for", "too high": "too high for"}
-_UNSURE = "which may or may not be within"
-
-
-def sentence_at_ankle(ankle: Mapping[str, Any]) -> str:
-    """Return the pressure at B beside the class, of a `legfem.stockings.details.StockingDetails.answer`."""
-    of_class = f"class {ankle['class']} ({_span(ankle['limits'])} mmHg)"
-    beside = "" if ankle["limits"] is None else f", {_BESIDE.get(ankle['verdict'], _UNSURE)} {of_class}"
-    low, high = ankle["ci95"]
-    return f"At the ankle (B) the stocking presses with {ankle['mean']:.1f} ({low:.1f} to {high:.1f}) mmHg{beside}. "

@@ -11,12 +11,12 @@ from legfem.report.curves import Curves, Line
 from legfem.report.page import Block, Prose, WebTable
 from legfem.report.style import FAINT
 from legfem.report.words import ROUND, Directions, capital, round_leg, short_probability, unwrapped
-from legfem.stockings.assessment import TISSUES
 from legfem.stockings.contour_distances import CONTOUR_NAMES
 from legfem.stockings.details import StockingDetails, StockingFit
 from legfem.stockings.discrepancy import ModelDiscrepancy
 from legfem.stockings.equilibrium import PARAMETERS
 from legfem.stockings.estimates import expected_rms
+from legfem.stockings.levels import TISSUES
 from legfem.stockings.scan_fit import ScanFit
 
 STIFFNESS = "Stiffness of muscle and fat"

@@ -42,6 +42,7 @@ from legfem.stockings import estimates
 from legfem.stockings.details import StockingDetails, StockingFit
 from legfem.stockings.equilibrium import PARAMETERS, EquilibriumSettings
 from legfem.stockings.leg import ComparedSensor
+from legfem.stockings.levels import TISSUES
 from legfem.stockings.scan_fit import ScanFit, by_name, stiffness_priors
 
 
@@ -183,7 +184,6 @@ def _pressure(
     return Computed(name, mpa_to_mmhg(value), "mmHg", mpa_to_mmhg(sd), (low, high))
 
 
-TISSUES = dict(zip(PARAMETERS, ("muscle", "fat"), strict=True))
 UNLOADED_BEYOND = 0.01
 """Share of the skin under the stretched stocking that may bear no pressure without a word."""
 _FAR = 3.0

@@ -13,6 +13,8 @@ from legfem.inverse.intervals import quantile
 from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.fabric import ANKLE_MMHG, StockingLoad
 
+TISSUES: Mapping[str, str] = {"deep.C10": "muscle", "superficial.C10": "fat"}
+"""What people call the tissues whose stiffness is fitted."""
 type Level = Literal["B", "B1", "C", "D"]
 type Standard = Literal["RAL-GZ 387", "ENV 12718"]
 PLACES: Mapping[Level, str] = {

@@ -23,8 +23,9 @@ from legfem.report.kinds import ReportKind
 from legfem.report.stocking_figures import stocking_pressure_figure, stocking_section_figure
 from legfem.report.style import save
 from legfem.report.words import DataKind, capital, moduli_text
-from legfem.stockings.assessment import KIND, TISSUES
+from legfem.stockings.assessment import KIND
 from legfem.stockings.details import StockingDetails, StockingDocument, StockingFit
+from legfem.stockings.levels import TISSUES
 
 
 class StockingReport(ReportKind):
