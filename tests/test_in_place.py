@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import os
 from pathlib import Path
 
 import numpy as np
@@ -63,12 +64,11 @@ def test_a_full_disk_names_the_folder(tmp_path: Path) -> None:
 
 
 def test_arrays_that_find_no_room_leave_nothing(tmp_path: Path, monkeypatch) -> None:
-    def half(self: Path, content: bytes) -> None:
-        with self.open("wb") as file:
-            file.write(content[:10])
+    def full(handle: int) -> None:
+        os.ftruncate(handle, 10)
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(Path, "write_bytes", half)
+    monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(OSError, match="No space") as raised:
         write_arrays(tmp_path / "a.npz", {"x": np.zeros(3)})
     assert raised.value.filename == str(tmp_path / "a.npz") and list(tmp_path.iterdir()) == []
