@@ -11,7 +11,6 @@ from legfem.report import page as web
 from legfem.report.estimates import held_text, words_of
 from legfem.report.style import LAW_NAMES
 from legfem.report.words import MODULI, between, capital, moduli_text, number, share, spaced
-from legfem.stockings.levels import TISSUES
 
 
 def headline_of(answer: Answer, answers: Sequence[tuple[str, str]] = ()) -> web.Headline:
@@ -121,8 +120,7 @@ def _of_stocking_heading(answer: Answer) -> str:
     if answer.finding is not Finding.FITS:
         return "There is no answer" if answer.finding is Finding.NOT_COMPUTED else "The model does not fit"
     if unsure := answer.parameters["unsure"]:
-        tissues = " and the ".join(TISSUES[name] for name in unsure)
-        return f"The pressures can be used; the stiffness of the {tissues} is uncertain"
+        return f"The pressures can be used; the stiffness of the {' and the '.join(unsure)} is uncertain"
     if not answer.parameters["tested"]:
         return "The pressures can be used; the tissues' stiffness was given and not tested"
     return "The model fits"

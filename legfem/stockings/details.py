@@ -19,7 +19,7 @@ from legfem.stockings.equilibrium import Equilibrium, LegModel3D
 from legfem.stockings.estimates import expected_rms, model_misses
 from legfem.stockings.fabric import StockingLoad, stocking_load
 from legfem.stockings.leg import ComparedSensor, StockingLeg
-from legfem.stockings.levels import LevelPressure, PressureAlong, pressures_at_levels
+from legfem.stockings.levels import TISSUES, LevelPressure, PressureAlong, pressures_at_levels
 from legfem.stockings.pressures import FatPressures, SectionPressures, TissuePressures, too_low_by
 from legfem.stockings.scan_fit import ScanFit
 
@@ -80,7 +80,10 @@ class StockingDetails:
 
     def answer(self, fit: "StockingFit") -> Answer:
         """Return what the fit says: the pressures, and whether model and scan agree."""
-        found, unsure = self.pressures, [n for n, k in fit.estimates.items() if k.identifiability != "identifiable"]
+        found, unsure = (
+            self.pressures,
+            [TISSUES[n] for n, k in fit.estimates.items() if k.identifiability != "identifiable"],
+        )
         verdict = None if self.discrepancy is None else self.discrepancy.verdict
         misses = self.best is not None and model_misses(self.best, self.leg.accuracy)
         finding = Finding.MISFIT if verdict == "unexplained" or misses else Finding.FITS

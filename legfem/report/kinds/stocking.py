@@ -258,8 +258,7 @@ def _next(fit: StockingFit) -> list[str]:
             "segmentation, the registration, and the stocking's size."
         ]
     lines = []
-    unsure = [TISSUES[name] for name in fit.answer.parameters["unsure"]]
-    if unsure:
+    if unsure := fit.answer.parameters["unsure"]:
         lines.append(
             f"Do not rely on the stiffness of the {' and the '.join(unsure)}: these scans do not "
             "determine it well enough. The pressures hardly depend on it."
