@@ -3,7 +3,6 @@
 from legfem.common.units import decimals, mpa_to_kpa
 from legfem.inverse.answer import Answer, Finding, LikelyCause, Tone, Value
 from legfem.inverse.catalogue import DEEP_C10
-from legfem.inverse.explanation import Explanation
 from legfem.inverse.verdict import TRUSTED, Diagnosis
 
 
@@ -46,18 +45,13 @@ def _values(found: Diagnosis) -> tuple[dict[str, Value], str]:
         return {}, "model_wrong"
     if DEEP_C10 not in found.base_model.fit.free:
         return {}, "given"
-    model, differ = best(found), causes_differ(found)
+    model, differ = found.best, causes_differ(found)
     if not differ and not model.determined(DEEP_C10):
         return {}, "undetermined"
     low, high = map(mpa_to_kpa, ends(found))
     value = None if differ else mpa_to_kpa(model.value(DEEP_C10))
     known = Value((low, high), "kPa", value, widest_error(found), range_only=differ or wide(found))
     return {DEEP_C10: known}, ""
-
-
-def best(found: Diagnosis) -> Explanation:
-    """Return the explanation that is listed first, else the base model."""
-    return found.models[0] if found.models else found.base_model
 
 
 def widest_error(found: Diagnosis) -> float:
@@ -68,7 +62,7 @@ def widest_error(found: Diagnosis) -> float:
 
 def ends(found: Diagnosis) -> tuple[float, float]:
     """Return between which values C10 lies (MPa), over all explanations."""
-    return found.intervals.get(DEEP_C10) or best(found).interval(DEEP_C10)
+    return found.intervals.get(DEEP_C10) or found.best.interval(DEEP_C10)
 
 
 def same_value(found: Diagnosis) -> bool:

@@ -40,7 +40,6 @@ def fit_of_model(
     log: SearchLog,
     settings: Mapping[str, Any],
     weighted: Explanation | None,
-    equally: bool,
 ) -> Fit[None]:
     """Return a model of a diagnosis as the fit of all recordings, each a test.
 
@@ -54,11 +53,9 @@ def fit_of_model(
         As of a `legfem.inverse.fit.Fit`.
     weighted
         The base model by its errors, which each recording is fitted with by itself; none of them without it.
-    equally
-        Whether the base model's readings weigh equally.
     """
     fitted = model.fit
-    equal = weighted is not None and equally
+    equal = weighted is not None and fitted is not weighted.fit
     fitted_at = [fitted.free.index(name) for name in estimates]
     tests, agreement = fits_of_trials(model, weighted)
     return Fit(

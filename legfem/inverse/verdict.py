@@ -122,7 +122,6 @@ class Diagnosis:
             log_of_solutions(model, self.seed, self.emulator_error, self.solutions),
             {"mechanisms": list(model.names), "cylinder_ends": self.with_ends},
             None if model.names else self.weighted_base,
-            self.equally,
         )
 
     @property

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from legfem.common.units import mpa_to_kpa, percent
 from legfem.inverse.averaging import as_seen, robust_interval, widened_by
 from legfem.inverse.catalogue import DEEP_C10
-from legfem.inverse.diagnosed_answer import answer_of, best, causes_differ, ends, same_value, wide, widest_error
+from legfem.inverse.diagnosed_answer import answer_of, causes_differ, ends, same_value, wide, widest_error
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.mechanism import Mechanism
 from legfem.inverse.plan import DesignValue
@@ -114,12 +114,12 @@ def _hides(found: Diagnosis) -> str:
 def _unseen(found: Diagnosis) -> list[Mechanism]:
     """Return what every leg has and the recordings don't show, but what is named."""
     every = (one.mechanism for one in found.weighted_base.problem.unseen)
-    return [one for one in every if one.name not in best(found).names]
+    return [one for one in every if one.name not in found.best.names]
 
 
 def _by_what_is_unseen(found: Diagnosis) -> bool:
     """Return whether C10 is known as a range alone for what every leg has and the recordings don't show."""
-    ends, value = robust_interval(as_seen(found.explained), DEEP_C10), best(found).value(DEEP_C10)
+    ends, value = robust_interval(as_seen(found.explained), DEEP_C10), found.best.value(DEEP_C10)
     return wide(found) and ends is not None and max(abs(end / value - 1.0) for end in ends) <= TRUSTED
 
 
@@ -188,7 +188,7 @@ def _high_or_low(found: Diagnosis, tissue: str) -> list[tuple[str, str]]:
         return []
     if causes_differ(found):
         return high_or_low(tissue, *map(float, between(*map(mpa_to_kpa, ends(found)))))
-    model = best(found)
+    model = found.best
     return high_or_low(tissue, mpa_to_kpa(model.value(DEEP_C10))) if model.determined(DEEP_C10) else []
 
 
