@@ -13,8 +13,10 @@ from legfem.inverse import plan as reckoning
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.nuisances import nuisance_effects
 from legfem.inverse.plan import Candidate, Design, evaluate_design
+from legfem.inverse.predictor import onset_name
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.nuisances import ShapeAccuracy
+from legfem.mechanisms import mechanism_named
 from legfem.solve.protocol import Protocol
 
 TWINS = ("fascia-stiffness", "prestress", "force-drift")
@@ -69,6 +71,19 @@ def test_a_form_that_is_off_tells_less(found, against_nothing, monkeypatch):
     assert chance(found, against_nothing) < exact
     monkeypatch.setattr(reckoning, "INEXACT_SHARE", 0.05)
     assert chance(found, against_nothing) > 0.5 * exact, "a small share takes little"
+
+
+def test_a_planned_test_has_its_own_first_contact_and_the_moment_of_a_contraction(found):
+    predictor, values = found.weighted_base.problem.predictor, found.weighted_base.fit.values
+    contraction = mechanism_named("muscle-contraction")
+    tenses = contraction.by_full_name({"stiffening": 0.3, "onset": 0.5, "rise": 0.05, "away": 2.0})
+    again = Design("again", (RAMP,))
+    relaxed = reckoning._readings(predictor, (), values, again)
+    tensed = reckoning._readings(predictor, (contraction,), {**values, **tenses}, again)
+    before = predictor.observed.time < 0.5 * predictor.observed.time.max()
+    np.testing.assert_array_equal(tensed[before], relaxed[before])
+    assert tensed[-1] > 1.1 * relaxed[-1]
+    np.testing.assert_array_equal(reckoning._readings(predictor, (), {**values, onset_name(0): 0.4}, again), relaxed)
 
 
 def test_what_has_no_effect_has_no_form(found):

@@ -267,7 +267,7 @@ def _readings(
 ) -> FloatArray:
     """Return the readings (N,), first contacts (mm) where they are counted from; of a longer cylinder more force."""
     # New trials are touched where they are touched: what was fitted before was the old ones'.
-    given = {name: 0.0 if name.endswith(".onset") else value for name, value in values.items()}
+    given = {**values, **dict.fromkeys(map(onset_name, range(len(new.observed.trials))), 0.0)}
     for one in mechanisms:
         given |= one.by_full_name(one.for_length(values_of(given, one), design.length_factor))
     found = new({**given, **(onsets or {})}, mechanisms)

@@ -73,21 +73,38 @@ class Diagnoser:
         return replace(observed, notices=tuple(told))
 
     def library(
-        self, subject: Subject, observed: Observations, middle: float, progress: Progress
+        self,
+        subject: Subject,
+        observed: Observations,
+        middle: float,
+        progress: Progress,
+        asked: Sequence[Mechanism] | None = None,
     ) -> tuple[Library, SolvedResponses]:
-        """Return the library for recordings about a middle C10 (MPa), and full solutions of the leg."""
+        """Return the library for recordings about a middle C10 (MPa), and full solutions of the leg.
+
+        Parameters
+        ----------
+        subject, observed
+            The leg and its recordings.
+        middle
+            MPa.
+        progress
+            Told of solutions.
+        asked
+            Mechanisms that are tabulated; all that the recordings can show without it.
+        """
+        if asked is None:
+            asked, _ = shown_mechanisms(with_correction(mechanisms(), self.correction), observed, WITHOUT_ENDS)
         fine, coarse = solved_responses(subject, observed, self.folder)
         leg = repr(sorted(fine.fingerprint.items()))
         fine, coarse = self._legs.setdefault(leg, (fine, coarse))
-        keys = f"{leg}{middle}{bool(observed.channels)}" + "".join(
-            sorted(stations.key for stations in observed.protocols)
-        )
-        if keys not in self._libraries:
-            able, _ = shown_mechanisms(with_correction(mechanisms(), self.correction), observed, WITHOUT_ENDS)
-            self._libraries[keys] = build_library(
-                fine, coarse, observed, able, self.jobs, progress, middle, STIFFENING[subject.tissues["deep"].law]
+        protocols = sorted(stations.key for stations in observed.protocols)
+        key = repr((leg, middle, bool(observed.channels), protocols, [one.name for one in asked]))
+        if key not in self._libraries:
+            self._libraries[key] = build_library(
+                fine, coarse, observed, asked, self.jobs, progress, middle, STIFFENING[subject.tissues["deep"].law]
             )
-        return self._libraries[keys], fine
+        return self._libraries[key], fine
 
     def identified(self, subject: Subject, progress: Progress) -> Identified:
         """Return the base model's fit, as an identification has it."""

@@ -14,10 +14,10 @@ from legfem.inverse.channel_readings import PlannedChannel, StationChannel
 from legfem.inverse.errors import error_model
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.library import Library
-from legfem.inverse.library_build import build_library
-from legfem.inverse.library_tasks import STIFFENING, rounded
-from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, NuisanceEffect
-from legfem.inverse.mechanism import prior_of, shown_mechanisms
+from legfem.inverse.library_tasks import rounded
+from legfem.inverse.linearised import LinearisedProblem, NuisanceEffect
+from legfem.inverse.map_fit import fit
+from legfem.inverse.mechanism import shown_mechanisms
 from legfem.inverse.nuisances import nuisance_effects
 from legfem.inverse.observations import Observations, blank_observations
 from legfem.inverse.plan import (
@@ -34,9 +34,8 @@ from legfem.inverse.trial_noise import Noise
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.correction_of_leg import choose_correction
 from legfem.legs.diagnosis import Diagnoser, accuracy_of, ruled_out_of, with_correction
-from legfem.legs.finite_element_models import solved_responses
 from legfem.legs.subject import Subject
-from legfem.mechanisms import Mechanism, mechanisms
+from legfem.mechanisms import mechanisms
 from legfem.solve.protocol import Protocol
 
 USUAL_GAIN_SD = 0.01
@@ -84,7 +83,7 @@ def plan_after(found: Diagnosis, subject: Subject, diagnoser: Diagnoser, progres
     tests = designs(found.observed.depth, rates[0], deepest, site, found.observed.shows_air)
     tests = _beside(tests, found.observed.channels)
     asked = list(dict.fromkeys(m for model in models for m in model.fit.mechanisms))
-    wider = _library(diagnoser, subject, tests, asked, library.middle, progress)
+    wider, _ = diagnoser.library(subject, _at_all(tests), library.middle, progress, asked)
     plain = replace(found.base_model.problem.predictor, responses=wider, offset=0.0)
     candidates = [_candidate(model) for model in models]
     found_by_tests = _reckoned(
@@ -125,9 +124,9 @@ def plan_before(subject: Subject, diagnoser: Diagnoser, expected: Expected, prog
     site = Site(subject.section, subject.indenter)
     tests = designs(expected.depth, expected.rate, expected.depth, site)
     ends = choose_correction("auto", subject)
-    every = blank_observations(list(dict.fromkeys(p for t in tests for p in t.protocols)))
+    every = _at_all(tests)
     able, _ = shown_mechanisms(with_correction(mechanisms(), diagnoser.correction), every, ruled_out_of(subject, ends))
-    library = _library(diagnoser, subject, tests, able, rounded(expected.c10), progress)
+    library, _ = diagnoser.library(subject, every, rounded(expected.c10), progress, able)
     able = [m for m in able if m.name not in library.missing]
     law = subject.tissues["deep"].law
     observed = blank_observations([Protocol.ramp(expected.depth, expected.rate)] * 3)
@@ -136,8 +135,7 @@ def plan_before(subject: Subject, diagnoser: Diagnoser, expected: Expected, prog
     values = {DEEP_C10: expected.c10, DEEP_C20: expected.c20}
     force = predictor(values)
     problem = LinearisedProblem(predictor, error_model(observed.with_force(force), noise, force))
-    base = _at(problem, values)
-    candidates = prior_candidates(problem, base, able)
+    candidates = prior_candidates(problem, fit(problem, (), values, evaluations=0), able)
     return ranked(_reckoned(tests, candidates, predictor, library, subject, noise, USUAL_GAIN_SD))
 
 
@@ -166,20 +164,9 @@ def _reckoned(
     return [one for one in found if one is not None]
 
 
-def _library(
-    diagnoser: Diagnoser,
-    subject: Subject,
-    tests: list[Design],
-    asked: list[Mechanism],
-    middle: float,
-    progress: Progress,
-) -> Library:
-    """Return the leg's responses to all tests."""
-    blank = blank_observations(list(dict.fromkeys(p for t in tests for p in t.protocols)))
-    fine, coarse = solved_responses(subject, blank, diagnoser.folder)
-    return build_library(
-        fine, coarse, blank, asked, diagnoser.jobs, progress, middle, STIFFENING[subject.tissues["deep"].law]
-    )
+def _at_all(tests: Sequence[Design]) -> Observations:
+    """Return observations of nothing in the protocols of all tests."""
+    return blank_observations(list(dict.fromkeys(p for test in tests for p in test.protocols)))
 
 
 def _candidate(model: Explanation) -> Candidate:
@@ -199,16 +186,6 @@ def _stated(subject: Subject, observed: Observations) -> Noise:
         instrument.displacement_sd,
         "the instrument's stated accuracy only (nothing was recorded)",
     )
-
-
-def _at(problem: LinearisedProblem, values: dict[str, float]) -> LinearisedFit:
-    """Return a fit that stands at values."""
-    parameters = problem.parameters(())
-    departure = np.array([prior_of(p).departure(values.get(p.name, prior_of(p).centre)) for p in parameters])
-    prediction = problem.predictor(values)
-    nothing = np.zeros(len(prediction))
-    slopes = np.zeros((len(prediction), len(parameters)))
-    return LinearisedFit((), values, parameters, departure, prediction, nothing, slopes, nothing, slopes)
 
 
 def designs(depth: float, rate: float, deepest: float, site: Site, in_air: bool = False) -> list[Design]:
