@@ -29,7 +29,7 @@ wrong with it. Its error replaces that of the table.
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -39,7 +39,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from scipy.interpolate import RegularGridInterpolator
 
-from legfem.common.documents import write_document
+from legfem.common.documents import json_types, write_document
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.common.wording import Argument, Command, Remedy
@@ -163,29 +163,71 @@ class TabulatedCorrection:
 
     def write(self, path: Path) -> Path:
         """Write the correction as JSON."""
-        return write_document(
-            path,
-            {
-                "schema": SCHEMA,
-                "kind": KIND,
-                "name": self.name,
-                "definition": DEFINITION,
-                "first_ratio_mm": FIRST_RATIO,
-                **self.given,
-                "displacement_mm": _rounded(self.displacement),
-                "c10_kPa": _rounded(mpa_to_kpa(self.c10)),
-                "c20_over_c10_plus_c20": self.stiffening.tolist(),
-                "P": _rounded(self.values),
-                "errors": {name: _rounded(mode) for name, mode in self.errors.items()},
-            },
+        told = {"name": self.name, "definition": DEFINITION, "first_ratio_mm": FIRST_RATIO, **self.given}
+        rounded = (
+            np.round(column, 7) for column in (self.displacement, mpa_to_kpa(self.c10), self.stiffening, self.values)
         )
+        columns = dict(zip(_COLUMNS, rounded, strict=True))
+        return write_table(path, KIND, told, columns, {name: np.round(mode, 7) for name, mode in self.errors.items()})
 
 
-def _rounded(values: FloatArray) -> Any:
-    return np.round(values, 7).tolist()
+_COLUMNS = ("displacement_mm", "c10_kPa", "c20_over_c10_plus_c20", "P")
 
 
-_KNOWN = ("displacement_mm", "c10_kPa", "c20_over_c10_plus_c20", "P", "errors")
+def write_table(
+    path: Path, kind: str, told: Mapping[str, Any], columns: Mapping[str, FloatArray], errors: Mapping[str, FloatArray]
+) -> Path:
+    """Write a table as JSON.
+
+    Parameters
+    ----------
+    path
+        Of the file.
+    kind
+        Of the table.
+    told
+        How it was made.
+    columns
+        Its arrays.
+    errors
+        Modes of its error, by what causes them.
+    """
+    return write_document(path, json_types({"schema": SCHEMA, "kind": kind, **told, **columns, "errors": errors}))
+
+
+def read_table(
+    path: Path, kind: str, columns: Sequence[str], command: Command
+) -> tuple[list[FloatArray], dict[str, FloatArray], dict[str, Any]]:
+    """Return a table's columns, the modes of its error, and what else is told of it.
+
+    Parameters
+    ----------
+    path, kind, columns
+        As they were written.
+    command
+        That writes such a file.
+
+    Raises
+    ------
+    InputError
+        If there is none, or it is not a whole table.
+    """
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        remedy = Remedy("give a file that ", command, " wrote, or none")
+        raise InputError(path, Argument("correction"), f"can't be read ({error})", remedy) from None
+    if not isinstance(content, dict) or content.get("kind") != kind:
+        raise InputError(path, "kind", f"is not {kind}", "give a file that legfem.study correction wrote")
+    if content.get("schema") != SCHEMA:
+        raise InputError(path, "schema", f"is {content.get('schema')}", f"this legfem reads schema {SCHEMA}")
+    try:
+        arrays = [np.array(content[name], dtype=float) for name in columns]
+        errors = {name: np.array(mode, dtype=float) for name, mode in content["errors"].items()}
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise InputError(path, columns[-1], f"is not a whole correction ({error!r})", "calibrate it again") from None
+    known = (*columns, "errors", "schema", "kind")
+    return arrays, errors, {name: value for name, value in content.items() if name not in known}
 
 
 def read_correction(path: Path) -> TabulatedCorrection:
@@ -196,24 +238,9 @@ def read_correction(path: Path) -> TabulatedCorrection:
     InputError
         If there is none, or it is not a whole correction.
     """
-    try:
-        content = json.loads(path.read_text())
-    except (OSError, ValueError, RecursionError) as error:
-        raise InputError(
-            path,
-            Argument("correction"),
-            f"can't be read ({error})",
-            Remedy("give a file that ", Command("study correction"), " wrote, or none"),
-        ) from None
-    if not isinstance(content, dict) or content.get("kind") != KIND:
-        raise InputError(path, "kind", f"is not {KIND}", "give a file that legfem.study correction wrote")
-    if content.get("schema") != SCHEMA:
-        raise InputError(path, "schema", f"is {content.get('schema')}", f"this legfem reads schema {SCHEMA}")
-    try:
-        displacement, c10, stiffening, values = (np.array(content[name], dtype=float) for name in _KNOWN[:-1])
-        errors = {name: np.array(mode, dtype=float) for name, mode in content["errors"].items()}
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise InputError(path, "P", f"is not a whole correction ({error!r})", "calibrate it again") from None
+    (displacement, c10, stiffening, values), errors, told = read_table(
+        path, KIND, _COLUMNS, Command("study correction")
+    )
     shape = (len(c10), len(stiffening), len(displacement))
     fits = values.shape == shape and all(len(mode) == shape[2] for mode in errors.values())
     axes = (c10, stiffening, displacement)
@@ -222,14 +249,9 @@ def read_correction(path: Path) -> TabulatedCorrection:
         raise InputError(
             path, "P", f"has shape {values.shape} on axes of {shape}, or values that can't be", "calibrate it again"
         )
-    given = {
-        name: value
-        for name, value in content.items()
-        if name not in (*_KNOWN, "schema", "kind", "name", "definition", "first_ratio_mm")
-    }
-    return TabulatedCorrection(
-        str(content.get("name", path.stem)), displacement, kpa_to_mpa(c10), stiffening, values, errors, given
-    )
+    given = {name: value for name, value in told.items() if name not in ("name", "definition", "first_ratio_mm")}
+    name = str(told.get("name", path.stem))
+    return TabulatedCorrection(name, displacement, kpa_to_mpa(c10), stiffening, values, errors, given)
 
 
 def confirmed_correction(

@@ -9,7 +9,6 @@ over the depth and :math:`\ln r`, monotone between the points. What the table's 
 mesh, changes :math:`\ln f` by a share of itself: its errors, the muscle's stiffness among them.
 """
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
@@ -19,10 +18,10 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from legfem.common.documents import write_document
 from legfem.common.units import FloatArray
+from legfem.common.wording import Command
 from legfem.data.folder import RESOURCES
-from legfem.inverse.correction import SCHEMA, TabulatedCorrection
+from legfem.inverse.correction import TabulatedCorrection, read_table, write_table
 from legfem.inverse.elastography import FibreRatio
 from legfem.inverse.ends import FIBRES
 
@@ -73,30 +72,18 @@ class FibreTable:
 
     def write(self, path: Path) -> Path:
         """Write the table as JSON."""
-        return write_document(
-            path,
-            {
-                "schema": SCHEMA,
-                "kind": FIBRES_KIND,
-                **self.given,
-                "ratio": self.ratio.tolist(),
-                "displacement_mm": self.displacement.tolist(),
-                "log_factor": np.round(self.log_factor, 5).tolist(),
-                "errors": {name: np.round(share, 4).tolist() for name, share in self.errors.items()},
-            },
-        )
+        columns = dict(zip(_COLUMNS, (self.ratio, self.displacement, np.round(self.log_factor, 5)), strict=True))
+        errors = {name: np.round(share, 4) for name, share in self.errors.items()}
+        return write_table(path, FIBRES_KIND, self.given, columns, errors)
 
 
-_KNOWN = ("ratio", "displacement_mm", "log_factor", "errors")
+_COLUMNS = ("ratio", "displacement_mm", "log_factor")
 
 
 @cache
 def read_fibres(path: Path = TABLE) -> FibreTable:
     """Read a table that ``python -m studies.fibres --table`` wrote."""
-    content = json.loads(path.read_text(encoding="utf-8"))
-    ratio, displacement, log = (np.array(content[name], dtype=float) for name in _KNOWN[:-1])
-    errors = {name: np.array(share, dtype=float) for name, share in content["errors"].items()}
-    given = {k: v for k, v in content.items() if k not in (*_KNOWN, "schema", "kind")}
+    (ratio, displacement, log), errors, given = read_table(path, FIBRES_KIND, _COLUMNS, Command("study correction"))
     return FibreTable(ratio, displacement, log, errors, given)
 
 

@@ -11,7 +11,6 @@ point of first contact. A leg beyond the table takes its nearest entry, and its 
 
 """
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -20,17 +19,15 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
-from legfem.common.documents import write_document
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.common.wording import Argument, Command, Remedy
 from legfem.data.folder import RESOURCES
 from legfem.geometry.section import depth_to_bone, girth
-from legfem.inverse.correction import TabulatedCorrection, read_correction
+from legfem.inverse.correction import TabulatedCorrection, read_correction, read_table, write_table
 from legfem.inverse.fibre_correction import read_fibres, with_fibres
 from legfem.legs.subject import Subject
 
-SCHEMA = 1
 LEGS_KIND = "3d-correction-of-legs"
 
 
@@ -94,21 +91,10 @@ class LegCorrections:
 
     def write(self, path: Path) -> Path:
         """Write the table as JSON."""
-        return write_document(
-            path,
-            {
-                "schema": SCHEMA,
-                "kind": LEGS_KIND,
-                **self.given,
-                "radius_mm": self.radius.tolist(),
-                "depth_to_bone_over_radius": self.depth.tolist(),
-                "displacement_mm": self.displacement.tolist(),
-                "c10_kPa": np.round(mpa_to_kpa(self.c10), 7).tolist(),
-                "c20_over_c10_plus_c20": self.stiffening.tolist(),
-                "change_of_P": np.round(self.change, 6).tolist(),
-                "errors": {name: np.round(mode, 6).tolist() for name, mode in self.errors.items()},
-            },
-        )
+        axes = (self.radius, self.depth, self.displacement, np.round(mpa_to_kpa(self.c10), 7), self.stiffening)
+        columns = dict(zip(_COLUMNS, (*axes, np.round(self.change, 6)), strict=True))
+        errors = {name: np.round(mode, 6) for name, mode in self.errors.items()}
+        return write_table(path, LEGS_KIND, self.given, columns, errors)
 
     def _inside(self, radius: float, depth_to_bone: float) -> tuple[float, float]:
         depth = depth_to_bone / radius
@@ -118,7 +104,7 @@ class LegCorrections:
         )
 
 
-_KNOWN_OF_LEGS = (
+_COLUMNS = (
     "radius_mm",
     "depth_to_bone_over_radius",
     "displacement_mm",
@@ -136,21 +122,12 @@ def read_leg_corrections(path: Path) -> LegCorrections:
     InputError
         If there is none, or it is not a whole table.
     """
-    remedy = Remedy("give a file that ", Command("study correction", (Argument("legs"),)), " wrote")
-    try:
-        content = json.loads(path.read_text())
-        if content.get("kind") != LEGS_KIND or content.get("schema") != SCHEMA:
-            raise InputError(path, "kind", f"is not {LEGS_KIND} of schema {SCHEMA}", remedy)
-        *axes, change = (np.array(content[name], dtype=float) for name in _KNOWN_OF_LEGS)
-        errors = {name: np.array(mode, dtype=float) for name, mode in content["errors"].items()}
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-        raise InputError(path, "table", f"can't be read ({error!r})", remedy) from None
+    command = Command("study correction", (Argument("legs"),))
+    (*axes, change), errors, given = read_table(path, LEGS_KIND, _COLUMNS, command)
     radius, depth, displacement, c10, stiffening = axes
     if change.shape != tuple(map(len, (radius, depth, c10, stiffening, displacement))):
-        raise InputError(path, "change_of_P", f"has shape {change.shape}", remedy)
-    given = {
-        name: value for name, value in content.items() if name not in (*_KNOWN_OF_LEGS, "schema", "kind", "errors")
-    }
+        remedy = Remedy("give a file that ", command, " wrote")
+        raise InputError(path, _COLUMNS[-1], f"has shape {change.shape}", remedy)
     return LegCorrections(radius, depth, displacement, kpa_to_mpa(c10), stiffening, change, errors, given)
 
 
