@@ -9,8 +9,9 @@ import pytest
 from making_diagnosis import INSTRUMENT, NOISE, noisy, observations, ramps, two_rates
 from test_observations import observed as recorded
 
+from legfem.inverse.accuracy import Cause
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
-from legfem.inverse.errors import COMMON_GAIN_SD, ErrorModel, error_model
+from legfem.inverse.errors import COMMON_GAIN_SD, ErrorModel, NuisanceEffect, error_model
 from legfem.inverse.intervals import NUMERICAL_ERROR
 from legfem.inverse.trial_noise import estimate_noise, trial_covariance
 from legfem.solve.protocol import Protocol
@@ -28,7 +29,7 @@ def seen():
 
 def test_drawn_errors_have_the_covariance_stated(seen):
     observed, force = seen
-    errors = error_model(observed, NOISE, force, [("fat", 0.05 * force)])
+    errors = error_model(observed, NOISE, force, [NuisanceEffect("fat", 0.05 * force, Cause("fat"))])
     drawn = errors.draw(6000, np.random.default_rng(1))
     sd = np.sqrt(np.diag(errors.covariance))
     found = np.cov((drawn / sd).T, bias=True)
@@ -40,7 +41,7 @@ def test_drawn_errors_have_the_covariance_stated(seen):
 def test_the_covariance_is_the_sum_of_its_parts(seen):
     """A trial reads (1 + g + g_t) F + b_t + e: written out pair by pair."""
     observed, force = seen
-    errors = error_model(observed, NOISE, force, [("fat", 0.05 * force)])
+    errors = error_model(observed, NOISE, force, [NuisanceEffect("fat", 0.05 * force, Cause("fat"))])
     same = np.equal.outer(observed.trial, observed.trial)
     both = np.outer(force, force)
     shared = (COMMON_GAIN_SD**2 + 0.05**2) * both
@@ -62,7 +63,7 @@ def test_the_covariance_is_the_sum_of_its_parts(seen):
 
 def test_errors_of_a_part_are_those_of_the_whole(seen):
     observed, force = seen
-    errors = error_model(observed, NOISE, force, [("fat", 0.05 * force)])
+    errors = error_model(observed, NOISE, force, [NuisanceEffect("fat", 0.05 * force, Cause("fat"))])
     kept = observed.trial != 1
     part = errors.part(kept)
     np.testing.assert_allclose(part.covariance, errors.covariance[np.ix_(kept, kept)])

@@ -15,14 +15,14 @@ from legfem.inverse.accuracy import Accuracy
 from legfem.inverse.averaging import unseen_of
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, deep_stiffness
 from legfem.inverse.correction import TabulatedCorrection
-from legfem.inverse.errors import ErrorModel, error_model
+from legfem.inverse.errors import ErrorModel, NuisanceEffect, error_model
 from legfem.inverse.explain import explain
 from legfem.inverse.explanation import Explained, Explanation
 from legfem.inverse.fit import LEAST_CHANCE, Fit, Identity
 from legfem.inverse.hidden import Limit
 from legfem.inverse.least_squares import sandwich
 from legfem.inverse.library import Library
-from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, NuisanceEffect, variance_degrees
+from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, variance_degrees
 from legfem.inverse.location import MisfitAssessment, score_tests
 from legfem.inverse.map_fit import base_about_solution, equally_weighted, fit, ordinary_fit, refitted_about_solutions
 from legfem.inverse.measured_strength import measured_strengths

@@ -31,7 +31,9 @@ from legfem.channels.kind import PlacedReadings
 from legfem.channels.kinds import FILE_OF
 from legfem.common.units import FloatArray
 from legfem.data.noise import EXPECTED_GAIN_SD, contrasts_of
+from legfem.inverse.accuracy import Cause
 from legfem.inverse.channel_readings import ChannelReadings
+from legfem.inverse.comparison import ErrorSource
 from legfem.inverse.intervals import NUMERICAL_ERROR, NUMERICAL_LENGTH_MM
 from legfem.inverse.observations import Observations
 from legfem.inverse.trial_noise import Noise, trial_covariance
@@ -297,11 +299,24 @@ class ErrorModel:
         return float(np.sum(1.0 / (marginal * np.diag(inverse))))
 
 
+@dataclass(frozen=True, eq=False)
+class NuisanceEffect:
+    """What one standard deviation of a thing that isn't known exactly does to the readings."""
+
+    name: str
+    effect: FloatArray
+    """Change of the readings (N,), in their units."""
+    cause: Cause
+    source: ErrorSource = "shape"
+    shared: bool = False
+    """Whether all tests of a problem have it alike."""
+
+
 def error_model(
     observed: Observations,
     noise: Noise,
     prediction: FloatArray,
-    unknowns: Sequence[tuple[str, FloatArray]] = (),
+    unknowns: Sequence[NuisanceEffect] = (),
     numerical: float = NUMERICAL_ERROR,
     images: Mapping[str, Elsewhere] | None = None,
 ) -> ErrorModel:
@@ -316,7 +331,7 @@ def error_model(
     prediction
         (N,): readings that the model predicts, the n forces (N) first.
     unknowns
-        Names and effects (N,) of one standard deviation of what the model doesn't know.
+        What the model doesn't know.
     numerical
         Relative error of the model's force.
     images
@@ -328,7 +343,8 @@ def error_model(
     of_model = [numerical_covariance(observed.displacement, force, numerical)]
     blocks: list[FloatArray] = [of_model[0] + own]
     spread: list[FloatArray] = [np.sqrt(np.diag(own))]
-    columns = {COMMON_GAIN: np.concatenate([COMMON_GAIN_SD * force, np.zeros(len(others))]), **dict(unknowns)}
+    columns = {COMMON_GAIN: np.concatenate([COMMON_GAIN_SD * force, np.zeros(len(others))])}
+    columns |= {one.name: one.effect for one in unknowns}
     first = len(force)
     for one in observed.channels:
         here = slice(first, first + len(one.values))

@@ -11,7 +11,7 @@ from scipy.stats import chi2
 from legfem.common.units import FloatArray
 from legfem.inverse.accuracy import Cause
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
-from legfem.inverse.errors import ErrorModel, error_model
+from legfem.inverse.errors import ErrorModel, NuisanceEffect, error_model
 from legfem.inverse.evidence import Linearisation
 from legfem.inverse.intervals import effective_degrees
 from legfem.inverse.measured_strength import MeasuredStrength
@@ -19,16 +19,6 @@ from legfem.inverse.mechanism import Mechanism, Occurrence, Unseen, prior_of
 from legfem.inverse.parameter import Parameter
 from legfem.inverse.predictor import Predictor
 from legfem.inverse.trial_noise import Noise
-
-
-@dataclass(frozen=True, eq=False)
-class NuisanceEffect:
-    """What one standard deviation of a nuisance parameter does to the prediction."""
-
-    name: str
-    effect: FloatArray
-    """Change of the readings (N,), in their units."""
-    cause: Cause
 
 
 def variance_degrees(
@@ -229,9 +219,8 @@ class LinearisedProblem:
         self, noise: Noise, about: LinearisedFit, effects: Sequence[NuisanceEffect]
     ) -> "LinearisedProblem":
         """Return the problem with the errors of noise, nuisance parameters and images' places about a fit."""
-        known = [(one.name, one.effect) for one in effects]
         images = self.predictor.images_elsewhere(about.values, about.mechanisms)
-        errors = error_model(self.predictor.observed, noise, about.prediction, known, images=images)
+        errors = error_model(self.predictor.observed, noise, about.prediction, effects, images=images)
         return replace(self, errors=errors, causes={one.name: one.cause for one in effects})
 
     def beside(self, fitted: LinearisedFit) -> "LinearisedProblem":

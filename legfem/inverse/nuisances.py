@@ -12,8 +12,8 @@ from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray
 from legfem.inverse.accuracy import GEOMETRY_DOF, MATERIAL_DOF, SIZE, Accuracy, Cause, word_of
+from legfem.inverse.errors import NuisanceEffect
 from legfem.inverse.library import NuisanceChanges
-from legfem.inverse.linearised import NuisanceEffect
 from legfem.inverse.mechanism import Stiffness
 from legfem.inverse.observations import Observations
 

@@ -27,11 +27,11 @@ from scipy.stats import norm
 from legfem.common.units import FloatArray
 from legfem.inverse.accuracy import Accuracy
 from legfem.inverse.channel_readings import PlannedChannel
-from legfem.inverse.errors import error_model
+from legfem.inverse.errors import NuisanceEffect, error_model
 from legfem.inverse.evidence import discrepancy_scales, possible_discrepancies
 from legfem.inverse.explanation import INEXACT
 from legfem.inverse.form import INEXACT_SHARE
-from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, NuisanceEffect
+from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
 from legfem.inverse.measured_strength import measured_strength
 from legfem.inverse.mechanism import Mechanism, null_of, prior_of
 from legfem.inverse.observations import Observations, blank_observations
@@ -168,7 +168,7 @@ def evaluate_design(
     kept = np.all([_above_threshold(blank.with_values(own)) for own in readings], axis=0)
     chances = {}
     for one, mine in zip(candidates, told, strict=True):
-        effects = [(one.name, one.effect) for one in nuisances(design, blank, mine.readings)]
+        effects = nuisances(design, blank, mine.readings)
         images = new.images_elsewhere(one.fit.moved(one.mean), one.fit.mechanisms)
         errors = error_model(blank.with_values(mine.readings), noise, mine.readings, effects, images=images)
         known = replace(errors, gain_sd=gain_sd).covariance

@@ -22,9 +22,8 @@ from legfem.data.phases import LOADING
 from legfem.inverse.catalogue import Values, deep_stiffness
 from legfem.inverse.comparison import Covariances, ErrorSource, Mode, Prediction
 from legfem.inverse.ends import Correction, corrected, source_of_mode
-from legfem.inverse.errors import COMMON_GAIN, ErrorModel, error_model
+from legfem.inverse.errors import COMMON_GAIN, ErrorModel, NuisanceEffect, error_model
 from legfem.inverse.intervals import by_third, third_of
-from legfem.inverse.linearised import NuisanceEffect
 from legfem.inverse.observations import Observations
 from legfem.inverse.predictor import onset_prior
 from legfem.inverse.readings import GAIN, INSTRUMENT, OFFSET, ZERO, Data
@@ -40,15 +39,6 @@ _ENDS_OF_LENGTHS = 0.05
 """Share of a thickness's or the skin's change by which it may differ in 3D. Assumed: no table of it is there."""
 _FIRST_SHARE = 0.05
 """Share of a channel's range that counts as its misfit before there is a fit."""
-
-
-class Unknown(NamedTuple):
-    """What isn't known exactly of a test."""
-
-    effect: NuisanceEffect
-    source: ErrorSource
-    shared: bool
-    """Whether all tests of a problem have it alike."""
 
 
 class FittedStations(NamedTuple):
@@ -82,7 +72,7 @@ class StationTest:
         First contacts about which the readings are linear (mm), after those counted from; as expected without it.
     errors : ErrorModel, optional
         Errors of all readings about a fit; equal ones in each channel without it.
-    unknowns : tuple of Unknown
+    unknowns : tuple of NuisanceEffect
         Those of the known effects among ``errors`` that aren't the instruments'.
     slopes : (N,) array, optional
         Derivatives of all readings by the displacement, from a fit; those of the recordings without it.
@@ -98,7 +88,7 @@ class StationTest:
     by_instrument: bool = False
     onsets: FloatArray | None = None
     errors: ErrorModel | None = None
-    unknowns: tuple[Unknown, ...] = ()
+    unknowns: tuple[NuisanceEffect, ...] = ()
     slopes: FloatArray | None = None
     sizes: FloatArray | None = None
 
@@ -302,11 +292,11 @@ class StationTest:
         source: ErrorSource
         if self.errors is None:
             return found
-        stated = {one.effect.name: one for one in self.unknowns}
+        stated = {one.name: one for one in self.unknowns}
         for name, effect in zip(self.errors.names, self.errors.known.T, strict=True):
             source, shared = "channels", False
             if name in stated:
-                _, source, shared = stated[name]
+                source, shared = stated[name].source, stated[name].shared
             elif name == COMMON_GAIN:
                 source, shared = "recordings", True
             found[name if shared else f"{self.name}: {name}"] = Mode(source, effect[self.rows])
@@ -355,7 +345,7 @@ class StationTest:
         values: Values,
         contacts: FloatArray,
         noise: Noise | None = None,
-        unknowns: Sequence[Unknown] = (),
+        unknowns: Sequence[NuisanceEffect] = (),
     ) -> "StationTest":
         """Return the test with contacts, slopes, misfits and errors about a solve.
 
@@ -383,8 +373,7 @@ class StationTest:
         moved = replace(moved, sizes=sizes)
         if noise is None:
             return moved
-        known = [(one.effect.name, one.effect.effect) for one in unknowns]
-        errors = error_model(self.observed, noise, predicted, known, images=moved.station.images_elsewhere(curve))
+        errors = error_model(self.observed, noise, predicted, unknowns, images=moved.station.images_elsewhere(curve))
         return replace(moved, errors=errors, unknowns=tuple(unknowns))
 
     @property

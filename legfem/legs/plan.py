@@ -11,11 +11,11 @@ from legfem.common.units import FloatArray
 from legfem.geometry.indenter import Site
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.channel_readings import PlannedChannel, StationChannel
-from legfem.inverse.errors import error_model
+from legfem.inverse.errors import NuisanceEffect, error_model
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.library import Library
 from legfem.inverse.library_tasks import rounded
-from legfem.inverse.linearised import LinearisedProblem, NuisanceEffect
+from legfem.inverse.linearised import LinearisedProblem
 from legfem.inverse.map_fit import fit
 from legfem.inverse.mechanism import shown_mechanisms
 from legfem.inverse.nuisances import nuisance_effects

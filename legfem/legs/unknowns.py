@@ -9,15 +9,15 @@ from legfem.common.units import FloatArray
 from legfem.geometry.section import layer_thicknesses
 from legfem.inverse.accuracy import GEOMETRY_DOF, MATERIAL_DOF, MATERIAL_LOG_SD, Cause, word_of
 from legfem.inverse.catalogue import IdentifiedLaw, Values
+from legfem.inverse.errors import NuisanceEffect
 from legfem.inverse.library import NuisanceChanges
 from legfem.inverse.library_build import geometric_changes
 from legfem.inverse.library_tasks import STIFFENING, rounded
-from legfem.inverse.linearised import NuisanceEffect
 from legfem.inverse.mechanism import Stiffness
 from legfem.inverse.nuisances import nuisance_effects
 from legfem.inverse.readings import GAIN, OFFSET, ZERO
 from legfem.inverse.settings import SearchRequest
-from legfem.inverse.station_test import StationTest, Unknown
+from legfem.inverse.station_test import StationTest
 from legfem.legs.finite_element_models import solved_responses
 from legfem.legs.nuisances import ShapeAccuracy, accuracy_of_shape
 from legfem.legs.subject import TYPICAL_FORCE_SD, SitedLeg, Subject
@@ -71,7 +71,7 @@ def unknowns_at(
     changes: NuisanceChanges | None,
     law: IdentifiedLaw,
     own_errors: Values,
-) -> list[Unknown]:
+) -> list[NuisanceEffect]:
     """Return what one standard deviation of each thing that isn't known exactly does to all of a site's readings.
 
     Parameters
@@ -90,23 +90,22 @@ def unknowns_at(
         Standard deviations of the site's own instrument, by full name.
     """
     accuracy, predicted = accuracy_of_shape(subject), test.every_reading(curve, values)
-    found: list[Unknown] = []
+    found: list[NuisanceEffect] = []
     every, rates = {**law.nominal, **values}, test.derivatives(curve, values)
     for name in MATERIAL_LOG_SD:
         sd = accuracy.log_sd(name)
         if name in rates and name not in law.names and sd > 0:
-            effect = NuisanceEffect(word_of(name), sd * every[name] * rates[name], Cause(word_of(name), MATERIAL_DOF))
-            found.append(Unknown(effect, "assumed", True))
-    displaced = (
+            word, effect = word_of(name), sd * every[name] * rates[name]
+            found.append(NuisanceEffect(word, effect, Cause(word, MATERIAL_DOF), "assumed", True))
+    found += (
         _of_shape(test, subject, predicted, accuracy)
         if changes is None
         else nuisance_effects(changes, test.observed, predicted, accuracy)
     )
-    found += [Unknown(one, "shape", False) for one in displaced]
     force: FloatArray = np.where(np.arange(len(predicted)) < len(test.observed.force), 1.0, 0.0)
     by_instrument = {GAIN: force * predicted, ZERO: force, OFFSET: test.by_displacement}
     for name, sd in own_errors.items():
-        found.append(Unknown(NuisanceEffect(name, sd * by_instrument[name], Cause(name)), "recordings", False))
+        found.append(NuisanceEffect(name, sd * by_instrument[name], Cause(name), "recordings"))
     return found
 
 
