@@ -14,7 +14,7 @@ import legfem as lf
 from legfem.common.errors import InputError
 from legfem.experiments.axisymmetric import AxisymmetricSettings
 from legfem.experiments.bodies import PunchOnLayer, UniaxialSpecimen
-from legfem.experiments.plane_strain import LateralCylinder
+from legfem.experiments.lying_cylinder import LateralCylinder
 from legfem.inverse.body_models import Stopped
 from legfem.inverse.parse_parameters import ParameterTexts
 from legfem.mechanics.contact import ContactSettings

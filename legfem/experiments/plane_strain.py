@@ -1,4 +1,4 @@
-"""A cylinder pressed, in plane strain, into a leg's cross-section, and into a block on a rigid base."""
+"""A cylinder pressed, in plane strain, into a leg's cross-section."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,8 +17,6 @@ from legfem.channels.log import ChannelReader
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.experiments import indentation
-from legfem.experiments.axisymmetric import Arrangement, AxisymmetricTest
-from legfem.experiments.bodies import CylinderOnBlock
 from legfem.experiments.experiment import Solved, as_protocol, cached_in_process
 from legfem.fem.fields import most_stretched
 from legfem.fem.sliding import SlidingForces
@@ -41,7 +39,6 @@ from legfem.meshing.section import (
     mesh_section,
     moved_section_mesh,
 )
-from legfem.meshing.structured import MeridianMeshSettings, supports
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.path import ForceCurve
 from legfem.solve.protocol import Protocol
@@ -355,26 +352,3 @@ def _relative_difference(first: ForceCurve, other: ForceCurve) -> float:
         return math.inf
     at = np.linspace(0.5, 1.0, 11) * depth
     return float(np.abs(other(at) / first(at) - 1).max())
-
-
-class LateralCylinder(AxisymmetricTest[CylinderOnBlock]):
-    """The cylinder's test; half of the block is meshed, and the plane through the axis is a mirror."""
-
-    @property
-    def arrangement(self) -> Arrangement:
-        """A cylinder above half of the block."""
-        test = self.test
-        radius = test.cylinder_radius
-        return Arrangement(
-            RigidCylinder(radius),
-            test.thickness + radius,
-            self.settings.contact or ContactSettings(tangential=test.cylinder, stiffness=4000.0),
-            radius,
-            supports(test.base),
-            test.width / 2,
-            test.thickness,
-            (0.0, min(1.2 * radius, 0.5 * test.width)),
-            self.settings.mesh or MeridianMeshSettings(radius / 16),
-            symmetry="plane",
-            whole=2 * test.length,
-        )

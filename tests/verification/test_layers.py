@@ -17,7 +17,7 @@ from legfem.common.errors import InputError
 from legfem.experiments.axisymmetric import AxisymmetricSettings, BallIndentation, Layer
 from legfem.experiments.bodies import BallOnLayer, CylinderOnBlock, PunchOnLayer
 from legfem.experiments.flat_punch import FlatPunchIndentation
-from legfem.experiments.plane_strain import LateralCylinder
+from legfem.experiments.lying_cylinder import LateralCylinder
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.structured import MeridianMeshSettings

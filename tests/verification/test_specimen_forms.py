@@ -18,7 +18,7 @@ import legfem as lf
 from legfem.experiments.axisymmetric import AxisymmetricSettings, CylinderCompression
 from legfem.experiments.bodies import CylinderBetweenPlates, CylinderOnBlock, UniaxialSpecimen
 from legfem.experiments.homogeneous import HomogeneousTest
-from legfem.experiments.plane_strain import LateralCylinder
+from legfem.experiments.lying_cylinder import LateralCylinder
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import ExponentialStiffening, NeoHookean, Yeoh
 from legfem.meshing.structured import MeridianMeshSettings

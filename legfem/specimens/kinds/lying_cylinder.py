@@ -48,7 +48,7 @@ class LyingCylinderKind(SpecimenKind[CylinderEntry, CylinderOnBlock]):
     def model(self, body: CylinderOnBlock, law: Law, depth: float) -> SpecimenTest:
         """Return the test, solved by finite elements."""
         from legfem.experiments.axisymmetric import round_indenter
-        from legfem.experiments.plane_strain import LateralCylinder
+        from legfem.experiments.lying_cylinder import LateralCylinder
 
         radius = body.cylinder_radius
         return LateralCylinder(body, law, round_indenter(radius, body.cylinder, depth, radius / 16))
