@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,6 +19,21 @@ from walking import Server
 from legfem.app.runs import Run
 from legfem.app.workspace import Workspace
 from legfem.experiments.plane_strain import PlaneStrainIndentation
+from legfem.legs import unknowns
+from legfem.legs.finite_element_models import solved_responses
+
+
+@pytest.fixture(scope="session", autouse=True)
+def displaced_geometries(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Keep what displaced outlines do in one folder of all tests and processes, under the key of what it depends on.
+
+    Every identification of a leg asks for it, and most tests' legs have the same outlines.
+    """
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "responses"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(unknowns, "solved_responses", lambda leg, observed, _: solved_responses(leg, observed, folder))
+        yield folder
 
 
 @pytest.fixture(scope="session")
