@@ -270,6 +270,7 @@ def test_a_diagnosis_is_a_row_with_its_verdict(study: Path, tmp_path: Path, monk
     assert (tmp_path / "out" / row.report).is_file()
 
 
+@pytest.mark.slow
 def test_a_leg_in_its_stocking_is_a_row(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     leg = tmp_path / "study" / "L1"
     leg.mkdir(parents=True)

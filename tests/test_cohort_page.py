@@ -159,6 +159,7 @@ def test_a_cohort_of_one_is_written_as_one():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(browser.browser() is None, reason="no Chromium here")
 def test_ten_thousand_rows_are_drawn_and_sorted_as_few(tmp_path: Path):
     """Only rows in view are elements of the page, before and after sorting."""

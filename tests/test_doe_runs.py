@@ -250,6 +250,7 @@ def test_runs_that_gave_nothing_are_tried_again(tmp_path: Path) -> None:
     assert not json.loads((tmp_path / "out" / "result.json").read_text())["failed_runs"]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("no_figures")
 def test_two_processes_give_the_same_table(tmp_path: Path) -> None:
     run(options(tmp_path, "one", beyond=False), MPI.COMM_SELF, SpringLeg())

@@ -57,7 +57,7 @@ def test_a_bar_of_a_stiffening_law_keeps_equilibrium_across() -> None:
     [
         pytest.param(Sizes(UniaxialSpecimen(10.0, 100.0), fibres="load"), 3.0, id="bar-along"),
         pytest.param(Sizes(UniaxialSpecimen(10.0, 100.0), fibres="across"), 3.0, id="bar-across"),
-        pytest.param(Sizes(PLATES, fibres="load"), 2.0, id="plates"),
+        pytest.param(Sizes(PLATES, fibres="load"), 2.0, id="plates", marks=pytest.mark.slow),
         pytest.param(Sizes(BALL, fibres="load"), 1.0, id="ball"),
         pytest.param(Sizes(BLOCK, fibres="across"), 2.0, id="block", marks=pytest.mark.slow),
     ],

@@ -212,6 +212,7 @@ def test_a_stated_ratio_is_held_and_one_that_nothing_strains_is_refused(tmp_path
         lf.identify(lf.load_specimen(tmp_path), "neo-hookean")
 
 
+@pytest.mark.slow
 def test_a_diagnosis_has_the_stated_fibres_and_asks_for_an_open_ratio(tmp_path: Path) -> None:
     at, depth, c10 = np.linspace(0.4, 1.0, 4), 1.0, 8e-3
     stated = replace(TISSUE, stated={"fibre_ratio": 3.0})

@@ -98,7 +98,7 @@ def test_forces_and_works_balance():
     assert solved.curve.force[-1] == pytest.approx(-4 * force)
 
 
-@pytest.mark.parametrize("formulation", ["displacement", "mixed"])
+@pytest.mark.parametrize("formulation", [pytest.param("displacement", marks=pytest.mark.slow), "mixed"])
 def test_iterations_and_factors_give_the_same_force(formulation):
     leg = IdealisedLeg(length=60)
     forces = [
@@ -160,6 +160,7 @@ def test_points_that_lift_off_under_shear_do_not_stop_the_solution(c10, c20):
     assert solved.report.complete and not solved.report.earlier_attempts
 
 
+@pytest.mark.slow
 def test_linear_tetrahedra_are_stiffer():
     leg = IdealisedLeg(length=60)
     linear = replace(TINY, cells="tetrahedra", degree=1, edge_size=4.0)

@@ -171,6 +171,7 @@ def test_layers_are_not_for_every_test(tmp_path: Path) -> None:
         lf.load_specimen(tmp_path)
 
 
+@pytest.mark.slow
 def test_a_diagnosis_solves_the_open_layer_on_the_stated_one() -> None:
     """As the forward model does, at another stiffness than that which is solved for."""
     test = Sizes(BallOnLayer(17.0, 6.0, 40.0), (("muscle", 12.0), ("fat", 5.0)))

@@ -45,6 +45,7 @@ def holds(fit: Fit[SpecimenDetails], truth: float, name: str = "deep.C10") -> bo
     return low < truth < high
 
 
+@pytest.mark.slow
 def test_tension_shear_and_another_code_s_plates_give_one_constant_narrower_than_each(tmp_path: Path) -> None:
     tests = ("tension", "shear", "plates")
     folder = write_tests(tmp_path / "gel", tests)
@@ -95,7 +96,8 @@ def test_a_material_that_resists_pressing_more_than_pulling_is_said_to(tmp_path:
     assert sentences_of([fit])[0] == agreement.text
 
 
-@pytest.mark.parametrize("compliance", [0.3, pytest.param(1.5, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("compliance", [0.3, 1.5])
 def test_a_rig_that_yields_in_one_test_is_named_and_the_constant_is_that_of_the_others(
     tmp_path: Path, compliance: float
 ) -> None:
@@ -211,6 +213,7 @@ def test_rubber_of_1944_in_two_tests(tmp_path: Path) -> None:
     assert all(0.8 < one.factor < 1.25 for one in fit.details.agreement.tests)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not FOAM.is_dir(), reason="the foam's tables aren't here")
 def test_a_foam_s_tension_compression_and_shear_need_different_constants(tmp_path: Path) -> None:
     """Measured (M. A. Moreno-Mateos): compressed to 0.4 it buckles, so that no law of ours serves all three."""

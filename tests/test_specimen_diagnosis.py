@@ -70,6 +70,7 @@ def test_a_rig_that_yields_is_named_with_its_compliance(tmp_path: Path) -> None:
     assert low < 0.08 < high
 
 
+@pytest.mark.slow
 def test_a_disc_between_plates_is_diagnosed_with_the_width_that_a_video_shows(tmp_path: Path) -> None:
     """As the model itself presses it: that a channel beside the force is carried through, not how well."""
     sizes = Sizes(CylinderBetweenPlates(12.0, 12.0, "bonded"))
@@ -90,6 +91,7 @@ def test_a_disc_between_plates_is_diagnosed_with_the_width_that_a_video_shows(tm
     assert low < 5e-3 < high
 
 
+@pytest.mark.slow
 def test_relaxation_is_named_by_a_hold(tmp_path: Path) -> None:
     law = NeoHookean(5e-3, 1.0)
     # What lasts isn't known after half a minute, since a part of the stress may fade over ten.

@@ -77,7 +77,8 @@ def pressed(folder: Path, ends: str, seed: int = 1, side: bool = False, bulk: fl
     return folder
 
 
-@pytest.mark.parametrize("ends", ["bonded", pytest.param("sliding", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("ends", ["bonded", "sliding"])
 def test_a_video_of_the_side_says_what_the_ends_do(tmp_path: Path, ends: str) -> None:
     """The middle is wider than volume asks for where ends stick: force leaves that open, a video hardly."""
     chances = []

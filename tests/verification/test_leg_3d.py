@@ -52,6 +52,7 @@ def test_the_cylinder_first_touches_the_skin_on_its_way():
     np.testing.assert_allclose(test.touch, [*away[:2], 30.0], atol=2e-3)
 
 
+@pytest.mark.slow
 def test_the_cylinder_meets_a_round_skin_though_facets_are_flat():
     test = pressed(8.0)
     domain = test.system.skin.domain
