@@ -68,7 +68,7 @@ from legfem.specimens.model_discrepancy import LawMisfit
 from legfem.specimens.sizes import LeftOut
 from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.details import StockingFit
-from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking
+from legfem.stockings.fabric import fitted_stocking
 from legfem.stockings.identification import StockingSettings, identify_in_stocking
 from legfem.stockings.leg import StockingLeg, default_veins
 from legfem.study.correction.calibration import Calibrated, Calibration
@@ -235,7 +235,7 @@ def stocking(mesh: SolidMeshSettings = COARSE) -> StockingFit:
         bare,
         None,
         None,
-        fitted_stocking(bare, ClassFit(CompressionClass.MODERATE)),
+        fitted_stocking(bare, "2"),
         ContourAccuracy(),
         tissues,
         True,

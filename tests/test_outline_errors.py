@@ -9,7 +9,7 @@ from making_stocking import short_leg
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.motion import displaced
 from legfem.geometry.slices import CONTOURS, SliceSet, distance_rates, slice_distances
-from legfem.stockings.contour_distances import HELD, ContourAccuracy, ContourMisfit, outline_errors
+from legfem.stockings.contour_distances import HELD, ContourAccuracy, ContourMisfit, amplitudes, error_modes
 
 ACCURACY = ContourAccuracy(sd=0.3, correlation=5.0, around=25.0, along=40.0)
 
@@ -21,20 +21,20 @@ def shape() -> LegShape:
 
 def test_modes_add_up_to_the_covariance(shape):
     contours = shape.contours["skin"]
-    errors = outline_errors(ACCURACY, contours, shape.levels)
-    variance = np.sum(errors.modes**2, axis=2)
+    modes = error_modes(ACCURACY, contours, shape.levels)
+    variance = np.sum(modes**2, axis=2)
     assert variance.mean() == pytest.approx(HELD * ACCURACY.smoothed_sd**2, rel=0.02)
     sides = np.linalg.norm(contours - np.roll(contours, 1, axis=1), axis=2).mean()
-    found = np.einsum("pk,pk->p", errors.modes[6], np.roll(errors.modes[6], 5, axis=0)).mean()
+    found = np.einsum("pk,pk->p", modes[6], np.roll(modes[6], 5, axis=0)).mean()
     there = ACCURACY.covariance(np.array([5 * sides]), np.zeros(1))[0]
     # What is left out are the shortest waves, which lowers the correlation of near points least.
     assert found == pytest.approx(there, abs=0.05 * ACCURACY.smoothed_sd**2)
 
 
 def test_shares_of_a_mode_are_its_own(shape):
-    errors = outline_errors(ACCURACY, shape.contours["hull"], shape.levels)
-    some = errors.modes[..., :4]
-    np.testing.assert_allclose(errors.shares(some), np.eye(errors.count)[:, :4], atol=1e-9)
+    modes = error_modes(ACCURACY, shape.contours["hull"], shape.levels)
+    some = modes[..., :4]
+    np.testing.assert_allclose(amplitudes(modes, some), np.eye(modes.shape[-1])[:, :4], atol=1e-9)
 
 
 def test_errors_as_assumed_are_white_for_the_misfit(shape):
@@ -44,7 +44,7 @@ def test_errors_as_assumed_are_white_for_the_misfit(shape):
     for _ in range(200):
         drawn = []
         for name in CONTOURS:
-            modes = outline_errors(ACCURACY, target.contours(name), target.levels).modes
+            modes = error_modes(ACCURACY, target.contours(name), target.levels)
             drawn.append((modes @ rng.standard_normal(modes.shape[-1])).ravel())
         white = misfit.whitened(np.concatenate(drawn))
         squares.append(np.mean(white**2))

@@ -25,7 +25,7 @@ from legfem.stockings.equilibrium import (
     LegModel3D,
     LinearisedCoupling,
 )
-from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking, stocking_load
+from legfem.stockings.fabric import fitted_stocking, stocking_load
 from legfem.stockings.identification import SAMPLED_AT, StockingSettings, identify_in_stocking
 from legfem.stockings.leg import StockingLeg, default_veins
 from legfem.stockings.nuisances import RIGID, SECTORS, NuisanceSlopes, sectors
@@ -46,7 +46,7 @@ def shape() -> LegShape:
 @pytest.fixture(scope="module")
 def truth(shape: LegShape) -> tuple[LegModel3D, Equilibrium]:
     """Another mesh and stabilisation than identification has."""
-    stocking = fitted_stocking(shape, ClassFit(CompressionClass.STRONG))
+    stocking = fitted_stocking(shape, "3")
     model = LegModel3D(shape, laws(*PLANTED_KPA), FINE, CompressionSettings(stabilisation=0.3))
     return model, EquilibriumSolver(model, stocking).solve()
 
@@ -62,7 +62,7 @@ def result(shape: LegShape, truth: tuple[LegModel3D, Equilibrium]) -> StockingDe
         shape,
         truth[1].shape,
         None,
-        fitted_stocking(shape, ClassFit(CompressionClass.STRONG)),
+        fitted_stocking(shape, "3"),
         ACCURACY,
         laws(3.0, 3.0),
         False,
@@ -78,7 +78,7 @@ def result(shape: LegShape, truth: tuple[LegModel3D, Equilibrium]) -> StockingDe
 def test_the_pressure_is_that_of_the_shape_it_makes(shape, truth):
     model, worn = truth
     assert worn.converged and len(worn.changes) <= 8
-    stocking = fitted_stocking(shape, ClassFit(CompressionClass.STRONG))
+    stocking = fitted_stocking(shape, "3")
     again = stocking_load(model.deformed_shape(worn.state.unknown), stocking)
     error = np.abs(again.pressure - worn.load.pressure).max() / worn.load.pressure.max()
     assert error < 1e-6
@@ -180,7 +180,7 @@ def test_an_error_of_the_bare_skin_is_answered_as_its_slope_says(result, answeri
     """On another mesh, of a leg with a bump; without the stocking's answer it would not fit."""
     _, plain, nuisances = answering
     shape, at = result.model.shape, dict(zip(PARAMETERS, PLANTED, strict=True))
-    modes = nuisances.errors["skin"].modes
+    modes = nuisances.modes["skin"]
     waves = np.abs(np.fft.rfft(modes[len(modes) // 2], axis=0))
     number = int(np.flatnonzero(np.argmax(waves, axis=0) == 4)[0])
     size = 0.5 / float(np.abs(modes[..., number]).max())
@@ -208,7 +208,7 @@ def test_answers_at_another_stiffness_are_those_of_the_stiffnesses_around_it(res
 
 def test_an_equilibrium_that_does_not_settle_still_bears_derivatives(shape):
     hasty = EquilibriumSettings(tolerance=1e-12, max_states=2)
-    stocking = fitted_stocking(shape, ClassFit(CompressionClass.STRONG))
+    stocking = fitted_stocking(shape, "3")
     model = LegModel3D(shape, laws(3.0, 3.0), COARSE)
     found = EquilibriumSolver(model, stocking, hasty).solve(sensitivities=("deep.C10",))
     assert not found.converged and len(found.changes) == 2
@@ -220,7 +220,7 @@ def test_a_wrong_stiffness_fits_worse(result):
     best, misfit = result.best, result.misfit
     twice = {"deep.C10": 2 * best.parameters[0]}
     wrong = EquilibriumSolver(result.model, result.leg.stocking).solve(twice, start=result.equilibrium)
-    assert misfit.cost(misfit.distances(wrong.shape)) > 5 * best.cost
+    assert misfit.cost(misfit.distances(wrong.shape)) > 5 * misfit.cost(best.distances)
 
 
 @pytest.mark.slow
@@ -266,7 +266,7 @@ def test_a_finer_mesh_has_the_same_pressures(shape, truth, result):
     """Within 3 % on these coarse meshes; studies/stockings has the figures for larger ones."""
     fine_model, worn = truth
     model = result.model
-    stocking = fitted_stocking(shape, ClassFit(CompressionClass.STRONG))
+    stocking = fitted_stocking(shape, "3")
     names = dict(zip(("deep.C10", "superficial.C10"), 1e-3 * np.array(PLANTED_KPA), strict=True))
     coarse = EquilibriumSolver(model, stocking).solve(names)
     fine, rough = (

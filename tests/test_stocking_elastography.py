@@ -18,7 +18,7 @@ from legfem.report.kinds import page_of
 from legfem.report.render import plain_page
 from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.equilibrium import PARAMETERS, EquilibriumSolver, LegModel3D
-from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking
+from legfem.stockings.fabric import fitted_stocking
 from legfem.stockings.identification import StockingSettings, identify_in_stocking
 from legfem.stockings.leg import StockingLeg
 from legfem.stockings.scan_fit import stiffness_priors
@@ -64,7 +64,7 @@ def test_what_is_wrong_with_it_is_named(tmp_path, more, said):
 def test_known_fat_narrows_both_intervals_and_a_wrong_modulus_is_told(tmp_path):
     """The scan is another mesh's; the fat's modulus reads half a standard deviation too much."""
     shape = short_leg()
-    stocking = fitted_stocking(shape, ClassFit(CompressionClass.STRONG))
+    stocking = fitted_stocking(shape, "3")
     model = LegModel3D(shape, laws(*PLANTED_KPA), FINE, CompressionSettings(stabilisation=0.3))
     worn = EquilibriumSolver(model, stocking).solve()
     leg = StockingLeg(

@@ -18,10 +18,10 @@ from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.motion import rigidly_moved
 from legfem.geometry.slices import CONTOURS, SliceSet, calf_levels
 from legfem.meshing.leg_sizes import SolidMeshSettings
-from legfem.stockings.contour_distances import ContourAccuracy, ContourMisfit, outline_errors
+from legfem.stockings.contour_distances import ContourAccuracy, ContourMisfit, error_modes
 from legfem.stockings.discrepancy import ModelDiscrepancy
 from legfem.stockings.equilibrium import EquilibriumSolver, LegModel3D
-from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking
+from legfem.stockings.fabric import fitted_stocking
 from legfem.stockings.forward import StockingForward
 from legfem.stockings.identification import ScanProblem, StockingSettings
 from legfem.stockings.leg import SensorArray, StockingLeg
@@ -58,7 +58,7 @@ def _diagnosed(
 ) -> ModelDiscrepancy:
     """Diagnose a leg whose truth has other pressures, another position, or a mechanism."""
     truth, model = models
-    stocking = fitted_stocking(shape, ClassFit(CompressionClass.STRONG))
+    stocking = fitted_stocking(shape, "3")
     worn = EquilibriumSolver(truth, stocking).solve(mechanism, error=factor - 1)
     assert worn.converged
     scanned = rigidly_moved(worn.shape, np.eye(3), np.array(shift))
@@ -91,7 +91,7 @@ def _noise(misfit: ContourMisfit, seed: int) -> np.ndarray:
     rng, target = np.random.default_rng(seed), misfit.target
     drawn = []
     for name in CONTOURS:
-        modes = outline_errors(misfit.accuracy, target.contours(name), target.levels).modes
+        modes = error_modes(misfit.accuracy, target.contours(name), target.levels)
         drawn.append((modes @ rng.normal(scale=np.sqrt(2), size=modes.shape[-1])).ravel())
     return np.concatenate(drawn)
 

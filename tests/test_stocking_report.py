@@ -39,7 +39,7 @@ from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.details import StockingDocument
 from legfem.stockings.equilibrium import PARAMETERS, EquilibriumSolver, LegModel3D
 from legfem.stockings.estimates import expected_rms, stiffness_estimates
-from legfem.stockings.fabric import ClassFit, CompressionClass, Stocking, fitted_stocking, stocking_load
+from legfem.stockings.fabric import Stocking, fitted_stocking, stocking_load
 from legfem.stockings.identification import StockingSettings, identify_in_stocking
 from legfem.stockings.leg import Posture, StockingLeg, default_veins
 from legfem.stockings.pressures import too_low_by
@@ -56,7 +56,7 @@ ACCURACY = ContourAccuracy(correlation=16.0, around=90.0, along=120.0)
 def result():
     """50 mm of the first leg, its scan in the stocking made by the model itself."""
     bare = parametric_leg(read_legs(LEGS)["1"], n_points=90).at_levels(np.linspace(50.0, 100.0, 11))
-    stocking = fitted_stocking(bare, ClassFit(CompressionClass.MODERATE))
+    stocking = fitted_stocking(bare, "2")
     true = {"deep": NeoHookean(2.6e-3, 2.0), "superficial": NeoHookean(6e-3, 2.0)}
     made = EquilibriumSolver(LegModel3D(bare, true, MESH), stocking).solve()
     registration = Registration(

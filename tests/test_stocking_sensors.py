@@ -23,7 +23,7 @@ from legfem.report.stocking_pressures import sensor_rows
 from legfem.stockings.assessment import sensor_notices
 from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.equilibrium import EquilibriumSolver, LegModel3D
-from legfem.stockings.fabric import ClassFit, CompressionClass, Stocking, fitted_stocking
+from legfem.stockings.fabric import Stocking, fitted_stocking
 from legfem.stockings.identification import StockingSettings, identify_in_stocking
 from legfem.stockings.leg import Posture, Sensor, SensorArray, StockingLeg, off_skin
 from legfem.stockings.schema import LegFile, parse_leg_file
@@ -131,7 +131,7 @@ def test_a_sensor_off_the_leg_is_refused(tmp_path, before, after, said):
 def test_two_sensors_of_4_percent_narrow_what_an_uncertain_fabric_leaves_open(tmp_path):
     """The fabric pulls 12 % more than is given; the scan is another mesh's, readings err."""
     shape = short_leg()
-    given = fitted_stocking(shape, ClassFit(CompressionClass.STRONG))
+    given = fitted_stocking(shape, "3")
     true = Stocking((1 + TENSION) * given.stiffness, given.levels, given.unstretched)
     model = LegModel3D(shape, laws(*PLANTED_KPA), FINE, CompressionSettings(stabilisation=0.3))
     worn = EquilibriumSolver(model, true).solve()

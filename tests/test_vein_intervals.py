@@ -13,7 +13,7 @@ from legfem.common.progress import Silent
 from legfem.geometry.slices import calf_levels
 from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.equilibrium import PARAMETERS, EquilibriumSettings, EquilibriumSolver, LegModel3D
-from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking
+from legfem.stockings.fabric import fitted_stocking
 from legfem.stockings.identification import StockingSettings, identify_in_stocking
 from legfem.stockings.leg import StockingLeg, default_veins
 from legfem.stockings.pressures import MESH_ERROR, PressureProbe, vein_pressure_sd
@@ -26,7 +26,7 @@ def leg():
     bare = short_leg()
     return EquilibriumSolver(
         LegModel3D(bare, laws(*KPA), COARSE),
-        fitted_stocking(bare, ClassFit(CompressionClass.MODERATE)),
+        fitted_stocking(bare, "2"),
         EquilibriumSettings(tolerance=2e-4, max_states=20),
     )
 
@@ -65,7 +65,7 @@ def test_they_are_those_of_the_leg_solved_anew(leg):
 def test_the_fabrics_error_is_in_the_intervals_of_a_leg_whose_stiffness_was_given():
     """Against a run with a fabric that is 5 % stiffer, which pulls that much more."""
     bare = short_leg()
-    fabric = fitted_stocking(bare, ClassFit(CompressionClass.MODERATE))
+    fabric = fitted_stocking(bare, "2")
     exact, stated = ContourAccuracy(), replace(ContourAccuracy(), tension_sd=0.1)
 
     def run(accuracy, stocking):

@@ -164,9 +164,8 @@ def nested_outlines(
     try:
         return _nested(outlines, fascia_thickness, source, room)
     except GEOSException as error:
-        raise InputError(
-            source, "x_mm, y_mm", f"an outline crosses itself ({error})", "give points in order around each part"
-        ) from None
+        problem = f"an outline crosses itself ({error})"
+        raise InputError(source, "x_mm, y_mm", problem, "give points in order around each part") from None
 
 
 def _nested(

@@ -283,17 +283,14 @@ def shape_of_volume(
     _slices_with({**masks, "bone": volume.labels == BONE}, volume)
     masks |= _bones(volume)
     slices = _slices_with(masks, volume)
-    found: dict[str, list[FloatArray]] = {part: [] for part in masks}
+    outlines: list[dict[str, Polygon]] = []
     for k in slices:
-        here = {p: _outline(mask[:, :, k], volume, p, k, settings) for p, mask in masks.items()}
-        check_girth(float(here[SKIN].length), volume.source)
-        if clearances is not None:
-            here[MUSCLE_HULL] = here.pop(HULL)
-            here = nested_outlines(here, 0.0, f"{volume.source}, slice {k}", clearances)
-            here[HULL] = here.pop(MUSCLE_HULL)
-        for part, polygon in here.items():
-            found[part].append(np.asarray(polygon.exterior.coords)[:-1])
-    shape = shape_of_contours(volume.levels[slices], found, settings.n_points)
+        found = {p: _outline(mask[:, :, k], volume, p, k, settings) for p, mask in masks.items()}
+        check_girth(float(found[SKIN].length), volume.source)
+        here = {MUSCLE_HULL if p == HULL else p: outline for p, outline in found.items()}
+        room = clearances and nested_outlines(here, 0.0, f"{volume.source}, slice {k}", clearances)
+        outlines.append(room or here)
+    shape = shape_of_outlines(volume.levels[slices], outlines, settings.n_points)
     shape = smoothed(shape, settings.around, settings.along, (SKIN, HULL))
     shape = smoothed(shape, settings.bone_around, settings.bone_along, shape.bones)
     if clearances is not None:

@@ -10,6 +10,7 @@ import re
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -242,24 +243,15 @@ def _strips(connectivity: _Numbers, ends: _Numbers) -> _Triangles:
 _CELLS = {"POLYGONS": _fans, "TRIANGLE_STRIPS": _strips}
 
 
-@dataclass
-class _Cursor:
-    """Where a legacy file is read."""
+class _Legacy(BytesIO):
+    """A legacy file, as far as it is read."""
 
-    content: bytes
-    binary: bool = False
-    at: int = 0
+    binary = False
 
-    def line(self) -> str:
+    def text(self) -> str:
         """Return the next line that isn't empty; empty at the end."""
-        while self.at < len(self.content):
-            end = self.content.find(b"\n", self.at)
-            end = len(self.content) if end < 0 else end
-            text = self.content[self.at : end].decode("ascii", "replace").strip()
-            self.at = end + 1
-            if text:
-                return text
-        return ""
+        lines = (line.decode("ascii", "replace").strip() for line in self)
+        return next(filter(None, lines), "")
 
     def numbers(self, count: int, kind: str) -> _Numbers:
         """Return the next numbers of a legacy type."""
@@ -267,12 +259,10 @@ class _Cursor:
         if code is None or count < 0:
             raise ValueError(f"{count} numbers of type '{kind}'")
         if self.binary:
-            size = count * np.dtype(code).itemsize
-            found: _Numbers = np.frombuffer(self.content[self.at : self.at + size], f">{code}")
-            self.at += size
+            found: _Numbers = np.frombuffer(self.read(count * np.dtype(code).itemsize), f">{code}")
         else:
             words: list[str] = []
-            while len(words) < count and (text := self.line()):
+            while len(words) < count and (text := self.text()):
                 words += text.split()
             found = np.array(words, dtype=float).astype(code)
         if len(found) != count:
@@ -281,30 +271,33 @@ class _Cursor:
 
 
 def _of_legacy(content: bytes) -> tuple[FloatArray, _Triangles]:
-    cursor = _Cursor(content)
-    version = re.match(r"# vtk DataFile Version (\d+)", cursor.line())
+    file = _Legacy(content)
+    version = re.match(r"# vtk DataFile Version (\d+)", file.text())
     if version is None:
         raise ValueError("the first line names no version")
     # The title may be empty: it is the second line in any case.
-    end = content.find(b"\n", cursor.at)
-    title, cursor.at = content[cursor.at : end], end + 1
-    cursor.binary = cursor.line().upper() == "BINARY"
+    title = file.readline()
+    file.binary = file.text().upper() == "BINARY"
     points, faces = np.zeros((0, 3)), list[_Triangles]()
-    while words := cursor.line().split():
+    while words := file.text().split():
         key = words[0].upper()
         if key in ("POINT_DATA", "CELL_DATA"):
             break
         if key == "POINTS":
-            points = cursor.numbers(3 * int(words[1]), words[2]).astype(float).reshape(-1, 3)
+            points = file.numbers(3 * int(words[1]), words[2]).astype(float).reshape(-1, 3)
         elif key in ("VERTICES", "LINES", *_CELLS):
-            connectivity, ends = _legacy_cells(cursor, int(version[1]), words)
+            connectivity, ends = _legacy_cells(file, int(version[1]), words)
             if key in _CELLS and len(ends):
                 faces.append(_CELLS[key](connectivity, ends))
         elif key == "FIELD":
-            _pass_fields(cursor, int(words[2]))
+            for _ in range(int(words[2])):
+                name, components, tuples, kind = file.text().split()
+                if kind == "string":
+                    raise ValueError(f"the field '{name}' of words is not understood")
+                file.numbers(int(components) * int(tuples), kind)
         elif key == "METADATA":
-            stop = cursor.content.find(b"\n\n", cursor.at)
-            cursor.at = len(content) if stop < 0 else stop + 2
+            while file.readline().strip():
+                pass
         elif key != "DATASET":
             raise ValueError(f"'{words[0][:40]}' is not understood")
     if b"SPACE=RAS" in title:
@@ -316,26 +309,18 @@ def _together(faces: Sequence[_Triangles]) -> _Triangles:
     return np.concatenate([np.zeros((0, 3), dtype=np.intp), *faces])
 
 
-def _legacy_cells(cursor: _Cursor, version: int, words: Sequence[str]) -> tuple[_Numbers, _Numbers]:
+def _legacy_cells(file: _Legacy, version: int, words: Sequence[str]) -> tuple[_Numbers, _Numbers]:
     """Return the points of all cells of a kind, and where each cell's end."""
     count, size = int(words[1]), int(words[2])
     if version >= 5:
         found = []
         for length in (count, size):
-            found.append(cursor.numbers(length, cursor.line().split()[1]))
+            found.append(file.numbers(length, file.text().split()[1]))
         return found[1], found[0][1:]
-    flat, heads = cursor.numbers(size, "int").astype(np.intp), [0]
+    flat, heads = file.numbers(size, "int").astype(np.intp), [0]
     for _ in range(count):
         heads.append(heads[-1] + 1 + int(flat[heads[-1]]))
     return np.delete(flat, heads[:-1]), np.array(heads[1:]) - np.arange(1, count + 1)
-
-
-def _pass_fields(cursor: _Cursor, count: int) -> None:
-    for _ in range(count):
-        name, components, tuples, kind = cursor.line().split()
-        if kind == "string":
-            raise ValueError(f"the field '{name}' of words is not understood")
-        cursor.numbers(int(components) * int(tuples), kind)
 
 
 @dataclass(frozen=True)

@@ -49,9 +49,8 @@ class Engine:
     place: str = ""
 
 
-@contextmanager
-def engine_named(name: EngineName, jobs: int, scheduler: str | None) -> Iterator[Engine | None]:
-    """Yield an engine; None on MPI's other ranks, after they have served the first.
+def engine_named(name: EngineName, jobs: int, scheduler: str | None) -> AbstractContextManager[Engine | None]:
+    """Return what yields an engine; None on MPI's other ranks, after they have served the first.
 
     Parameters
     ----------
@@ -72,14 +71,9 @@ def engine_named(name: EngineName, jobs: int, scheduler: str | None) -> Iterator
         raise InputError(
             Argument("scheduler"), scheduler, f"has no effect on {name}", Remedy("add ", Argument("on", "dask"))
         )
-    if name == "mpi":
-        with _ranks() as engine:
-            yield engine
-    elif name == "dask":
-        with _dask(scheduler) as engine:
-            yield engine
-    else:
-        yield Engine(jobs, _Here if jobs == 1 else lambda: processes(jobs))
+    if name == "local":
+        return nullcontext(Engine(jobs, _Here if jobs == 1 else lambda: processes(jobs)))
+    return _ranks() if name == "mpi" else _dask(scheduler)
 
 
 class _Here(Executor):

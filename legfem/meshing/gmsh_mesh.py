@@ -1,7 +1,7 @@
 """Meshing by gmsh within a time, the quality of its elements, and the DOLFINx mesh of them."""
 
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -91,11 +91,18 @@ def generate(model: Any, dimension: int, seconds: float | None = None) -> None:
         raise failed[0]
 
 
-def raise_everywhere(comm: MPI.Intracomm, error: InputError | None) -> None:
-    """Raise on all ranks what rank 0 found, if it found anything."""
-    error = comm.bcast(error, root=0)
-    if error is not None:
-        raise error
+def on_first_rank[Made](comm: MPI.Intracomm, make: Callable[[], Made]) -> Made:
+    """Return on all ranks what rank 0 makes; raise on all an InputError that it raises."""
+    made: Made | InputError | None = None
+    if comm.rank == 0:
+        try:
+            made = make()
+        except InputError as error:
+            made = error
+    found: Made | InputError = comm.bcast(made, root=0)
+    if isinstance(found, InputError):
+        raise found
+    return found
 
 
 def _at_work() -> bool:
@@ -125,12 +132,18 @@ WORST_QUALITY = 0.02
 """Quality of an element below which a mesh isn't sound."""
 
 
-def unsound(quality: MeshQuality, source: str, remedy: str) -> InputError | None:
-    """Return why a mesh can't be used; None where its elements are sound."""
-    if quality.worst > WORST_QUALITY:
-        return None
-    problem = f"cannot be meshed soundly (worst element quality {quality.worst:.2g})"
-    return InputError(source, quality.worst_region, problem, remedy)
+def sound(quality: MeshQuality, source: str, remedy: str) -> MeshQuality:
+    """Return a mesh's quality.
+
+    Raises
+    ------
+    InputError
+        If an element isn't sound.
+    """
+    if quality.worst <= WORST_QUALITY:
+        problem = f"cannot be meshed soundly (worst element quality {quality.worst:.2g})"
+        raise InputError(source, quality.worst_region, problem, remedy)
+    return quality
 
 
 def element_quality(model: Any, regions: Mapping[str, int], dimension: int = 2) -> MeshQuality:

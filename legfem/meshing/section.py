@@ -14,7 +14,6 @@ import shapely
 from mpi4py import MPI
 from scipy.spatial import cKDTree
 
-from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.geometry.indenter import first_touch
 from legfem.geometry.section import BONES, ClosedCurve, LegSection, across, smooth_closed_curve
@@ -168,6 +167,9 @@ class SectionMesh(TaggedMesh):
     quality: gmsh_mesh.MeshQuality
 
 
+_REMEDY = "check the contours there for kinks or near contacts, or ask for a finer mesh"
+
+
 def mesh_section(
     section: LegSection,
     radius: float,
@@ -206,20 +208,13 @@ def mesh_section(
     skin = smooth_closed_curve(section.skin)
     reached = _skin_within_reach(skin, radius, aim, direction)
     with gmsh_mesh.gmsh_model("section") as model:
-        outline: FloatArray | None = None
-        quality = error = None
-        if comm.rank == 0:
-            try:
-                outline = _build(model, section, skin, cKDTree(reached), settings, bones, split)
-                quality = gmsh_mesh.element_quality(model, REGIONS)
-            except InputError as found:
-                error = found
-        gmsh_mesh.raise_everywhere(comm, error)
-        outline, quality = comm.bcast((outline, quality), root=0)
+
+        def build() -> tuple[FloatArray, gmsh_mesh.MeshQuality]:
+            outline = _build(model, section, skin, cKDTree(reached), settings, bones, split)
+            return outline, gmsh_mesh.sound(gmsh_mesh.element_quality(model, REGIONS), "contours", _REMEDY)
+
+        outline, quality = gmsh_mesh.on_first_rank(comm, build)
         touch = first_touch(outline, radius, aim, direction)
-        remedy = "check the contours there for kinks or near contacts, or ask for a finer mesh"
-        if error := gmsh_mesh.unsound(quality, "contours", remedy):
-            raise error
         mesh, cell_tags, facet_tags = gmsh_mesh.mesh_from_gmsh(model, comm, gdim=2)
     return SectionMesh(mesh, cell_tags, facet_tags, touch, direction, outline, quality)
 

@@ -189,31 +189,27 @@ def mesh_solid_leg(
         If the parts do not nest, or no mesh of sound quality can be made.
     """
     settings = settings or SolidMeshSettings()
-    shell = error = None
-    if comm.rank == 0:
-        try:
-            check_shape(shape, "shape", settings.clearance, leg_sized=False)
-            shell = mesh_shell(shape, size_field(shape, settings, spacing=3.0), settings.enclosing)
-        except InputError as found:
-            error = found
-    gmsh_mesh.raise_everywhere(comm, error)
+
+    def surfaces() -> tuple[SizeField, Shell]:
+        check_shape(shape, "shape", settings.clearance, leg_sized=False)
+        sizes = size_field(shape, settings, spacing=3.0)
+        return sizes, mesh_shell(shape, sizes, settings.enclosing)
+
+    sizes, shell = gmsh_mesh.on_first_rank(comm, surfaces)
     with gmsh_mesh.gmsh_model("leg") as model:
-        quality = None
-        if comm.rank == 0:
-            assert shell is not None
-            error = _fill(model, shape, shell, settings)
-            if error is None:
-                quality = gmsh_mesh.element_quality(model, SOLID_REGIONS, dimension=3)
-                error = gmsh_mesh.unsound(quality, "shape", _REMEDY)
-        gmsh_mesh.raise_everywhere(comm, error)
+
+        def fill() -> gmsh_mesh.MeshQuality:
+            _fill(model, shape, shell, sizes)
+            return gmsh_mesh.sound(gmsh_mesh.element_quality(model, SOLID_REGIONS, dimension=3), "shape", _REMEDY)
+
+        quality = gmsh_mesh.on_first_rank(comm, fill)
         mesh, cell_tags, facet_tags = gmsh_mesh.mesh_from_gmsh(model, comm, gdim=3)
-    quality = comm.bcast(quality, root=0)
     supports = (Support(BONE, (0, 1, 2)),)
     return LegMesh(mesh, cell_tags, facet_tags, SOLID_REGIONS, supports, 1, quality)
 
 
-def _fill(model: Any, shape: LegShape, shell: Shell, settings: SolidMeshSettings) -> InputError | None:
-    """Fill the shell with tetrahedra; return what went wrong."""
+def _fill(model: Any, shape: LegShape, shell: Shell, field: SizeField) -> None:
+    """Fill the shell with tetrahedra."""
     model.mesh.addNodes(2, model.addDiscreteEntity(2), np.arange(1, len(shell.points) + 1), shell.points.ravel())
     tubes = {part: _add(model, triangles) for part, triangles in shell.tubes.items()}
     fat_ends, deep_ends = _add(model, shell.fat_ends), _add(model, shell.deep_ends)
@@ -222,16 +218,15 @@ def _fill(model: Any, shape: LegShape, shell: Shell, settings: SolidMeshSettings
     fat = geometry.addVolume([geometry.addSurfaceLoop([tubes[SKIN], tubes[HULL], fat_ends])])
     deep = geometry.addVolume([geometry.addSurfaceLoop([tubes[HULL], *bones, deep_ends])])
     geometry.synchronize()
-    grid = TissueGrid.over(shape, spacing=3.0)
-    sizes = grid.sizes(size_field(shape, settings, spacing=3.0))
+    sizes = TissueGrid.over(shape, spacing=3.0).sizes(field)
     model.mesh.setSizeCallback(lambda dim, tag, x, y, z, lc: sizes(x, y, z))
     gmsh.option.setNumber("Mesh.Algorithm3D", 1)
     try:
         gmsh_mesh.generate(model, 3)
-    except InputError as error:
-        return error
+    except InputError:
+        raise
     except Exception as error:  # gmsh raises nothing more specific
-        return InputError("shape", "mesh", f"gmsh cannot fill the surfaces ({error})", _REMEDY)
+        raise InputError("shape", "mesh", f"gmsh cannot fill the surfaces ({error})", _REMEDY) from None
     for volume, tag in ((fat, SUPERFICIAL), (deep, DEEP)):
         model.addPhysicalGroup(3, [volume], tag)
     for surfaces, tag in (
@@ -241,7 +236,6 @@ def _fill(model: Any, shape: LegShape, shell: Shell, settings: SolidMeshSettings
         ([fat_ends, deep_ends], END),
     ):
         model.addPhysicalGroup(2, surfaces, tag)
-    return None
 
 
 def _add(model: Any, triangles: Triangles) -> int:

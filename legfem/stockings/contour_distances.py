@@ -101,34 +101,19 @@ HELD = 0.95
 """Share of the errors' variance that the modes hold; the rest is counted as white."""
 
 
-@dataclass(frozen=True, eq=False)
-class OutlineErrors:
-    """Principal modes of the errors of one scanned outline, the largest first.
-
-    Parameters
-    ----------
-    modes : (n_levels, n_points, k) array
-        Outward distances of the outline's points (mm) for one standard deviation of each mode;
-        orthogonal.
-    """
-
-    modes: FloatArray
-
-    @property
-    def count(self) -> int:
-        """Number of modes k."""
-        return self.modes.shape[-1]
-
-    def shares(self, distances: FloatArray) -> FloatArray:
-        """Return the amplitudes (k, m) of the modes in distances (n_levels, n_points, m)."""
-        sizes = np.sum(self.modes**2, axis=(0, 1))
-        return np.tensordot(self.modes, distances, ((0, 1), (0, 1))) / sizes[:, None]
+def amplitudes(modes: FloatArray, distances: FloatArray) -> FloatArray:
+    """Return the amplitudes (k, m) of orthogonal modes (n_levels, n_points, k) in distances (n_levels, n_points, m)."""
+    sizes = np.sum(modes**2, axis=(0, 1))
+    return np.tensordot(modes, distances, ((0, 1), (0, 1))) / sizes[:, None]
 
 
-def outline_errors(
+def error_modes(
     accuracy: ContourAccuracy, contours: FloatArray, levels: FloatArray, counts: FloatArray | float = 1.0
-) -> OutlineErrors:
-    """Return the modes of `ContourAccuracy.covariance` for one part of a leg in one scan.
+) -> FloatArray:
+    """Return the principal modes of the errors of one part's outline in one scan, the largest first.
+
+    They are those of `ContourAccuracy.covariance`, (n_levels, n_points, k): outward distances of the outline's points
+    (mm) for one standard deviation of each mode; orthogonal.
 
     Parameters
     ----------
@@ -157,7 +142,7 @@ def outline_errors(
     chosen = order[: 1 + int(np.searchsorted(share, HELD))]
     wave, line = np.unravel_index(chosen, variances.shape)
     scale = np.sqrt(variances.ravel()[chosen])
-    return OutlineErrors(along[:, None, line] * waves[None, :, wave] * scale)
+    return along[:, None, line] * waves[None, :, wave] * scale
 
 
 def _waves(around: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
@@ -239,8 +224,8 @@ class ContourMisfit:
         columns = values.reshape(len(values), -1)
         parts = np.split(columns, len(CONTOURS))
         shares = [
-            errors.shares(part.reshape(*errors.modes.shape[:2], -1))
-            for errors, part in zip(self._errors, parts, strict=True)
+            amplitudes(modes, part.reshape(*modes.shape[:2], -1))
+            for modes, part in zip(self._modes, parts, strict=True)
         ]
         white = np.concatenate(shares) / self._sd
         return white.reshape(-1, *values.shape[1:])
@@ -253,7 +238,7 @@ class ContourMisfit:
         return float(np.sqrt(1.0 + (1.0 - HELD) + model**2))
 
     @cached_property
-    def _errors(self) -> tuple[OutlineErrors, ...]:
-        """Error modes of the target's outer and inner contours."""
+    def _modes(self) -> tuple[FloatArray, ...]:
+        """Modes of the errors of the target's outer and inner contours."""
         target = self.target
-        return tuple(outline_errors(self.accuracy, target.contours(name), target.levels) for name in CONTOURS)
+        return tuple(error_modes(self.accuracy, target.contours(name), target.levels) for name in CONTOURS)

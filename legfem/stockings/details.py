@@ -40,6 +40,10 @@ class StockingDetails:
         C10 by full name that the equilibrium has, MPa: identified, or given.
     equilibrium : Equilibrium
         Leg and stocking at these; its load includes the fitted error of the fabric's tension.
+    sensors : tuple of ComparedSensor
+        Sensors beside that equilibrium.
+    states : int
+        Finite-element solutions.
     moved : dict of str to array, optional
         Displacement (mm) in it of the points of skin and hull, (n_levels, n_points, 3) each; None if it was not found.
     pressures : TissuePressures, optional
@@ -48,10 +52,6 @@ class StockingDetails:
         Pressures in the level at mid calf.
     fat : FatPressures, optional
         Pressures in columns of fat all round the leg.
-    sensors : tuple of ComparedSensor
-        Sensors beside that equilibrium.
-    states : int
-        Finite-element solutions.
     misfit : ContourMisfit, optional
         The contours of the scan in the stocking; None where nothing was compared with it.
     best : ScanFit, optional
@@ -67,12 +67,12 @@ class StockingDetails:
     scan_load: StockingLoad | None
     parameters: dict[str, float]
     equilibrium: Equilibrium
-    moved: Mapping[str, FloatArray] | None
-    pressures: TissuePressures | None
-    section: SectionPressures | None
-    fat: FatPressures | None
     sensors: tuple[ComparedSensor, ...]
     states: int
+    moved: Mapping[str, FloatArray] | None = None
+    pressures: TissuePressures | None = None
+    section: SectionPressures | None = None
+    fat: FatPressures | None = None
     misfit: ContourMisfit | None = None
     best: ScanFit | None = None
     discrepancy: ModelDiscrepancy | None = None
@@ -80,10 +80,8 @@ class StockingDetails:
 
     def answer(self, fit: "StockingFit") -> Answer:
         """Return what the fit says: the pressures, and whether model and scan agree."""
-        found, unsure = (
-            self.pressures,
-            [TISSUES[n] for n, k in fit.estimates.items() if k.identifiability != "identifiable"],
-        )
+        found = self.pressures
+        unsure = [TISSUES[n] for n, k in fit.estimates.items() if k.identifiability != "identifiable"]
         verdict = None if self.discrepancy is None else self.discrepancy.verdict
         misses = self.best is not None and model_misses(self.best, self.leg.accuracy)
         finding = Finding.MISFIT if verdict == "unexplained" or misses else Finding.FITS

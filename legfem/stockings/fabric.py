@@ -20,9 +20,9 @@ pressure at the ankle in mmHg. Upwards the pressure falls; below the knee the st
 most 70 % of the ankle's.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from enum import StrEnum
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -232,53 +232,31 @@ CALF_SHARE = 0.7
 """Pressure at the calf over that at the ankle."""
 
 
-class CompressionClass(StrEnum):
-    """A class of RAL-GZ 387/1."""
-
-    LIGHT = "1"
-    MODERATE = "2"
-    STRONG = "3"
-    VERY_STRONG = "4"
-
-
-ANKLE_MMHG = {
-    CompressionClass.LIGHT: (18.0, 21.0),
-    CompressionClass.MODERATE: (23.0, 32.0),
-    CompressionClass.STRONG: (34.0, 46.0),
+type CompressionClass = Literal["1", "2", "3", "4"]
+"""A class of RAL-GZ 387/1: light, moderate, strong and very strong."""
+ANKLE_MMHG: Mapping[str, tuple[float, float]] = {
+    "1": (18.0, 21.0),
+    "2": (23.0, 32.0),
+    "3": (34.0, 46.0),
     # 49 mmHg and more: its lower bound is taken for both.
-    CompressionClass.VERY_STRONG: (49.0, 49.0),
+    "4": (49.0, 49.0),
 }
 
 
-@dataclass(frozen=True)
-class ClassFit:
-    """What a stocking of a class is to do at the calf.
-
-    Parameters
-    ----------
-    compression_class : CompressionClass
-        Class, whose middle pressure at the ankle counts.
-    stiffness : float
-        Stiffness of the fabric (N/mm per unit of strain).
-    share : float
-        Pressure at the calf over that at the ankle.
-    """
-
-    compression_class: CompressionClass
-    stiffness: float = 0.3
-    share: float = CALF_SHARE
-
-    @property
-    def pressure(self) -> float:
-        """Mean pressure aimed at on the calf (MPa)."""
-        return self.share * mmhg_to_mpa(float(np.mean(ANKLE_MMHG[self.compression_class])))
-
-
-def fitted_stocking(shape: LegShape, fit: ClassFit) -> Stocking:
-    r"""Return the stocking whose mean pressure on a bare leg is the class's at every height.
+def fitted_stocking(shape: LegShape, chosen: CompressionClass, stiffness: float = 0.3) -> Stocking:
+    r"""Return the stocking whose mean pressure on a bare leg is a class's on the calf, at every height.
 
     At a height with the perimeter L that the fabric spans, the mean pressure is
     :math:`2 \pi T / L`.
+
+    Parameters
+    ----------
+    shape
+        The bare leg.
+    chosen
+        Class, whose middle pressure at the ankle counts, times `CALF_SHARE`.
+    stiffness
+        Stiffness of the fabric (N/mm per unit of strain).
 
     Raises
     ------
@@ -287,12 +265,13 @@ def fitted_stocking(shape: LegShape, fit: ClassFit) -> Stocking:
     """
     probe = Stocking(1.0, shape.levels[:1], np.array([1.0]))
     perimeter = stocking_load(shape, probe).perimeter
-    strain = fit.pressure * perimeter / (2 * np.pi) / fit.stiffness
+    pressure = CALF_SHARE * mmhg_to_mpa(float(np.mean(ANKLE_MMHG[chosen])))
+    strain = pressure * perimeter / (2 * np.pi) / stiffness
     if strain.max() > 2:
         raise InputError(
             "stocking",
             "stiffness_N_per_mm",
-            f"at {fit.stiffness:g} N/mm the fabric is stretched by {100 * strain.max():.0f} %",
+            f"at {stiffness:g} N/mm the fabric is stretched by {100 * strain.max():.0f} %",
             "give a stiffer fabric, in N/mm of tension per unit of strain",
         )
-    return Stocking(fit.stiffness, shape.levels, perimeter / (1 + strain))
+    return Stocking(stiffness, shape.levels, perimeter / (1 + strain))

@@ -205,26 +205,20 @@ def _dressed(leg: StockingLeg, forward: StockingForward, progress: Progress, bes
     found = solver.solve(parameters, start=None if best is None else forward.at(by_name(best.parameters)), error=error)
     progress.advance(f"{len(found.changes)} states")
     borne = replace(found, load=found.load.times(1 + error))
-    moved = pressures = section = fat = None
-    if found.state.report.complete:
-        probe = PressureProbe(model.compression)
-        pressures = tissue_pressures(probe, found.state, borne.load, leg.veins)
-        sd = vein_pressure_sd(solver, found, probe, leg.veins, parameters, covariance, leg.accuracy.pressure_sd, error)
-        pressures = replace(pressures, at_veins_sd=tuple(map(float, sd)))
-        progress.advance("errors of the pressures at the veins")
-        section = section_pressures(leg.bare, float(np.median(leg.slices)), borne, probe)
-        fat = fat_pressures(leg.bare, borne, probe)
-        moved = {part: model.displacement(part, found.state.unknown) for part in SURFACES}
-    return StockingDetails(
-        leg,
-        model,
-        None if leg.compressed is None else stocking_load(leg.compressed, leg.stocking),
-        parameters,
-        borne,
-        moved,
-        pressures,
-        section,
-        fat,
-        SensorArray.on(leg.bare, leg.sensors).compared(borne.load.pressure),
-        solver.states,
+    on_scan = None if leg.compressed is None else stocking_load(leg.compressed, leg.stocking)
+    sensors = SensorArray.on(leg.bare, leg.sensors).compared(borne.load.pressure)
+    details = StockingDetails(leg, model, on_scan, parameters, borne, sensors, solver.states)
+    if not found.state.report.complete:
+        return details
+    probe = PressureProbe(model.compression)
+    pressures = tissue_pressures(probe, found.state, borne.load, leg.veins)
+    sd = vein_pressure_sd(solver, found, probe, leg.veins, parameters, covariance, leg.accuracy.pressure_sd, error)
+    progress.advance("errors of the pressures at the veins")
+    return replace(
+        details,
+        states=solver.states,
+        moved={part: model.displacement(part, found.state.unknown) for part in SURFACES},
+        pressures=replace(pressures, at_veins_sd=tuple(map(float, sd))),
+        section=section_pressures(leg.bare, float(np.median(leg.slices)), borne, probe),
+        fat=fat_pressures(leg.bare, borne, probe),
     )

@@ -23,9 +23,7 @@ PLACES: Mapping[Level, str] = {
     "C": "greatest girth of the calf",
     "D": "below the head of the fibula",
 }
-_RAL: Mapping[str, tuple[float, float]] = {str(name): ends for name, ends in ANKLE_MMHG.items()} | {
-    "4": (49.0, float("inf"))
-}
+_RAL: Mapping[str, tuple[float, float]] = {**ANKLE_MMHG, "4": (49.0, float("inf"))}
 ANKLE_LIMITS: Mapping[Standard, Mapping[str, tuple[float, float]]] = {
     "RAL-GZ 387": _RAL,
     "ENV 12718": {**_RAL, "A": (10.0, 14.0), "1": (15.0, 21.0)},

@@ -29,7 +29,7 @@ from legfem.imaging.shape_schema import ShapeEntry, existing
 from legfem.inverse.elastography import ShearModulus, doubts_about_elastography
 from legfem.mechanics.materials import NeoHookean
 from legfem.stockings.contour_distances import ContourAccuracy
-from legfem.stockings.fabric import ClassFit, CompressionClass, Stocking, fitted_stocking, stocking_load
+from legfem.stockings.fabric import Stocking, fitted_stocking, stocking_load
 from legfem.stockings.leg import KINDS, USUAL_DIAMETER, Posture, Sensor, StockingLeg, Vein, default_veins, off_skin
 from legfem.stockings.levels import PLACES, MakersLevels
 from legfem.stockings.schema import LegFile, SegmentEntry, StockingEntry, parse_leg_file
@@ -189,8 +189,7 @@ def _too_short(toml: Path, field: str, length: float) -> InputError:
 
 def _fabric(directory: Path, toml: Path, entry: StockingEntry, bare: LegShape) -> Stocking:
     if entry.compression_class is not None:
-        chosen = CompressionClass(entry.compression_class)
-        return fitted_stocking(bare, ClassFit(chosen, entry.stiffness_N_per_mm))
+        return fitted_stocking(bare, entry.compression_class, entry.stiffness_N_per_mm)
     if entry.unstretched_mm is not None:
         return Stocking(entry.stiffness_N_per_mm, bare.levels[:1], np.array([entry.unstretched_mm]))
     assert entry.unstretched is not None

@@ -30,7 +30,7 @@ from legfem.common.units import FloatArray
 from legfem.geometry.leg_shape import SKIN, LegShape
 from legfem.geometry.section import outward_normals
 from legfem.geometry.slices import distance_rates
-from legfem.stockings.contour_distances import ContourMisfit, outline_errors
+from legfem.stockings.contour_distances import ContourMisfit, amplitudes, error_modes
 from legfem.stockings.equilibrium import RATE_TOLERANCE, SURFACES, Equilibrium, EquilibriumSolver
 from legfem.stockings.leg import SensorArray
 
@@ -97,8 +97,8 @@ class NuisanceSlopes:
 
     Attributes
     ----------
-    errors : dict of str to OutlineErrors
-        Modes of the errors of the bare skin and hull near the slices.
+    modes : dict of str to array
+        Modes of the errors of the bare skin and hull near the slices, see `error_modes`.
     """
 
     def __init__(self, solver: EquilibriumSolver, misfit: ContourMisfit, sensors: SensorArray | None = None) -> None:
@@ -106,9 +106,7 @@ class NuisanceSlopes:
         self._solver, self._misfit = solver, misfit
         self._sensors = SensorArray.on(shape, ()) if sensors is None else sensors
         near = _near(shape.levels, misfit.target.levels)
-        self.errors = {
-            part: outline_errors(misfit.accuracy, shape.contours[part], shape.levels, near) for part in SURFACES
-        }
+        self.modes = {part: error_modes(misfit.accuracy, shape.contours[part], shape.levels, near) for part in SURFACES}
         self._samples: list[_Response] = []
         self._rigid: FloatArray = np.empty((0, RIGID))
         self._direct: FloatArray = np.empty((0, 0))
@@ -117,7 +115,7 @@ class NuisanceSlopes:
     def sd(self) -> FloatArray:
         """Standard deviations of the priors: mm, rad, relative pressures, 1 a mode, relative tension."""
         accuracy = self._misfit.accuracy
-        modes = sum(errors.count for errors in self.errors.values())
+        modes = sum(one.shape[-1] for one in self.modes.values())
         tension = [accuracy.tension_sd] if self.of_tension else []
         return np.concatenate([self._misfit.rigid_sd, np.full(SECTORS, accuracy.pressure_sd), np.ones(modes), tension])
 
@@ -146,7 +144,7 @@ class NuisanceSlopes:
         self._samples.append(
             _Response(
                 np.array(parameters),
-                self.errors[SKIN].shares(outwards),
+                amplitudes(self.modes[SKIN], outwards),
                 distance_rates(self._misfit.target, shape, moved),
                 np.array(sensed).T,
             )
@@ -203,11 +201,10 @@ class NuisanceSlopes:
 
     def _pressures_of_modes(self, equilibrium: Equilibrium) -> list[FloatArray]:
         """Differentiate Laplace's pressure (MPa) by the modes of the skin's errors."""
-        errors, changes, shape = self.errors[SKIN], [], equilibrium.shape
+        changes, shape = [], equilibrium.shape
         contours = shape.contours[SKIN]
         normals = outward_normals(contours)
-        for number in range(errors.count):
-            mode = errors.modes[..., number]
+        for mode in np.moveaxis(self.modes[SKIN], -1, 0):
             step = BUMP / float(np.abs(mode).max())
             bumped = {**shape.contours, SKIN: contours + step * mode[..., None] * normals}
             ahead = self._solver.load(LegShape(shape.levels, bumped))
@@ -218,7 +215,7 @@ class NuisanceSlopes:
         """Differentiate the distances by the outlines' modes as if the pressure didn't respond."""
         slopes = []
         for part in SURFACES:
-            modes = self.errors[part].modes
+            modes = self.modes[part]
             rates = {p: np.zeros((*shape.contours[p].shape[:2], 3, modes.shape[-1])) for p in SURFACES}
             rates[part][:, :, :2] = outward_normals(shape.contours[part])[..., None] * modes[:, :, None]
             slopes.append(distance_rates(self._misfit.target, shape, rates))

@@ -360,11 +360,6 @@ class ScanFit:
         return float(np.sqrt(np.mean(self.distances**2)))
 
     @property
-    def cost(self) -> float:
-        """The paper's cost: the sum of squared distances, mm2."""
-        return float(self.distances @ self.distances)
-
-    @property
     def chi_square(self) -> float:
         """Least sum of squares over `residuals`: 1 where errors are as large as assumed."""
         return self.objective / self.residuals

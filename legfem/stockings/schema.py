@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 from legfem.common import input_files
 from legfem.imaging.shape_schema import LabelsEntry, ShapeEntry
 from legfem.inverse.elastography import ElastographyEntry, check_once
+from legfem.stockings.fabric import CompressionClass
 from legfem.stockings.leg import KINDS
 
 
@@ -61,7 +62,7 @@ class SharesEntry(input_files.FileTable):
 class StockingEntry(input_files.FileTable):
     """``[stocking]``: a compression class, or the fabric's unstretched perimeter."""
 
-    compression_class: Literal["1", "2", "3", "4"] | None = None
+    compression_class: CompressionClass | None = None
     """Class whose mean pressure at the ankle the stocking is given; or its unstretched perimeter is stated below."""
     stiffness_N_per_mm: input_files.Positive = 0.3
     """Tension of the fabric per width over its strain."""

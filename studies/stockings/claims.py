@@ -17,7 +17,7 @@ from legfem.geometry.slices import calf_levels
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.leg_sizes import settings_for_cells
 from legfem.stockings.equilibrium import EquilibriumSolver, LegModel3D
-from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking, stocking_load
+from legfem.stockings.fabric import CompressionClass, fitted_stocking, stocking_load
 from legfem.stockings.leg import default_veins
 from legfem.stockings.pressures import PressureProbe, TissuePressures, tissue_pressures
 from studies.making.shapes import ParametricLeg, horizontal_curvature, parametric_leg
@@ -26,7 +26,7 @@ from studies.stockings.truth import D1
 PAPER_KPA = (3.25, 8.17)
 """Mean C10 of muscle and fat in the paper."""
 FAT_FACTORS = (0.7, 1.0, 1.5)
-CLASSES = (CompressionClass.LIGHT, CompressionClass.MODERATE, CompressionClass.STRONG)
+CLASSES: tuple[CompressionClass, ...] = ("1", "2", "3")
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Variant:
 
     leg: str
     fat_factor: float
-    compression_class: str
+    compression_class: CompressionClass
 
     @property
     def name(self) -> str:
@@ -84,7 +84,7 @@ class Correlation:
 
 def variants(legs: Sequence[str]) -> tuple[Variant, ...]:
     """Return every leg with every thickness of fat in class 2, and as it is in the others."""
-    shapes = [Variant(leg, f, CompressionClass.MODERATE) for leg in legs for f in FAT_FACTORS]
+    shapes = [Variant(leg, f, "2") for leg in legs for f in FAT_FACTORS]
     others = [Variant(leg, 1.0, c) for leg in legs for c in (CLASSES[0], CLASSES[2])]
     return (*shapes, *others)
 
@@ -95,8 +95,7 @@ def solve_variant(leg: ParametricLeg, variant: Variant, cells: int) -> Pressures
     shape = parametric_leg(leg.model_copy(update=scaled))
     laws = dict(zip(("deep", "superficial"), (NeoHookean(kpa_to_mpa(c), D1) for c in PAPER_KPA), strict=True))
     model = LegModel3D(shape, laws, settings_for_cells(shape, cells))
-    chosen = CompressionClass(variant.compression_class)
-    worn = EquilibriumSolver(model, fitted_stocking(shape, ClassFit(chosen))).solve()
+    worn = EquilibriumSolver(model, fitted_stocking(shape, variant.compression_class)).solve()
     level = float(np.median(calf_levels(shape)))
     calf = int(np.argmin(np.abs(shape.levels - level)))
     probe = PressureProbe(model.compression)
@@ -118,7 +117,7 @@ def solve_variant(leg: ParametricLeg, variant: Variant, cells: int) -> Pressures
 
 def correlations(rows: Sequence[Pressures]) -> tuple[Correlation, ...]:
     """Return the claims' correlations, within one class and over all."""
-    one = [r for r in rows if r.variant.compression_class == CompressionClass.MODERATE]
+    one = [r for r in rows if r.variant.compression_class == "2"]
     plain = [r for r in rows if r.variant.fat_factor == 1.0]
     asked = (
         (
@@ -205,7 +204,7 @@ def sized_state(shape: LegShape, cells: int, comm: MPI.Intracomm) -> SizedState:
         counts[-1] = iteration
 
     model.compression.solver.linear_solver.setMonitor(count)
-    load = stocking_load(shape, fitted_stocking(shape, ClassFit(CompressionClass.MODERATE)))
+    load = stocking_load(shape, fitted_stocking(shape, "2"))
     meshed = time.perf_counter()
     state = model.solve(None, load.pressure)
     solved = time.perf_counter()

@@ -14,7 +14,7 @@ from legfem.meshing.leg_sizes import SolidMeshSettings
 from legfem.solve.linear import LinearSettings
 from legfem.solve.settings import NewtonSettings
 from legfem.stockings.equilibrium import LegModel3D
-from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking, stocking_load
+from legfem.stockings.fabric import fitted_stocking, stocking_load
 from legfem.stockings.leg import default_veins
 from legfem.stockings.pressures import PressureProbe, tissue_pressures
 from studies.making.shapes import parametric_leg, read_legs
@@ -32,7 +32,7 @@ def main(solver: str, out: str) -> None:
     )
     mesh = SolidMeshSettings(skin_size=8, inside_size=10, bone_size=8)
     model = LegModel3D(shape, tissues, mesh, settings, comm)
-    load = stocking_load(shape, fitted_stocking(shape, ClassFit(CompressionClass.STRONG)))
+    load = stocking_load(shape, fitted_stocking(shape, "3"))
     fascia = {"fascia.membrane.stiffness": 0.05}
     solved = model.solve(fascia, load.pressure, ("deep.C10",))
     assert solved.report.complete
