@@ -31,6 +31,8 @@ class Table:
     """(k,)."""
     values: FloatArray
     """(k, ...)."""
+    logarithmic: bool = False
+    """Whether they are ln(1 + change)."""
 
     def __call__(self, c10: float) -> FloatArray:
         """Return the values (...) at a stiffness in MPa."""
@@ -87,13 +89,16 @@ class NuisanceChanges:
 
 @dataclass(frozen=True, eq=False)
 class ChannelTables:
-    """Responses of k channels beside the force at zero and at the grid, (m + 1, k) as one row, in their units."""
+    """Responses of the force at the grid, or of k channels beside it at zero and at the grid, (m + 1, k) as one row."""
 
     names: tuple[str, ...]
     elastic: Kriging | None
     """Elastic courses over the stiffness, see `coordinates`; None without any."""
     changes: Mapping[tuple[str, str], Table]
-    """As those of `Library`, absolute; at stations without zero."""
+    """Of the force relative, of channels absolute, by mechanism and protocol: (strengths or derivatives, ...). Along a
+    path at stations, without zero."""
+    _curves: dict[tuple[str, str], list[PchipInterpolator]] = field(default_factory=dict, init=False, repr=False)
+    """Over the strength, at each of a table's stiffnesses."""
 
     def columns(self, row: FloatArray) -> FloatArray:
         """Return the channels of a row, as columns."""
@@ -112,6 +117,32 @@ class ChannelTables:
         places = np.arange(self.elastic.size).reshape(-1, len(self.names))[:, own].ravel()
         changes = {key: replace(table, values=part(table.values)) for key, table in self.changes.items()}
         return ChannelTables(tuple(names), self.elastic.part(places), changes)
+
+    def change(self, mechanism: TissueMechanism, key: str, values: Values, c10: float) -> FloatArray:
+        """Return a row of what a mechanism does, in a protocol of a key where it follows the path."""
+        table = self.changes[mechanism.name, key]
+        if mechanism.derivatives:
+            return np.asarray(mechanism.shares(values) @ table(c10))
+        found = self._at_strength(table, mechanism, key, values, c10)
+        return np.asarray(mechanism.share(values) * (np.expm1(found) if table.logarithmic else found))
+
+    def _at_strength(
+        self, table: Table, mechanism: TissueMechanism, key: str, values: Values, c10: float
+    ) -> FloatArray:
+        """Return a table's row at a mechanism's strength; beyond the ends in proportion to their departure."""
+        first = mechanism.parameters[0]
+        prior = prior_of(first)
+        place = mechanism.name, key
+        if place not in self._curves:
+            nodes = np.array([prior.departure(v) for v in (null_of(first), *mechanism.strengths)])
+            order = np.argsort(nodes)
+            self._curves[place] = [
+                PchipInterpolator(nodes[order], np.vstack([np.zeros(row.shape[1]), row])[order]) for row in table.values
+            ]
+        curves, at = self._curves[place], prior.departure(mechanism.tabulated(values))
+        inside = float(np.clip(at, curves[0].x[0], curves[0].x[-1]))
+        found = table.between(c10, [curve(inside) for curve in curves])
+        return np.asarray(found * (at / inside) if inside not in (at, 0.0) else found)
 
 
 NO_CHANNELS = ChannelTables((), None, {})
@@ -146,10 +177,8 @@ class Library:
 
     grid: FloatArray
     elastic: Emulator
-    changes: Mapping[tuple[str, str], Table]
-    """Along a path, or by derivatives: relative changes by mechanism and protocol, (strengths or
-    derivatives, stations or grid); else logarithms of the forces' ratio by mechanism, (strengths,
-    grid)."""
+    changes: ChannelTables
+    """Of the force."""
     nuisances: NuisanceChanges
     middle: float
     """C10, MPa."""
@@ -164,10 +193,6 @@ class Library:
     `Responses.pair_change`."""
     altered: Mapping[str, NuisanceChanges] = field(default_factory=dict)
     """What ``nuisances`` are more beside a mechanism at its `pair_strength`, by its name."""
-    _curves: dict[tuple[str, str, tuple[str, ...]], list[PchipInterpolator]] = field(
-        default_factory=dict, init=False, repr=False
-    )
-    """Over the strength, at each of a table's stiffnesses."""
     _seen: dict[tuple[str, ...], ChannelTables] = field(default_factory=dict, init=False, repr=False)
     """What is known of some of the channels, by their names."""
     _weights: list[tuple[Observations, FloatArray]] = field(default_factory=list, init=False, repr=False)
@@ -191,16 +216,10 @@ class Library:
         self, mechanism: TissueMechanism, values: Values, at: Stiffness, observed: Observations
     ) -> FloatArray:
         """Return what a mechanism adds to the elastic force, over that force; (n,)."""
-
-        def row(key: str) -> FloatArray:
-            if mechanism.derivatives:
-                return mechanism.shares(values) @ self.changes[mechanism.name, key](at[0])
-            found = self._at_strength(self.changes, mechanism, key, values, at[0])
-            return mechanism.share(values) * (found if mechanism.along_path else np.expm1(found))
-
         if mechanism.along_path:
-            return observed.spread([row(stations.key) for stations in observed.protocols])
-        return np.asarray(self._to_stations(observed) @ row(""))
+            by_protocol = [self.changes.change(mechanism, one.key, values, at[0]) for one in observed.protocols]
+            return observed.spread(by_protocol)
+        return np.asarray(self._to_stations(observed) @ self.changes.change(mechanism, "", values, at[0]))
 
     def _of(self, names: Sequence[str]) -> ChannelTables:
         """Return what is known of some of the channels, which is quicker to ask."""
@@ -228,10 +247,7 @@ class Library:
         own = self._of(names)
 
         def row(key: str) -> FloatArray:
-            if mechanism.derivatives:
-                return own.columns(mechanism.shares(values) @ own.changes[mechanism.name, key](stiffness[0]))
-            found = self._at_strength(own.changes, mechanism, key, values, stiffness[0], own.names)
-            return own.columns(mechanism.share(values) * found)
+            return own.columns(own.change(mechanism, key, values, stiffness[0]))
 
         if mechanism.along_path:
             return observed.spread([row(stations.key) for stations in observed.protocols])
@@ -256,35 +272,10 @@ class Library:
         solved = pair_strength(mechanism)
         assert solved is not None
         here, there = (
-            mechanism.share(v)
-            * self._at_strength(self.beside.changes, mechanism, "", v, self.middle, self.beside.names)
-            for v in (values, {**values, mechanism.parameters[0].name: solved})
+            self.beside.change(mechanism, "", one, self.middle)
+            for one in (values, {**values, mechanism.parameters[0].name: solved})
         )
         return float(np.clip(here @ there / (there @ there), -_MOST_OF_PAIR, _MOST_OF_PAIR))
-
-    def _at_strength(
-        self,
-        tables: Mapping[tuple[str, str], Table],
-        mechanism: TissueMechanism,
-        key: str,
-        values: Values,
-        c10: float,
-        names: tuple[str, ...] = (),
-    ) -> FloatArray:
-        """Return a table's row at a strength: smooth between, in proportion beyond. Of channels that have names."""
-        first, table = mechanism.parameters[0], tables[mechanism.name, key]
-        prior = prior_of(first)
-        place = mechanism.name, key, names
-        if place not in self._curves:
-            nodes = np.array([prior.departure(v) for v in (null_of(first), *mechanism.strengths)])
-            order = np.argsort(nodes)
-            self._curves[place] = [
-                PchipInterpolator(nodes[order], np.vstack([np.zeros(row.shape[1]), row])[order]) for row in table.values
-            ]
-        curves, at = self._curves[place], prior.departure(mechanism.tabulated(values))
-        inside = float(np.clip(at, curves[0].x[0], curves[0].x[-1]))
-        found = table.between(c10, [curve(inside) for curve in curves])
-        return np.asarray(found * (at / inside) if inside not in (at, 0.0) else found)
 
     def _to_stations(self, observed: Observations) -> FloatArray:
         """Return what a spline through the grid's values takes of each for the stations, (n, m)."""

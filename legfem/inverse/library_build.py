@@ -142,8 +142,9 @@ def _assembled(
         for t, o in done
         if t.pair
     }
+    of_force = ChannelTables(("force",), None, changes)
     return Library(
-        solved.grid, emulator, changes, nuisances, middle, missing, beside=tables, pairs=pairs, altered=altered
+        solved.grid, emulator, of_force, nuisances, middle, missing, beside=tables, pairs=pairs, altered=altered
     )
 
 
@@ -298,8 +299,8 @@ def _table(
     if not mechanism.along_path and mechanism.nodes:
         missed = _missed_at_nodes(mechanism, [None if o is None else _as_row(o[ONE], names) for o in solved], values[0])
         values = np.concatenate([values, missed[None]], axis=1)
-    logs = np.log(list(whole))
-    return Table(logs, np.log1p(values) if ratios and tuple(names) == ("force",) else values)
+    logarithmic = ratios and tuple(names) == ("force",)
+    return Table(np.log(list(whole)), np.log1p(values) if logarithmic else values, logarithmic)
 
 
 def _missed_at_nodes(mechanism: TissueMechanism, solved: Sequence[FloatArray | None], rows: FloatArray) -> FloatArray:

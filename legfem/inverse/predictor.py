@@ -118,8 +118,10 @@ class Predictor:
     ends: Correction | None = None
     measured: Prior | None = None
     offset: FloatArray | float = 0.0
-    _splines: dict[tuple[int, float, float], PPoly | None] = field(default_factory=dict, repr=False)
-    _curves: dict[tuple[int, tuple[str, ...], float, float], FloatArray] = field(default_factory=dict, repr=False)
+    _splines: dict[tuple[float, float], PPoly] = field(default_factory=dict, init=False, repr=False)
+    _curves: dict[tuple[tuple[str, ...], float, float], FloatArray] = field(
+        default_factory=dict, init=False, repr=False
+    )
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -262,11 +264,7 @@ class Predictor:
     def _elastic(self, c10: float, c20: float, factor: FloatArray) -> "_Elastic":
         """Return the force at factors on the deep stiffness."""
         nodes, weights = _nodes_of(factor)
-        splines = [self._spline(c10 * n, c20 * n) for n in nodes]
-        known = [spline for spline in splines if spline is not None]
-        if len(known) < len(splines):
-            known, weights = [_unknown], None
-        return _Elastic(known, weights, self.observed.half_width)
+        return _Elastic([self._spline(c10 * n, c20 * n) for n in nodes], weights, self.observed.half_width)
 
     def _courses(
         self, names: tuple[str, ...], c10: float, c20: float, factor: FloatArray, changed: FloatArray, at: At
@@ -280,18 +278,17 @@ class Predictor:
     def _grid(self) -> GridSpline:
         return GridSpline(self.responses.grid)
 
-    def _spline(self, c10: float, c20: float) -> PPoly | None:
-        """Return the elastic force of a stiffness (MPa), kept for the next time; None without."""
+    def _spline(self, c10: float, c20: float) -> PPoly:
+        """Return the elastic force of a stiffness (MPa), kept for the next time; NaN where there is none."""
 
-        def made() -> PPoly | None:
-            curve = np.concatenate([[0.0], self.responses.curve(c10, c20)])
-            return None if np.isnan(curve).any() else self._grid.through(curve)
+        def made() -> PPoly:
+            return self._grid.through(np.concatenate([[0.0], self.responses.curve(c10, c20)]))
 
-        return self._recalled(self._splines, (id(self.responses), float(c10), float(c20)), made)
+        return self._recalled(self._splines, (float(c10), float(c20)), made)
 
     def _beside(self, names: tuple[str, ...], c10: float, c20: float) -> FloatArray:
         """Return channels' courses (m + 1, k) of a stiffness (MPa), kept likewise."""
-        key = id(self.responses), names, float(c10), float(c20)
+        key = names, float(c10), float(c20)
         return self._recalled(self._curves, key, lambda: self.responses.channel_curves(names, c10, c20))
 
     @staticmethod
@@ -333,11 +330,6 @@ class _Elastic:
     def _of(self, at: FloatArray, derivative: int) -> FloatArray:
         values = [spline(at, derivative) for spline in self.splines]
         return values[0] if self.weights is None else np.einsum("ij,ij->j", self.weights, np.array(values))
-
-
-def _unknown(displacement: FloatArray, derivative: int) -> FloatArray:
-    """Return the force of a solution that stopped."""
-    return np.full(len(displacement), np.nan)
 
 
 def _nodes_of(factor: FloatArray) -> tuple[FloatArray, FloatArray | None]:
