@@ -25,7 +25,7 @@ from legfem.inverse.parse_parameters import ParameterTexts
 from legfem.inverse.readings import READINGS
 from legfem.mechanisms import Solution
 from legfem.solve.protocol import Protocol
-from legfem.specimens.channels import beside_of, readings_of
+from legfem.specimens.channels import readings_of, weighed_beside
 from legfem.specimens.comparison import comparison_of
 from legfem.specimens.folder import tissue_asked_for
 from legfem.specimens.forward import SpecimenForward
@@ -380,4 +380,4 @@ def test_a_frame_at_the_end_of_a_press_counts(seen_layers: Path, tmp_path: Path)
     table["displacement_mm"] = table.displacement_mm.round(1)
     table.to_csv(tmp_path / "recordings" / "press.csv", index=False)
     (one,) = lf.load_specimen(tmp_path).recordings
-    assert [len(channel) for channel in beside_of(one, 0.01)] == [1, 2]
+    assert [len(channel.values) for channel in weighed_beside(one).channels] == [1, 2]

@@ -5,8 +5,9 @@ cylinder moves and by time where it is held, so that a dense record and a single
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
+from typing import Any, Self
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -113,6 +114,12 @@ class ChannelReadings:
             if degree >= 1:
                 found[rows] = Polynomial.fit(at, values[rows], degree).deriv()(at)
         return found
+
+    def part(self, kept: NDArray[np.bool_]) -> Self:
+        """Return some of the readings."""
+        every = ((one.name, getattr(self, one.name)) for one in fields(self))
+        changed: dict[str, Any] = {name: values[kept] for name, values in every if isinstance(values, np.ndarray)}
+        return replace(self, **changed)
 
     @property
     def name(self) -> str:

@@ -175,22 +175,10 @@ def covariance_of_places(one: ChannelReadings, predicted: FloatArray, laid: Else
     return np.asarray(here * (each.T @ each))
 
 
-def alike_in_both(
-    one: ChannelReadings, level: FloatArray, other: ChannelReadings, other_level: FloatArray
-) -> FloatArray:
-    """Return the covariance (k, m) of a channel's errors in two tests: what one instrument has in both.
-
-    Parameters
-    ----------
-    one, other
-        k and m readings.
-    level, other_level
-        Their values, smoothed.
-    """
-    if one.name != other.name:
-        return np.zeros((len(level), len(other_level)))
+def alike_in_both(one: ChannelReadings, other: ChannelReadings) -> FloatArray:
+    """Return the covariance (k, m) of a channel's errors in two tests of k and m readings: what one instrument has."""
     accuracy, rest = one.accuracy, one.kind.at_rest
-    changes = np.outer(level - rest, other_level - rest)
+    changes = np.outer(one.values - rest, other.values - rest)
     here = np.equal.outer(one.course, other.course) if one.course is not None and other.course is not None else 0.0
     return np.asarray(accuracy.bias**2 + (accuracy.gain**2 + accuracy.each**2 * here) * changes)
 

@@ -1,5 +1,6 @@
 """What readings at stations take of a model's courses on a grid of displacements, for given first contacts."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,6 +12,9 @@ from legfem.common.units import FloatArray
 from legfem.inverse.observations import Observations
 from legfem.inverse.stations import since_touch
 from legfem.solve.path import ForceCurve
+
+type Derivatives = dict[str, FloatArray]
+type Corrected = Callable[[FloatArray, Derivatives], tuple[FloatArray, Derivatives]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +90,42 @@ class StationReading:
     def plain(self) -> FloatArray:
         """What all readings take of the model's values, (N, m)."""
         return self.matrix()
+
+    @cached_property
+    def linear_scale(self) -> FloatArray | None:
+        """Sizes (m,) of what isn't a force along the travel, which is 0; None where all is."""
+        if not self.courses:
+            return None
+        channels = self.observed.channels
+        sizes = [max(float(np.ptp(one.values)), 3 * one.kind.usual.reading) for one in channels for _ in one.courses]
+        return np.concatenate([np.zeros(len(self.grid)), np.repeat(sizes, 1 + len(self.grid))])
+
+    def model_values(
+        self, curve: ForceCurve, corrected: Corrected = lambda change, by: (change, by)
+    ) -> tuple[FloatArray, Derivatives]:
+        """Return what the model gives on the grid (m,), and its derivatives.
+
+        Parameters
+        ----------
+        curve
+            The solve.
+        corrected
+            What acts on the force, on changes (g,) of channels that follow it, and on their derivatives.
+        """
+        names = tuple(curve.sensitivities)
+        force, by_force = corrected(curve(self.grid), {name: curve.sensitivity(name, self.grid) for name in names})
+        parts, by = [force], {name: [rates] for name, rates in by_force.items()}
+        for one in self.observed.channels:
+            for course in one.courses:
+                level = curve.channel(course, self._knots)
+                rates = {name: curve.channel_sensitivity(course, name, self._knots) for name in names}
+                change, by_change = level[1:] - level[0], {name: rate[1:] - rate[0] for name, rate in rates.items()}
+                if one.follows_force:
+                    change, by_change = corrected(change, by_change)
+                parts += [level[:1], change]
+                for name in names:
+                    by[name] += [rates[name][:1], by_change[name]]
+        return np.concatenate(parts), {name: np.concatenate(rows) for name, rows in by.items()}
 
     def images_elsewhere(self, curve: ForceCurve) -> dict[str, dict[str, FloatArray]]:
         """Return what images do that lie elsewhere, by channel and by way: one standard deviation, (k,) readings."""

@@ -126,17 +126,10 @@ class StationTest:
         """Number m of values on the model's grid: forces, and of each course its value at rest and changes."""
         return self.station.size
 
-    @cached_property
+    @property
     def linear_scale(self) -> FloatArray | None:
         """Sizes (m,) of what isn't a force along the travel, which is 0; None where all is."""
-        if not self.station.courses:
-            return None
-        sizes = [
-            max(float(np.ptp(one.values)), 3 * one.kind.usual.reading)
-            for one in self.observed.channels
-            for _ in one.courses
-        ]
-        return np.concatenate([np.zeros(len(self.grid)), np.repeat(sizes, 1 + len(self.grid))])
+        return self.station.linear_scale
 
     @property
     def reach(self) -> str:
@@ -226,24 +219,9 @@ class StationTest:
 
     def on_grid(self, curve: ForceCurve, values: Values) -> tuple[FloatArray, dict[str, FloatArray]]:
         """Return what the model gives on its grid (m,), corrected, and the derivatives."""
-        names = tuple(curve.sensitivities)
-        parts, by = [curve(self.grid)], {name: [curve.sensitivity(name, self.grid)] for name in names}
-        parts[0], first = corrected(
-            self.correction, self.grid, parts[0], {name: rows[0] for name, rows in by.items()}, values
+        return self.station.model_values(
+            curve, lambda change, by: corrected(self.correction, self.grid, change, by, values)
         )
-        by = {name: [rates] for name, rates in first.items()}
-        at = np.concatenate([[0.0], self.grid])
-        for one in self.observed.channels:
-            for course in one.courses:
-                level = curve.channel(course, at)
-                rates = {name: curve.channel_sensitivity(course, name, at) for name in names}
-                change, by_change = level[1:] - level[0], {name: rate[1:] - rate[0] for name, rate in rates.items()}
-                if one.follows_force:
-                    change, by_change = corrected(self.correction, self.grid, change, by_change, values)
-                parts += [level[:1], change]
-                for name in names:
-                    by[name] += [rates[name][:1], by_change[name]]
-        return np.concatenate(parts), {name: np.concatenate(rows) for name, rows in by.items()}
 
     @cached_property
     def _equal(self) -> FloatArray:

@@ -6,6 +6,7 @@ displacements in loading and unloading, times in a hold.
 
 import hashlib
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -107,12 +108,13 @@ def _same_pace(a: Segment, b: Segment) -> bool:
 def stations_of(trials: Sequence[Segmentation]) -> Stations:
     """Return the stations of trials that were driven alike.
 
-    Rates and holds are taken to two digits and depths to 0.1 mm, so that recordings of one protocol
-    share their solutions; the forces are read at the trials' own displacements. While the skin is
+    Rates and holds are taken to two digits and depths to 0.1 mm (of a specimen's short way less), so that recordings
+    of one protocol share their solutions; the forces are read at the trials' own displacements. While the skin is
     left there are no stations.
     """
     first = trials[0]
-    depth = round(min(trial.depth for trial in trials), 1)
+    digits = 1 - math.floor(math.log10(first.scales.way))
+    depth = round(min(trial.depth for trial in trials), digits)
     times, displacements = [0.0], [0.0]
     phases: list[str] = []
     numbers: list[int] = []
@@ -133,7 +135,7 @@ def stations_of(trials: Sequence[Segmentation]) -> Stations:
             t = times[-2] + since
         else:
             rate = float(f"{np.mean([abs(part.rate) for part in parts]):.2g}")
-            end = round(float(np.mean([part.end for part in parts])), 2)
+            end = round(float(np.mean([part.end for part in parts])), digits + 1)
             if phase == LOADING:
                 short = np.mean([t.depth - p.end for t, p in zip(trials, parts, strict=True)])
                 if short <= max(0.3, _DEPTH_TOLERANCE * depth):

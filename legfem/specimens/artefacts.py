@@ -24,7 +24,7 @@ from legfem.channels.kinds.lateral_stretch import LATERAL_STRETCH
 from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import Values
 from legfem.inverse.estimates import Estimate
-from legfem.inverse.loading_channels import loading_channel, loading_readings
+from legfem.specimens.channels import channel_errors, observed_beside
 from legfem.specimens.comparison import SpecimenComparison
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.laws import bulk_ratio
@@ -136,18 +136,16 @@ def _compared(recordings: Sequence[SpecimenRecording], model: SpecimenForward, v
         curve = outcome.curves[model.tests.index(one.sizes)]
         if LATERAL_STRETCH.name not in curve.channels:
             continue
-        every = loading_readings([one.from_contact], curve.depth, "specimen")
-        readings = next((each for each in every if each.name == LATERAL_STRETCH.name), None)
-        if readings is None:
+        observed = observed_beside(one, (LATERAL_STRETCH.name,))
+        if observed is None:
             continue
-        depth = readings.displacement
-        predicted = curve.channel(LATERAL_STRETCH.name, depth)
+        (readings,) = observed.channels
+        predicted = readings.weights @ curve.channel(LATERAL_STRETCH.name, observed.displacement)
         left.append(readings.values - predicted)
-        force, contact = np.interp(readings.time, one.course.time, one.course.force), np.zeros((len(depth), len(depth)))
-        channel = loading_channel(readings, [one.from_contact], force, contact, LATERAL_STRETCH.at_rest, 0.0)
+        every, of_model = channel_errors(observed, one.course.instrument)
         strain = _SHAPE * (predicted - LATERAL_STRETCH.at_rest)
-        errors.append(channel.instrument + np.outer(strain, strain))
-        deepest.append(float(left[-1][np.argmax(depth)]))
+        errors.append(every - of_model + np.outer(strain, strain))
+        deepest.append(float(left[-1][np.argmax(readings.displacement)]))
     if not left:
         return None
     density = sum(

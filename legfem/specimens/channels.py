@@ -1,6 +1,6 @@
-"""Thicknesses of layers and strains of the face beside a specimen's force: readings, and how far a model is off."""
+"""Channels beside a specimen's force: readings at a diagnosis' stations, and how far a model is off."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import pairwise, permutations
@@ -12,43 +12,145 @@ from scipy.linalg import block_diag
 from legfem.channels.kinds import CHANNELS
 from legfem.channels.kinds.layer_thickness import between_of
 from legfem.common.units import FloatArray
+from legfem.data import Instrument
+from legfem.inverse.channel_readings import StationChannel
 from legfem.inverse.comparison import Comparison, Covariances, Prediction, total_of
-from legfem.inverse.errors import alike_in_both
+from legfem.inverse.errors import alike_in_both, error_model
 from legfem.inverse.fit import ChannelFit
-from legfem.inverse.loading_channels import BesideForce, LoadingChannel, loading_channel, loading_readings
+from legfem.inverse.observations import Observations, observe
 from legfem.inverse.outcome import Outcome
 from legfem.inverse.readings import INSTRUMENT, OFFSET, RELAXATION
+from legfem.inverse.station_reading import StationReading
+from legfem.inverse.trial_noise import estimate_noise
+from legfem.solve.path import ForceCurve
 from legfem.specimens.comparison import Part, SpecimenComparison, slopes_by_readings
 from legfem.specimens.course import relaxed
 from legfem.specimens.sizes import SpecimenRecording
 
 _BEYOND = 1.01
-"""Depth to which channels are read, over the recording's: a frame at its end isn't lost to smoothing."""
+"""Time to which channels are read, over the course's: a frame at its end counts, however contact's time is found."""
+_OFFSET = list(INSTRUMENT).index(OFFSET)
 
 
-def beside_of(recording: SpecimenRecording, relative_sd: float) -> tuple[LoadingChannel, ...]:
-    """Return what a recording has of its layers' thicknesses and its face's strains, in the loading.
+def observed_beside(recording: SpecimenRecording, names: Collection[str]) -> Observations | None:
+    """Return a recording's stations with the named channels' readings within its course; None where it has none."""
+    if not {one.name for one in recording.recording.channels}.intersection(names):
+        return None
+    observed, end = observe([recording.from_contact]), recording.course.samples.time[-1]
+    found = [one.part(one.time <= _BEYOND * end) for one in observed.channels if one.name in names]
+    kept = tuple(one for one in found if len(one.values))
+    return replace(observed, channels=kept) if kept else None
+
+
+def channel_errors(observed: Observations, instrument: Instrument) -> tuple[FloatArray, FloatArray]:
+    """Return the covariance (k, k) of all channels' readings by instruments and model, and the model's of it."""
+    found = error_model(observed, estimate_noise(observed, instrument, observed.slowest), observed.values)
+    assert found.of_model is not None
+    forces = len(observed.force)
+    return found.covariance[forces:, forces:], found.of_model[forces:, forces:]
+
+
+def _thicknesses(recording: SpecimenRecording) -> Collection[str]:
+    return between_of(recording.sizes.heights) if recording.sizes.layers else ()
+
+
+def weighed_beside(recording: SpecimenRecording) -> Observations | None:
+    """Return what is weighed with a recording's force: its layers' thicknesses, and what is nothing at rest."""
+    more = [name for name in recording.sizes.kind.beside if CHANNELS[name].at_rest == 0.0]
+    return observed_beside(recording, {*_thicknesses(recording), *more})
+
+
+@dataclass(frozen=True, eq=False)
+class BesideForce:
+    """What a recording has beside its force, and what its test's model makes of that.
 
     Parameters
     ----------
-    recording
-        Of a specimen.
-    relative_sd
+    number : int
+        Of the recording among the comparison's parts.
+    part : Part
+        The recording.
+    station : StationReading
+        Its k readings, and what they take of the model's courses on a grid.
+    depth : float
+        mm that the model is solved to.
+    relaxes : bool
+        Whether loads relax as the force does.
+    relative_sd : float
         Standard deviation of a layer's stated thickness, over that.
     """
-    heights = between_of(recording.sizes.heights) if recording.sizes.layers else {}
-    # What is nothing at rest.
-    heights |= {name: (0.0, 0.0) for name in recording.sizes.kind.beside if CHANNELS[name].at_rest == 0.0}
-    course = recording.course
-    trial = recording.from_contact
-    found = []
-    for one in loading_readings([trial], _BEYOND * course.depth, "specimen"):
-        if one.name in heights:
-            low, high = heights[one.name]
-            force = np.interp(one.time, course.time, course.force, left=0.0)
-            contact = np.zeros((len(force), len(force)))
-            found.append(loading_channel(one, [trial], force, contact, high - low, relative_sd * (high - low)))
-    return tuple(found)
+
+    number: int
+    part: Part
+    station: StationReading
+    depth: float
+    relaxes: bool
+    relative_sd: float
+
+    def __len__(self) -> int:
+        """Return the number k of readings."""
+        return len(self.values)
+
+    @property
+    def channels(self) -> tuple[StationChannel, ...]:
+        """In the order of the readings."""
+        return self.station.observed.channels
+
+    @cached_property
+    def values(self) -> FloatArray:
+        """The readings (k,), each in its unit."""
+        return np.concatenate([one.values for one in self.channels])
+
+    @cached_property
+    def slope(self) -> FloatArray:
+        """Their slope (k,) by the displacement, per mm."""
+        return np.concatenate([one.slope(one.values) for one in self.channels])
+
+    @cached_property
+    def errors(self) -> tuple[FloatArray, FloatArray]:
+        """See `channel_errors`."""
+        return channel_errors(self.station.observed, self.part.course.instrument)
+
+    @cached_property
+    def of_sizes(self) -> FloatArray:
+        """Covariance (k, k) by stated thicknesses: a layer's that is off is so in proportion all along the test."""
+        layers = _thicknesses(self.part.recording)
+        each = [self.relative_sd * (one.name in layers) * one.values for one in self.channels]
+        return np.asarray(block_diag(*(np.outer(one, one) for one in each)))
+
+    @property
+    def scale(self) -> FloatArray:
+        """Sizes of the model's values: of each course its value at rest and changes on the grid."""
+        assert self.station.linear_scale is not None
+        return self.station.linear_scale[len(self.station.grid) :]
+
+    def read(self, values: FloatArray, instrument: FloatArray) -> FloatArray:
+        """Return readings (..., k) of the model's values; loads relax as forces do."""
+        offset = instrument[..., _OFFSET]
+        shape = np.broadcast_shapes(values.shape[:-1], offset.shape)
+        values, offset = np.broadcast_to(values, (*shape, values.shape[-1])), np.broadcast_to(offset, shape)
+        elastic = np.empty((*shape, len(self)))
+        forces, grid = len(self.station.observed.force), len(self.station.grid)
+        for at in np.unique(offset):
+            whole = self.station.matrix(offset=float(at)) if at else self.station.plain
+            elastic[offset == at] = values[offset == at] @ whole[forces:, grid:].T
+        if not self.relaxes:
+            return elastic
+        numbers, ends = instrument[..., len(INSTRUMENT) :], np.cumsum([len(one.values) for one in self.channels])
+        felt = [
+            relaxed(one.time, one.displacement / self.depth, block, numbers) if one.follows_force else block
+            for one, block in zip(self.channels, np.split(elastic, ends[:-1], axis=-1), strict=True)
+        ]
+        return np.concatenate(felt, axis=-1)
+
+    def predict(self, curve: ForceCurve, instrument: FloatArray) -> Prediction:
+        """Return the readings of a solve."""
+        grid, (whole, rates) = len(self.station.grid), self.station.model_values(curve)
+        values, by = whole[grid:], {name: each[grid:] for name, each in rates.items()}
+        seen = {name: self.read(each, instrument) for name, each in by.items()}
+        slopes = slopes_by_readings(partial(self.read, values), instrument)
+        seen |= {name: slope for name, slope in slopes.items() if name == OFFSET or name in RELAXATION}
+        return Prediction(self.read(values, instrument), seen, values, by)
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,22 +161,17 @@ class SpecimenReadings(Comparison):
     ----------
     forces : SpecimenComparison
         n of them.
-    beside : tuple of tuple
-        Channels of every recording, in the order of the forces' parts.
+    beside : tuple of BesideForce
+        Of the recordings that have something, in the order of the forces' parts.
     """
 
     forces: SpecimenComparison
-    beside: tuple[tuple[LoadingChannel, ...], ...]
+    beside: tuple[BesideForce, ...]
 
     @cached_property
-    def _every(self) -> list[LoadingChannel]:
-        return [one for channels in self.beside for one in channels]
-
-    @cached_property
-    def _read(self) -> list[tuple[Part, BesideForce]]:
-        """Recordings with channels, and what their models make of these."""
-        parts = zip(self.forces.parts, self.beside, strict=True)
-        return [(part, BesideForce(self.forces.grids[part.test], channels)) for part, channels in parts if channels]
+    def every_channel(self) -> list[StationChannel]:
+        """Channels of all recordings, in the order of the readings."""
+        return [channel for one in self.beside for channel in one.channels]
 
     def of_forces(self, values: FloatArray) -> FloatArray:
         """Return the forces among readings (n, ...), in the order of the recordings' stations."""
@@ -84,35 +181,32 @@ class SpecimenReadings(Comparison):
     def part_of(self) -> NDArray[np.int_]:
         """Number of the recording that every reading (n,) is of."""
         stations = [len(part.course.time) for part in self.forces.parts]
-        numbers = np.arange(len(stations))
-        of_channels = [len(one) for channels in self.beside for one in channels]
-        return np.concatenate(
-            [np.repeat(numbers, stations), np.repeat(np.repeat(numbers, [len(c) for c in self.beside]), of_channels)]
-        )
+        numbers = [*range(len(stations)), *(one.number for one in self.beside)]
+        return np.repeat(numbers, [*stations, *map(len, self.beside)])
 
     @cached_property
     def measured(self) -> FloatArray:
         """Forces (N) of all stations, and readings of channels in their units."""
-        return np.concatenate([self.forces.measured, *(one.readings.values for one in self._every)])
+        return np.concatenate([self.forces.measured, *(one.values for one in self.beside)])
 
     @cached_property
     def _spans(self) -> list[slice]:
         """Place of every channel among the readings."""
-        ends = np.cumsum([len(self.forces), *map(len, self._every)])
+        ends = np.cumsum([len(self.forces), *(len(one.values) for one in self.every_channel)])
         return [slice(*pair) for pair in pairwise(ends)]
 
     @cached_property
     def channels(self) -> Mapping[str, NDArray[np.int_]]:
         """Places of each channel's readings; empty where there is but the force."""
         found: dict[str, list[NDArray[np.int_]]] = {}
-        for one, span in zip(self._every, self._spans, strict=True):
-            found.setdefault(one.readings.name, []).append(np.arange(span.start, span.stop))
+        for one, span in zip(self.every_channel, self._spans, strict=True):
+            found.setdefault(one.name, []).append(np.arange(span.start, span.stop))
         together = {name: np.concatenate(places) for name, places in found.items()}
         return {"force": np.arange(len(self.forces)), **together} if found else {}
 
     @property
     def parts_along(self) -> Mapping[str, NDArray[np.int_]]:
-        """As the forces'."""
+        """Those of the forces."""
         return self.forces.parts_along
 
     @property
@@ -124,9 +218,9 @@ class SpecimenReadings(Comparison):
     @cached_property
     def linear_scale(self) -> FloatArray | None:
         """Sizes of the model's values, 0 of forces; None of these alone."""
-        if not self._read:
+        if not self.beside:
             return None
-        return np.concatenate([np.zeros(self._forces_on_grids), *(beside.scale for _, beside in self._read)])
+        return np.concatenate([np.zeros(self._forces_on_grids), *(one.scale for one in self.beside)])
 
     @cached_property
     def _forces_on_grids(self) -> int:
@@ -140,55 +234,35 @@ class SpecimenReadings(Comparison):
     def reached_by(self, outcome: Outcome) -> bool:
         """Whether every test came to its depth, and tells what was read."""
         pairs = zip(outcome.curves, self.forces.depths, strict=True)
-        deep = all(curve.depth >= depth - 1e-9 for curve, depth in pairs)
-        return deep and all(beside.told_by(outcome.curves[part.test]) for part, beside in self._read)
+        told = (outcome.curves[one.part.test].channels.keys() >= set(one.station.courses) for one in self.beside)
+        return all(curve.depth >= depth - 1e-9 for curve, depth in pairs) and all(told)
 
     @property
     def if_deeper(self) -> FloatArray:
         """Change of the readings per relative change of the displacements."""
-        return np.concatenate([self.forces.if_deeper, *(-one.depth * one.slope for one in self._every)])
+        depth = [one.displacement for one in self.every_channel]
+        beside = -np.concatenate([[], *depth]) * np.concatenate([[], *(one.slope for one in self.beside)])
+        return np.concatenate([self.forces.if_deeper, beside])
 
     @cached_property
     def expected(self) -> FloatArray:
         """Readings as they are expected of contacts where they are taken to be."""
-        moved = [
-            part.onset.ahead * one.slope
-            for part, channels in zip(self.forces.parts, self.beside, strict=True)
-            for one in channels
-        ]
-        return self.measured - np.concatenate([self.forces.measured - self.forces.expected_force, *moved])
+        moved = [one.values - one.part.onset.ahead * one.slope for one in self.beside]
+        return np.concatenate([self.forces.expected_force, *moved])
 
     def predict(self, outcome: Outcome, instrument: FloatArray) -> Prediction:
         """Read complete full solves."""
-        found, offset = self.forces.predict(outcome, instrument), _offset(instrument)
-        for part, beside in self._read:
-            elastic = beside.predict(outcome.curves[part.test], offset)
-            by = {name: self._felt(part, beside, values, instrument) for name, values in elastic.sensitivities.items()}
-            felt = partial(self._felt, part, beside, elastic.values)
-            by |= {name: slope for name, slope in slopes_by_readings(felt, instrument).items() if name in RELAXATION}
-            found = found.followed_by(replace(elastic, values=felt(instrument), sensitivities=by))
+        found = self.forces.predict(outcome, instrument)
+        for one in self.beside:
+            found = found.followed_by(one.predict(outcome.curves[one.part.test], instrument))
         return found
-
-    def _felt(self, part: Part, beside: BesideForce, elastic: FloatArray, instrument: FloatArray) -> FloatArray:
-        """Return readings (..., k), of a tissue without time, as they are of one in which loads relax as forces do."""
-        loads = [self.forces.relaxes and one.readings.kind.follows_force for one in beside.channels]
-        ends = np.cumsum([0, *map(len, beside.channels)])[1:-1]
-        shape = np.broadcast_shapes(elastic.shape[:-1], instrument.shape[:-1])
-        blocks = np.split(np.broadcast_to(elastic, (*shape, elastic.shape[-1])), ends, axis=-1)
-        numbers, depth = instrument[..., len(INSTRUMENT) :], self.forces.depths[part.test]
-        felt = [
-            relaxed(one.readings.time, one.depth / depth, block, numbers) if load else block
-            for one, block, load in zip(beside.channels, blocks, loads, strict=True)
-        ]
-        return np.concatenate(felt, axis=-1)
 
     def read(self, model_values: FloatArray, instrument: FloatArray) -> FloatArray:
         """Return readings (..., n) of the models' values (..., m)."""
-        ends = np.cumsum([self._forces_on_grids, *(beside.size for _, beside in self._read)])[:-1]
-        force, *others = np.split(model_values, ends, axis=-1) if self._read else [model_values]
-        found = [self.forces.read(force, instrument)]
-        for (part, beside), values in zip(self._read, others, strict=True):
-            found.append(self._felt(part, beside, beside.read(values, _offset(instrument)), instrument))
+        ends = np.cumsum([self._forces_on_grids, *(len(one.scale) for one in self.beside)])[:-1]
+        force, *others = np.split(model_values, ends, axis=-1) if self.beside else [model_values]
+        pairs = zip(self.beside, others, strict=True)
+        found = [self.forces.read(force, instrument), *(one.read(values, instrument) for one, values in pairs)]
         return np.concatenate(found, axis=-1)
 
     def covariances_at(self, values: FloatArray, spread: float = 0.0) -> Covariances:
@@ -196,21 +270,20 @@ class SpecimenReadings(Comparison):
         found = {
             k: self.of_forces_alone(c) for k, c in self.forces.covariances_at(self.of_forces(values), spread).items()
         }
-        if not self._every:
+        if not self.beside:
             return found
-        of_model = block_diag(*(one.numerical for one in self._every))
+        of_model = block_diag(*(one.errors[1] for one in self.beside))
         found["channels"] = self._beside_only(self.beside_errors - of_model)
         found["model"] += self._beside_only(of_model)
         # Where contact is moves forces and channels together.
-        spans = iter(self._spans)
-        for part, force, channels in zip(self.forces.parts, self.forces.spans, self.beside, strict=True):
-            of_force = part.onset.modes[:, 0]
+        first = len(self.forces)
+        for one in self.beside:
+            force, onset = self.forces.spans[one.number], one.part.onset
             mode = np.zeros(len(self))
-            mode[force] = of_force
-            for one in channels:
-                mode[next(spans)] = part.onset.way * one.slope
+            mode[force], mode[first : first + len(one)] = onset.modes[:, 0], onset.way * one.slope
+            first += len(one)
             found["recordings"] += np.outer(mode, mode)
-            found["recordings"][force, force] -= np.outer(of_force, of_force)
+            found["recordings"][force, force] -= np.outer(onset.modes[:, 0], onset.modes[:, 0])
         return found
 
     def of_forces_alone(self, of_forces: FloatArray) -> FloatArray:
@@ -225,9 +298,9 @@ class SpecimenReadings(Comparison):
     @cached_property
     def thickness_errors(self) -> FloatArray:
         """Covariance (n, n) by the stated thickness of layers, where channels show it."""
-        if not self._every:
+        if not self.beside:
             return np.zeros((len(self), len(self)))
-        return self._beside_only(block_diag(*(one.outlines for one in self._every)))
+        return self._beside_only(block_diag(*(one.of_sizes for one in self.beside)))
 
     @cached_property
     def covariance(self) -> FloatArray:
@@ -236,7 +309,7 @@ class SpecimenReadings(Comparison):
 
     def weighted(self, values: FloatArray) -> FloatArray:
         """Scale values (n, ...): forces alone as recordings that count alike, beside channels by their errors."""
-        return super().weighted(values) if self._every else self.forces.weighted(values)
+        return super().weighted(values) if self.beside else self.forces.weighted(values)
 
     def residual(self, values: FloatArray) -> FloatArray:
         """Return the weighted residual (..., n) of readings (..., n)."""
@@ -245,23 +318,23 @@ class SpecimenReadings(Comparison):
 
     @cached_property
     def beside_errors(self) -> FloatArray:
-        """Covariance of what was read beside the forces, by instruments and model."""
-        found = block_diag(*(one.instrument + one.numerical for one in self._every))
-        starts = np.cumsum([0, *map(len, self._every)])
-        for (k, one), (m, other) in permutations(enumerate(self._every), 2):
-            alike = alike_in_both(one.readings, one.level, other.readings, other.level)
-            found[starts[k] : starts[k + 1], starts[m] : starts[m + 1]] = alike
-        return np.asarray(found)
+        """Covariance of what was read beside the forces, by instruments and model; one instrument reads all tests."""
+        found = np.asarray(block_diag(*(one.errors[0] for one in self.beside)))
+        first = len(self.forces)
+        places = [slice(span.start - first, span.stop - first) for span in self._spans]
+        for (one, mine), (other, its) in permutations(zip(self.every_channel, places, strict=True), 2):
+            if one.name == other.name:
+                found[mine, its] = alike_in_both(one, other)
+        return found
 
-    def fits_of(self, part: int, values: FloatArray) -> list[ChannelFit]:
+    def fits_of(self, number: int, values: FloatArray) -> list[ChannelFit]:
         """Return what was read beside a recording's force, and predicted readings of all recordings at it."""
-        mine, before = self.beside[part], sum(map(len, self.beside[:part]))
-        spans = self._spans[before : before + len(mine)]
-        return [ChannelFit(one.channel, values[span]) for one, span in zip(mine, spans, strict=True)]
-
-
-def _offset(instrument: FloatArray) -> FloatArray:
-    return np.asarray(instrument[..., list(INSTRUMENT).index(OFFSET)])
+        if not self.beside:
+            return []
+        numbers = [one.number for one in self.beside for _ in one.channels]
+        each = zip(numbers, self.every_channel, self._spans, strict=True)
+        sd = np.sqrt(np.diag(self._beside_only(self.beside_errors) + self.thickness_errors))
+        return [ChannelFit(replace(one.channel, sd=sd[span]), values[span]) for k, one, span in each if k == number]
 
 
 def readings_of(forces: SpecimenComparison, relative_sd: Sequence[float]) -> SpecimenReadings:
@@ -274,5 +347,10 @@ def readings_of(forces: SpecimenComparison, relative_sd: Sequence[float]) -> Spe
     relative_sd
         Standard deviation of a layer's stated thickness over that, of every recording's specimen.
     """
-    pairs = zip(forces.recordings, relative_sd, strict=True)
-    return SpecimenReadings(forces, tuple(beside_of(one, sd) for one, sd in pairs))
+    found = []
+    for number, (part, sd) in enumerate(zip(forces.parts, relative_sd, strict=True)):
+        observed = weighed_beside(part.recording)
+        if observed is not None:
+            station = StationReading(observed, np.zeros(1), forces.grids[part.test])
+            found.append(BesideForce(number, part, station, forces.depths[part.test], forces.relaxes, sd))
+    return SpecimenReadings(forces, tuple(found))

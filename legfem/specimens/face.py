@@ -78,22 +78,20 @@ class FaceFit:
 
 def face_fit(comparison: SpecimenReadings, predicted: FloatArray) -> FaceFit | None:
     """Return how the face is strained beside predicted readings (n,); None where it wasn't seen."""
-    beside = [one for channels in comparison.beside for one in channels]
-    found = np.concatenate([[one.readings.name == FACE_STRAIN.name] * len(one) for one in beside] or [[False]])
-    if not found.any():
+    here = comparison.channels.get(FACE_STRAIN.name)
+    if here is None:
         return None
-    readings = [one.readings for one in beside if one.readings.name == FACE_STRAIN.name]
+    readings = [one for one in comparison.every_channel if one.name == FACE_STRAIN.name]
     ways = np.concatenate([one.place[:, 1] for one in readings])
-    seen, model = (one[len(comparison.forces) :][found] for one in (comparison.measured, predicted))
-    errors = comparison.beside_errors[np.ix_(found, found)]
+    seen, model, among = comparison.measured[here], predicted[here], here - len(comparison.forces)
+    errors = comparison.beside_errors[np.ix_(among, among)]
     density = float(multivariate_normal(cov=errors).logpdf(seen - model))
     design = np.column_stack([model * (ways == way) for way in (ALONG, ACROSS)])
     weighed = design / np.concatenate([one.white_variance + one.accuracy.slow**2 for one in readings])[:, None]
     shares = np.linalg.solve(weighed.T @ design, weighed.T)
     (along, across), covariance = shares @ seen, shares @ errors @ shares.T
     of_ratio = np.array([-across / along, 1.0]) / along
-    pairs = zip(comparison.forces.recordings, comparison.beside, strict=True)
-    body = next(one.sizes.body for one, own in pairs if any(c.readings.name == FACE_STRAIN.name for c in own))
+    body = comparison.forces.parts[comparison.part_of[here[0]]].recording.sizes.body
     logs = [np.log1p(share * model[ways == way].mean()) for share, way in ((across, ACROSS), (along, ALONG))]
     alike = isinstance(body, HomogeneousBody) and -logs[0] / logs[1] < _MOST_RATIO
     return FaceFit(
