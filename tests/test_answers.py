@@ -9,7 +9,7 @@ from making_diagnosed import diagnosed
 from test_diagnosis_report import CASES
 
 from legfem.inverse.answer import Answer, Finding, Value
-from legfem.inverse.diagnosed_answer import answer_of
+from legfem.inverse.verdict import answer_of
 from legfem.report.answers import headline_of
 
 

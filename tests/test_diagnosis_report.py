@@ -14,9 +14,9 @@ from making_diagnosis import problem_of, ramps
 from matplotlib.image import imread
 
 from legfem.common.units import percent
-from legfem.inverse import diagnosed_answer
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.location import runs
+from legfem.inverse.verdict import answer_of
 from legfem.legs.loading import load_subject
 from legfem.report import diagnosis_numbers as tables
 from legfem.report import results as report
@@ -265,7 +265,7 @@ def test_numbers_have_the_digits_that_their_errors_leave():
     ],
 )
 def test_a_model_that_explains_a_part_is_not_said_to_fit(monkeypatch, missing, in_part, heading):
-    monkeypatch.setattr(diagnosed_answer, "wide", lambda found: True)
+    monkeypatch.setattr("legfem.inverse.verdict.wide", lambda found: True)
     model = SimpleNamespace(missing=missing, in_part=in_part, names=("fibres",), probability=0.9)
     given = {
         "misfit": SimpleNamespace(size=0.0),
@@ -273,5 +273,5 @@ def test_a_model_that_explains_a_part_is_not_said_to_fit(monkeypatch, missing, i
         "base_model": SimpleNamespace(fit=SimpleNamespace(free=())),
     }
     found = SimpleNamespace(withheld=False, verdict="named", models=[model], may_be_off=0.19, **given)
-    worded = headline_of(diagnosed_answer.answer_of(found))
+    worded = headline_of(answer_of(found))
     assert (worded.tone, worded.heading) == ("caution", heading)

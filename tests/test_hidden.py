@@ -22,6 +22,7 @@ from making_diagnosis import (
 from scipy.stats import norm
 
 from legfem.common.progress import Silent
+from legfem.inverse.accuracy import MeasuredStrength
 from legfem.inverse.averaging import Weighted, _beside_unseen, unseen_of
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.diagnose import DiagnosisInput, diagnose
@@ -31,7 +32,6 @@ from legfem.inverse.fibre_correction import read_fibres
 from legfem.inverse.hidden import profile_of
 from legfem.inverse.laplace import laplace_posterior
 from legfem.inverse.map_fit import fit
-from legfem.inverse.measured_strength import MeasuredStrength
 from legfem.inverse.mechanism import Occurrence, Unseen, shown_mechanisms
 from legfem.inverse.parameter import Prior
 from legfem.inverse.posterior import Mixture

@@ -14,14 +14,13 @@ from scipy.special import logsumexp
 from scipy.stats import norm
 
 from legfem.common.errors import InputError
-from legfem.inverse.accuracy import MATERIAL_LOG_SD, Accuracy, MeasuredEffect
+from legfem.inverse.accuracy import MATERIAL_LOG_SD, Accuracy, MeasuredEffect, measured_strength, measured_strengths
 from legfem.inverse.averaging import averaged_interval
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.evidence import Evidence, possible_discrepancies
 from legfem.inverse.explain import explain
 from legfem.inverse.laplace import laplace_posterior
 from legfem.inverse.map_fit import fit
-from legfem.inverse.measured_strength import measured_strength, measured_strengths
 from legfem.inverse.mechanism import null_of, prior_of
 from legfem.legs.diagnosis import accuracy_of
 from legfem.legs.loading import load_subject

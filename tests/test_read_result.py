@@ -19,10 +19,10 @@ from test_diagnosis_report import CASES
 import legfem as lf
 from legfem.common.documents import write_document
 from legfem.inverse.catalogue import key_of
-from legfem.inverse.diagnosed_answer import answer_of
 from legfem.inverse.document import fit_document
 from legfem.inverse.fit import Fit
 from legfem.inverse.stored import StoredModel, StoredResult
+from legfem.inverse.verdict import answer_of
 from legfem.legs.diagnosis import notices_of
 from legfem.legs.loading import load_subject
 from legfem.report.answers import headline_of

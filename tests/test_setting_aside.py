@@ -11,8 +11,8 @@ from making_diagnosed import diagnosed_of
 from making_diagnosis import noisy, observations, two_rates
 
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
+from legfem.inverse.location import touched_part
 from legfem.inverse.predictive import Misfit, misfit_of
-from legfem.inverse.setting_aside import touched_part
 from legfem.report.diagnosis_headline import headline
 from legfem.report.diagnosis_sentences import verdict_sentence
 

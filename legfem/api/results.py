@@ -13,9 +13,8 @@ from legfem.api.loading import Given
 from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.inverse import stored
 from legfem.inverse.catalogue import LawName
-from legfem.inverse.chosen import preferred
 from legfem.inverse.document import fit_document
-from legfem.inverse.fit import Fit
+from legfem.inverse.fit import Fit, preferred
 from legfem.inverse.outcome import JointForward
 from legfem.inverse.stored import StoredResult
 from legfem.legs.forward import PlaneStrainForward

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from legfem.common.progress import Progress
 from legfem.data import Instrument
-from legfem.inverse.accuracy import Accuracy
+from legfem.inverse.accuracy import Accuracy, measured_strengths
 from legfem.inverse.averaging import unseen_of
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, deep_stiffness
 from legfem.inverse.correction import TabulatedCorrection
@@ -23,15 +23,13 @@ from legfem.inverse.hidden import Limit
 from legfem.inverse.least_squares import sandwich
 from legfem.inverse.library import Library
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, variance_degrees
-from legfem.inverse.location import MisfitAssessment, score_tests
+from legfem.inverse.location import MisfitAssessment, SetAside, score_tests, touched_part
 from legfem.inverse.map_fit import base_about_solution, equally_weighted, fit, ordinary_fit, refitted_about_solutions
-from legfem.inverse.measured_strength import measured_strengths
 from legfem.inverse.mechanism import Mechanism, Occurrence, shown_mechanisms
 from legfem.inverse.nuisances import nuisance_effects
 from legfem.inverse.observations import Observations
 from legfem.inverse.predictive import held_out, misfit_of
 from legfem.inverse.predictor import LawName, Predictor, Responses, onset_name, values_of
-from legfem.inverse.setting_aside import SetAside, touched_part
 from legfem.inverse.station_test import FittedStations
 from legfem.inverse.trial_noise import estimate_noise
 from legfem.inverse.verdict import ADEQUATE, SHOWN_MOST, Diagnosis, Verdict, limits_of

@@ -32,11 +32,11 @@ from scipy.special import logsumexp
 from scipy.stats import norm
 
 from legfem.common.units import FloatArray
+from legfem.inverse.accuracy import MeasuredStrength
 from legfem.inverse.errors import ErrorModel
 from legfem.inverse.evidence import Evidence, Linearisation
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
 from legfem.inverse.map_fit import fit
-from legfem.inverse.measured_strength import MeasuredStrength
 from legfem.inverse.mechanism import Occurrence, prior_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior

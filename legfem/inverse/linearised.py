@@ -9,12 +9,11 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from legfem.common.units import FloatArray
-from legfem.inverse.accuracy import Cause
+from legfem.inverse.accuracy import Cause, MeasuredStrength
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.errors import ErrorModel, NuisanceEffect, error_model
 from legfem.inverse.evidence import Linearisation
 from legfem.inverse.intervals import effective_degrees
-from legfem.inverse.measured_strength import MeasuredStrength
 from legfem.inverse.mechanism import Mechanism, Occurrence, Unseen, prior_of
 from legfem.inverse.parameter import Parameter
 from legfem.inverse.predictor import Predictor

@@ -1,8 +1,10 @@
-"""The seam to a forward model: values in, curves or a failure out; kept solves and processes."""
+"""The seam to a forward model: values in, curves or a failure out; kept solves, processes, the chain rule."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
+
+import numpy as np
 
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
@@ -240,3 +242,26 @@ def solve_test[Model: Forward](models: Sequence[Model], task: TestTask) -> Outco
     """Solve one of several sites in full."""
     number, values, sensitivities = task
     return models[number].solve(values, sensitivities)
+
+
+type Chain = Mapping[str, Mapping[str, float]]
+"""Derivatives of the model's own parameters by each parameter that is asked for; full names."""
+
+
+def needed_for(chain: Chain) -> tuple[str, ...]:
+    """Return the model's own parameters by which it has to be differentiated."""
+    return tuple(dict.fromkeys(name for row in chain.values() for name in row))
+
+
+def through(chain: Chain, curve: ForceCurve) -> ForceCurve:
+    """Return a curve with derivatives by what is asked for, of one with those of `needed_for`."""
+
+    def summed(by: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+        nothing = np.zeros_like(curve.displacement)
+        return {
+            asked: np.asarray(sum((weight * by[name] for name, weight in row.items()), nothing))
+            for asked, row in chain.items()
+        }
+
+    channels = {name: summed(by) for name, by in curve.channel_sensitivities.items()}
+    return replace(curve, sensitivities=summed(curve.sensitivities), channel_sensitivities=channels)

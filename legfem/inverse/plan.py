@@ -25,14 +25,13 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from legfem.common.units import FloatArray
-from legfem.inverse.accuracy import Accuracy
+from legfem.inverse.accuracy import Accuracy, measured_strength
 from legfem.inverse.channel_readings import PlannedChannel
 from legfem.inverse.errors import NuisanceEffect, error_model
 from legfem.inverse.evidence import discrepancy_scales, possible_discrepancies
 from legfem.inverse.explanation import INEXACT
 from legfem.inverse.form import INEXACT_SHARE
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
-from legfem.inverse.measured_strength import measured_strength
 from legfem.inverse.mechanism import Mechanism, null_of, prior_of
 from legfem.inverse.observations import Observations, blank_observations
 from legfem.inverse.predictor import Predictor, onset_name, values_of

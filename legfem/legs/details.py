@@ -19,8 +19,7 @@ from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.leg_surface import TriangleSurface
 from legfem.inverse.answer import Answer
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values, with_units
-from legfem.inverse.chosen import preferred
-from legfem.inverse.fit import Fit, answer_of
+from legfem.inverse.fit import Fit, answer_of, preferred
 from legfem.inverse.station_test import FittedStations
 from legfem.jobs.store import read_arrays, write_arrays
 from legfem.legs.site import curve_of

@@ -8,6 +8,7 @@ from typing import Any
 from legfem.common.errors import Doubt, InputError
 from legfem.common.progress import Progress
 from legfem.common.wording import Argument
+from legfem.inverse.accuracy import check_measured
 from legfem.inverse.catalogue import DEEP_C10, LAWS
 from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.diagnose import DiagnosisInput, Identified, diagnose
@@ -16,7 +17,6 @@ from legfem.inverse.fit import Identity
 from legfem.inverse.library import Library
 from legfem.inverse.library_build import build_library
 from legfem.inverse.library_tasks import STIFFENING, rounded
-from legfem.inverse.measured_strength import check_measured
 from legfem.inverse.mechanism import shown_mechanisms
 from legfem.inverse.notice import FitNotice, Notice, doubted
 from legfem.inverse.observations import Observations, observe

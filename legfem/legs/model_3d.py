@@ -14,10 +14,9 @@ from legfem.common.wording import Argument
 from legfem.experiments.indentation import OnStep
 from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, membrane_of
 from legfem.inverse.catalogue import DEEP_RATIO, Values, stiffness_in_words
-from legfem.inverse.chain_rule import Chain, needed_for, through
 from legfem.inverse.elastography import FibreRatio
 from legfem.inverse.fibre_ratio import USUAL_RATIO, moduli, slopes_at_ratio
-from legfem.inverse.outcome import Forward, Outcome
+from legfem.inverse.outcome import Chain, Forward, Outcome, needed_for, through
 from legfem.inverse.settings import SearchRequest
 from legfem.jobs.pool import Together
 from legfem.jobs.store import Store, key_of

@@ -10,7 +10,6 @@ from legfem.common.documents import json_types, versions_of
 from legfem.common.units import mpa_to_kpa
 from legfem.data.recording import Origin
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, key_of
-from legfem.inverse.diagnosed_answer import answer_of
 from legfem.inverse.document import estimate_document, fitted_document
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.explanation import Explanation
@@ -20,7 +19,7 @@ from legfem.inverse.location import runs
 from legfem.inverse.notice import FitNotice
 from legfem.inverse.predictive import HeldOut, checks_by_phase
 from legfem.inverse.stored import SCHEMAS
-from legfem.inverse.verdict import Diagnosis, explained_share, residual_intervals
+from legfem.inverse.verdict import Diagnosis, answer_of, explained_share, residual_intervals
 from legfem.legs.diagnosis import notices_of
 from legfem.legs.subject import Subject
 from legfem.report.diagnosis_sentences import next_experiments

@@ -8,11 +8,19 @@ from collections.abc import Sequence
 from legfem.common.units import mpa_to_kpa, percent
 from legfem.inverse.averaging import as_seen, robust_interval, widened_by
 from legfem.inverse.catalogue import DEEP_C10
-from legfem.inverse.diagnosed_answer import answer_of, causes_differ, ends, same_value, wide, widest_error
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.mechanism import Mechanism
 from legfem.inverse.plan import DesignValue
-from legfem.inverse.verdict import TRUSTED, Diagnosis
+from legfem.inverse.verdict import (
+    TRUSTED,
+    Diagnosis,
+    answer_of,
+    causes_differ,
+    ends_of_c10,
+    same_value,
+    wide,
+    widest_error,
+)
 from legfem.report import page as web
 from legfem.report.answers import headline_of
 from legfem.report.diagnosis_curves import places_of, relative_change
@@ -187,7 +195,7 @@ def _high_or_low(found: Diagnosis, tissue: str) -> list[tuple[str, str]]:
     if found.withheld or DEEP_C10 not in found.base_model.fit.free:
         return []
     if causes_differ(found):
-        return high_or_low(tissue, *map(float, between(*map(mpa_to_kpa, ends(found)))))
+        return high_or_low(tissue, *map(float, between(*map(mpa_to_kpa, ends_of_c10(found)))))
     model = found.best
     return high_or_low(tissue, mpa_to_kpa(model.value(DEEP_C10))) if model.determined(DEEP_C10) else []
 

@@ -6,7 +6,7 @@ from legfem.common.units import mpa_to_kpa, percent
 from legfem.inverse.catalogue import symbol_of
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.hidden import HiddenEnd, Limit
-from legfem.inverse.setting_aside import SetAside
+from legfem.inverse.location import SetAside
 from legfem.inverse.verdict import Diagnosis, explained_share, residual_intervals
 from legfem.mechanisms.time_dependence import needs_time
 from legfem.report.diagnosis_curves import plain, relative_change

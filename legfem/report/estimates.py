@@ -11,11 +11,10 @@ from legfem.common.units import mpa_to_kpa, readable_unit
 from legfem.data.ranges import PUBLISHED_C10
 from legfem.data.recording import Origin
 from legfem.inverse.catalogue import UNITS, parameter_of, symbol_of, unit_of
-from legfem.inverse.chosen import SIGNIFICANT, gain_of, misfit_of
 from legfem.inverse.comparison import ErrorSource
 from legfem.inverse.elastography import ShearModulus
 from legfem.inverse.estimates import DISPLACEMENT, FORCE, Estimate, main_source
-from legfem.inverse.fit import Fit, Goodness, TestFit
+from legfem.inverse.fit import SIGNIFICANT, Fit, Goodness, TestFit, gain_of, misfit_of
 from legfem.legs.subject import Subject
 from legfem.report.page import Block, Known, Provenance, WebTable
 from legfem.report.style import LAW_NAMES, REGION_NAMES

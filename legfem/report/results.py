@@ -11,9 +11,8 @@ from mpi4py import MPI
 from legfem.common.documents import write_document
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.fem.field_files import write_fields
-from legfem.inverse.chosen import preferred
 from legfem.inverse.document import fit_document
-from legfem.inverse.fit import Fit
+from legfem.inverse.fit import Fit, preferred
 from legfem.inverse.plan import DesignValue
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.details import LegDetails

@@ -21,7 +21,6 @@ from scipy.stats import norm
 from legfem.common.units import FloatArray, percent
 from legfem.inverse.answer import Answer
 from legfem.inverse.catalogue import DEEP_C10, Values, key_of, symbol_of
-from legfem.inverse.chosen import least_akaike
 from legfem.inverse.comparison import ErrorSource
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import (
@@ -30,6 +29,7 @@ from legfem.inverse.fit import (
     answer_of,
     at_limits,
     far_from_priors,
+    least_akaike,
     of_compromise,
     of_failed_solves,
     of_search,

@@ -10,9 +10,8 @@ import numpy as np
 from legfem.experiments.axisymmetric import Layer
 from legfem.experiments.experiment import Picklable, Solved, cached_in_process
 from legfem.inverse.catalogue import Values, is_ratio
-from legfem.inverse.chain_rule import needed_for, through
 from legfem.inverse.fibre_ratio import moduli, ratio_of, slopes_at_ratio
-from legfem.inverse.outcome import Outcome
+from legfem.inverse.outcome import Outcome, needed_for, through
 from legfem.jobs.store import code_fingerprint
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.terms import Fibres

@@ -16,10 +16,9 @@ from legfem.common.errors import Doubt, InputError
 from legfem.common.units import FloatArray
 from legfem.common.wording import Argument
 from legfem.inverse.catalogue import IdentifiedLaw, LawName, model_values
-from legfem.inverse.chosen import least_akaike
 from legfem.inverse.comparison import total_of
 from legfem.inverse.estimates import Optimum, estimates
-from legfem.inverse.fit import EXACT, ChannelFit, Fit, Goodness, Identity, TestFit, versions
+from legfem.inverse.fit import EXACT, ChannelFit, Fit, Goodness, Identity, TestFit, least_akaike, versions
 from legfem.inverse.intervals import bound_of, quantile
 from legfem.inverse.notice import Notice, doubted
 from legfem.inverse.problem import cost_of, fit, goodness_of, log_of, search_settings

@@ -11,8 +11,7 @@ from legfem.geometry.leg_shape import fat_thickness_around
 from legfem.geometry.slices import CONTOURS
 from legfem.inverse.answer import Answer, Finding, Tone
 from legfem.inverse.catalogue import key_of
-from legfem.inverse.chosen import preferred
-from legfem.inverse.fit import Fit, answer_of
+from legfem.inverse.fit import Fit, answer_of, preferred
 from legfem.stockings.contour_distances import ContourMisfit
 from legfem.stockings.discrepancy import ModelDiscrepancy
 from legfem.stockings.equilibrium import Equilibrium, LegModel3D

@@ -9,9 +9,8 @@ from matplotlib.figure import Figure
 from legfem.common.units import mpa_to_kpa
 from legfem.inverse.answer import Finding
 from legfem.inverse.catalogue import DEEP_C10, symbol_of
-from legfem.inverse.chosen import preferred
 from legfem.inverse.document import KindDocument
-from legfem.inverse.fit import Fit
+from legfem.inverse.fit import Fit, preferred
 from legfem.legs.details import LegDetails, LegDocument, SpatialEvidence, SpatialSites
 from legfem.legs.site import curve_of
 from legfem.legs.subject import Subject

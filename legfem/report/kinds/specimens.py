@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 
 from legfem.common.units import FloatArray, percent
 from legfem.inverse.catalogue import RATIO, is_ratio, symbol_of
-from legfem.inverse.chosen import least_akaike
 from legfem.inverse.document import KindDocument
+from legfem.inverse.fit import least_akaike
 from legfem.inverse.readings import RELAXATION
 from legfem.report import estimates
 from legfem.report import page as web
