@@ -73,7 +73,7 @@ from legfem.stockings.identification import StockingSettings, identify_in_stocki
 from legfem.stockings.leg import StockingLeg, default_veins
 from legfem.study.correction.calibration import Calibrated, Calibration
 from legfem.study.correction.cases import CaseOutcome, CorrectionCase
-from legfem.study.correction.page import correction_web_page
+from legfem.study.correction.command import correction_web_page
 from legfem.study.doe.command import study_web_page
 from legfem.study.doe.design import read_definition
 from legfem.study.doe.runs import Record, Workshop, simulate

@@ -15,8 +15,7 @@ from legfem.inverse.intervals import quantile
 from legfem.inverse.outcome import FullSolver, Outcome
 from legfem.inverse.searches import Found, Searches
 from legfem.stockings.equilibrium import PARAMETERS
-from legfem.stockings.estimates import MOST, profile_intervals
-from legfem.stockings.identification import SAMPLED_AT, StockingSettings
+from legfem.stockings.identification import MOST, SAMPLED_AT, StockingSettings, profile_intervals
 from legfem.stockings.scan_fit import by_name, stiffness_priors
 
 BEST = np.array([3e-3, 5e-3])

@@ -34,11 +34,10 @@ from legfem.report.results import write_report
 from legfem.report.stocking_pressures import vein_interval
 from legfem.report.stocking_stiffness import stiffness_interval, verdict_sentence
 from legfem.report.words import Directions, angle_round, unwrapped
-from legfem.stockings.assessment import assessed
+from legfem.stockings.assessment import assessed, stiffness_estimates
 from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.details import StockingDocument
 from legfem.stockings.equilibrium import PARAMETERS, EquilibriumSolver, LegModel3D
-from legfem.stockings.estimates import expected_rms, stiffness_estimates
 from legfem.stockings.fabric import Stocking, fitted_stocking, stocking_load
 from legfem.stockings.identification import StockingSettings, identify_in_stocking
 from legfem.stockings.leg import Posture, StockingLeg, default_veins
@@ -112,7 +111,7 @@ def estimates_of(best, result):
 def missing(result):
     """Its best fit, twice as far from the scan as errors explain."""
     best = result.details.best
-    return replace(best, distances=np.full_like(best.distances, 2 * expected_rms(result.details.leg.accuracy)))
+    return replace(best, distances=np.full_like(best.distances, 2 * result.details.leg.accuracy.expected_rms))
 
 
 def test_what_the_veins_hold_stands_beside_the_tissues_pressure(result):
@@ -205,7 +204,7 @@ def test_page_gives_stiffness_with_intervals_and_every_equilibrium(result, folde
     for solve in result.log.solves:
         muscle, fat = (mpa_to_kpa(solve.values[name]) for name in PARAMETERS)
         assert f"{muscle:.4g} {fat:.4g}" in text
-    assert f"Errors of the contours alone would cause {expected_rms(result.details.leg.accuracy):.3f} mm" in text
+    assert f"Errors of the contours alone would cause {result.details.leg.accuracy.expected_rms:.3f} mm" in text
 
 
 def test_a_summary_tells_stiffness_and_pressures(result):

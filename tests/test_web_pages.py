@@ -33,7 +33,7 @@ from legfem.report.plan import plan_web_page
 from legfem.report.render import PAGE_FILES, embed, rendered
 from legfem.report.specimen_sentences import procedure
 from legfem.specimens.laws import SpecimenTissue
-from legfem.study.correction.page import correction_web_page
+from legfem.study.correction.command import correction_web_page
 from legfem.study.doe.command import study_web_page
 from legfem.study.doe.tables import not_seen, to_measure
 from studies.making.shapes import round_leg

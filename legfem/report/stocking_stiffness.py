@@ -15,7 +15,6 @@ from legfem.stockings.contour_distances import CONTOUR_NAMES
 from legfem.stockings.details import StockingDetails, StockingFit
 from legfem.stockings.discrepancy import ModelDiscrepancy
 from legfem.stockings.equilibrium import PARAMETERS
-from legfem.stockings.estimates import expected_rms
 from legfem.stockings.levels import TISSUES
 from legfem.stockings.scan_fit import ScanFit
 
@@ -120,7 +119,7 @@ def _goodness(details: StockingDetails, best: ScanFit) -> str:
     return (
         f"The model's contours of skin and hull meet the scan's in {len(misfit.target.levels)} "
         f"slices to within {best.rms:.3f} mm (root mean square). Errors of the contours alone would cause "
-        f"{expected_rms(leg.accuracy):.3f} mm; the bare leg differs from the scan by "
+        f"{leg.accuracy.expected_rms:.3f} mm; the bare leg differs from the scan by "
         f"{float(np.sqrt(np.mean(bare**2))):.3f} mm. The weighted misfit is "
         f"{best.chi_square:.2f}; it is 1 if the errors have the size and roughness that are assumed. To reach "
         f"this, the fit moves the model by {shift} mm along x, y, z and turns it by {turn} degrees about them, within "
@@ -162,7 +161,7 @@ def contour_curves(details: StockingDetails) -> list[Curves]:
                 "distance outside the scan (mm)",
                 "",
                 lines,
-                np.full(len(ROUND), 1.96 * expected_rms(leg.accuracy)),
+                np.full(len(ROUND), 1.96 * leg.accuracy.expected_rms),
                 "errors of the contours, 95 %",
             )
         )

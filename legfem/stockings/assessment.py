@@ -19,7 +19,7 @@ from legfem.common.units import mpa_to_mmhg
 from legfem.geometry.slices import CONTOURS
 from legfem.inverse.catalogue import LawName
 from legfem.inverse.elastography import disagreement
-from legfem.inverse.estimates import correlations_of
+from legfem.inverse.estimates import Estimate, correlations_of, reasons, trade_of
 from legfem.inverse.fit import (
     EXACT,
     UNTESTED,
@@ -34,16 +34,17 @@ from legfem.inverse.fit import (
     of_search,
     r_squared,
 )
+from legfem.inverse.intervals import Estimated
 from legfem.inverse.notice import Notice, doubted
 from legfem.inverse.parameter import Priors
 from legfem.inverse.readings import Channel, Data, MeasuredTest
 from legfem.inverse.trial import SearchLog
-from legfem.stockings import estimates
+from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.details import StockingDetails, StockingFit
 from legfem.stockings.equilibrium import PARAMETERS, EquilibriumSettings
 from legfem.stockings.leg import ComparedSensor
 from legfem.stockings.levels import TISSUES
-from legfem.stockings.scan_fit import ScanFit, by_name, stiffness_priors
+from legfem.stockings.scan_fit import MISSED_BEYOND, ScanFit, by_name, stiffness_priors
 
 
 class StockingNotice(StrEnum):
@@ -83,7 +84,8 @@ def assessed(details: StockingDetails, log: SearchLog, settings: Mapping[str, An
     """
     leg, best = details.leg, details.best
     priors = stiffness_priors(leg.elastography)
-    known = {} if best is None else estimates.stiffness_estimates(best, leg.accuracy, priors, log.converged)
+    channels = () if best is None else tuple(_channels(best, details))
+    known = {} if best is None else stiffness_estimates(best, leg.accuracy, priors, log.converged)
     held = {f"{name}.D1": float(law.D1) for name, law in leg.tissues.items()}
     given = {} if best is not None else details.parameters
     fit = Fit(
@@ -95,9 +97,9 @@ def assessed(details: StockingDetails, log: SearchLog, settings: Mapping[str, An
         values=MappingProxyType({**held, **(details.parameters if best is None else by_name(best.parameters))}),
         assumed=MappingProxyType({**held, **given}),
         goodness=UNTESTED if best is None else Goodness.of(best.objective, best.residuals - len(PARAMETERS)),
-        cost=_cost(best, details),
+        cost=_cost(best, channels),
         agreement=EXACT,
-        tests=() if best is None else (_scans(best, details, priors),),
+        tests=() if best is None else (_scans(best, channels, priors),),
         log=log,
         neo_hookean_limit=False,
         weighting="covariance",
@@ -107,6 +109,40 @@ def assessed(details: StockingDetails, log: SearchLog, settings: Mapping[str, An
         computed=MappingProxyType(dict(_computed(details))),
     )
     return replace(fit, notices=(*doubted(leg.doubts), *stocking_notices(fit)))
+
+
+def stiffness_estimates(
+    found: ScanFit, accuracy: ContourAccuracy, priors: Priors, converged: bool = True
+) -> dict[str, Estimate]:
+    """Return the estimates by full name; each weakly identifiable at best where the fit isn't sound.
+
+    Parameters
+    ----------
+    found
+        The best fit.
+    accuracy
+        Errors of the contours.
+    priors
+        The stiffnesses with what was known of them (MPa).
+    converged
+        Whether the search had settled.
+    """
+    correlations = correlations_of(found.log_covariance)
+    errors = found.parameters * np.sqrt(np.diag(found.log_covariance))
+    missed = ""
+    if found.misses(accuracy):
+        missed = "the model misses the scan, so the interval doesn't hold"
+    elif not converged:
+        missed = "the search ended before it had settled"
+    estimates = {}
+    for k, parameter in enumerate(priors.parameters):
+        low, high = map(float, found.interval95[k])
+        known = Estimated(parameter, float(found.parameters[k]), float(errors[k]), (low, high))
+        why = reasons(known, missed, trade_of(PARAMETERS, k, correlations), data="both scans")
+        estimates[parameter.name] = Estimate(
+            parameter, known.value, known.standard_error, known.ci95, known.verdict(not missed), why
+        )
+    return estimates
 
 
 def _channels(best: ScanFit, details: StockingDetails) -> Iterator[ChannelFit]:
@@ -129,17 +165,16 @@ def _channels(best: ScanFit, details: StockingDetails) -> Iterator[ChannelFit]:
         yield ChannelFit(Channel(_PRESSURE, "MPa", height, "height_mm", read, sd), read + sd * best.sensed)
 
 
-def _scans(best: ScanFit, details: StockingDetails, priors: Priors) -> TestFit:
+def _scans(best: ScanFit, channels: tuple[ChannelFit, ...], priors: Priors) -> TestFit:
     """Both scans beside the fit."""
-    channels = tuple(_channels(best, details))
     departures = priors.residual(best.parameters)
     goodness = Goodness.of(best.objective - float(departures @ departures), best.residuals - len(departures))
     return TestFit(MeasuredTest("both scans", Data(tuple(one.channel for one in channels))), channels, goodness)
 
 
-def _cost(best: ScanFit | None, details: StockingDetails) -> Cost:
+def _cost(best: ScanFit | None, channels: tuple[ChannelFit, ...]) -> Cost:
     """Plain sum of squared distances that are left."""
-    of_contours = [] if best is None else list(_channels(best, details))[: len(CONTOURS)]
+    of_contours = channels[: len(CONTOURS)]
     left = np.concatenate([np.zeros(0), *(one.residual for one in of_contours)])
     squares = float(left @ left)
     measured = np.concatenate([np.zeros(0), *(one.channel.values for one in of_contours)])
@@ -238,9 +273,9 @@ def _of_the_stiffness(fit: StockingFit) -> Iterator[Notice]:
     best, accuracy = fit.details.best, fit.details.leg.accuracy
     if best is None:
         return
-    if estimates.model_misses(best, accuracy):
-        expected = estimates.expected_rms(accuracy)
-        yield Notice.of(StockingNotice.SCAN_MISSED, rms=best.rms, times=estimates.MISSED_BEYOND, expected=expected)
+    if best.misses(accuracy):
+        expected = accuracy.expected_rms
+        yield Notice.of(StockingNotice.SCAN_MISSED, rms=best.rms, times=MISSED_BEYOND, expected=expected)
     for name, known in fit.estimates.items():
         if (prior := known.parameter.prior) is not None:
             yield from disagreement(name, prior, known.value, known.standard_error, "the fit of both scans")

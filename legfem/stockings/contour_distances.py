@@ -14,6 +14,7 @@ the stocking's pressure responds to them; so is the motion between the scans tha
 the bones leaves: bones are nearly prisms, so that they hardly fix the scans along the leg.
 """
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -74,6 +75,11 @@ class ContourAccuracy:
         """Standard deviation of one scan's outlines after smoothing (mm)."""
         left = self._kept(np.zeros(1), self.around) * self._kept(np.zeros(1), self.along)
         return float(self.sd * np.sqrt(left[0]))
+
+    @property
+    def expected_rms(self) -> float:
+        """Root-mean-square distance (mm) that errors of the contours alone make."""
+        return math.sqrt(2 * self.smoothed_sd**2 + self.model_sd**2)
 
     def covariance(self, around: FloatArray, along: FloatArray) -> FloatArray:
         """Return the covariance (mm2) of two points of one scan's outline.

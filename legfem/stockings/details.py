@@ -15,7 +15,6 @@ from legfem.inverse.fit import Fit, answer_of, preferred
 from legfem.stockings.contour_distances import ContourMisfit
 from legfem.stockings.discrepancy import ModelDiscrepancy
 from legfem.stockings.equilibrium import Equilibrium, LegModel3D
-from legfem.stockings.estimates import expected_rms, model_misses
 from legfem.stockings.fabric import StockingLoad, stocking_load
 from legfem.stockings.leg import ComparedSensor, StockingLeg
 from legfem.stockings.levels import TISSUES, LevelPressure, PressureAlong, pressures_at_levels
@@ -82,7 +81,7 @@ class StockingDetails:
         found = self.pressures
         unsure = [TISSUES[n] for n, k in fit.estimates.items() if k.identifiability != "identifiable"]
         verdict = None if self.discrepancy is None else self.discrepancy.verdict
-        misses = self.best is not None and model_misses(self.best, self.leg.accuracy)
+        misses = self.best is not None and self.best.misses(self.leg.accuracy)
         finding = Finding.MISFIT if verdict == "unexplained" or misses else Finding.FITS
         finding = Finding.NOT_COMPUTED if found is None else finding
         sound = verdict == "consistent" and not unsure and self.equilibrium.converged
@@ -193,7 +192,7 @@ def _contours(details: StockingDetails) -> dict[str, Any] | None:
     bare = misfit.distances(details.leg.bare)
     return {
         "levels_mm": misfit.target.levels.tolist(),
-        "expected_rms_distance_mm": expected_rms(accuracy),
+        "expected_rms_distance_mm": accuracy.expected_rms,
         "bare_rms_distance_mm": float(np.sqrt(np.mean(bare**2))),
         "segmentation_sd_mm": accuracy.sd,
         "segmentation_correlation_mm": accuracy.correlation,

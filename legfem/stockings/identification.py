@@ -18,6 +18,8 @@ from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.experiments.compression import CompressionSettings
 from legfem.geometry.slices import SliceSet
 from legfem.inverse.catalogue import IdentifiedLaw, LawName
+from legfem.inverse.intervals import profile_interval, profile_point, quantile
+from legfem.inverse.least_squares import Residual, least_residual
 from legfem.inverse.outcome import FullSolver
 from legfem.inverse.parameter import Priors
 from legfem.inverse.problem import fit_with, log_of, search_settings
@@ -30,7 +32,6 @@ from legfem.stockings.contour_distances import ContourMisfit
 from legfem.stockings.details import StockingDetails, StockingFit
 from legfem.stockings.discrepancy import model_discrepancy
 from legfem.stockings.equilibrium import PARAMETERS, SURFACES, EquilibriumSolver, LegModel3D
-from legfem.stockings.estimates import profile_intervals
 from legfem.stockings.fabric import stocking_load
 from legfem.stockings.forward import StockingForward
 from legfem.stockings.leg import SensorArray, StockingLeg
@@ -42,7 +43,7 @@ from legfem.stockings.pressures import (
     tissue_pressures,
     vein_pressure_sd,
 )
-from legfem.stockings.scan_fit import ScanComparison, ScanFit, by_name, stiffness_priors
+from legfem.stockings.scan_fit import BOUNDS, ScanComparison, ScanFit, by_name, stiffness_priors
 
 SAMPLED_AT = kpa_to_mpa(np.array([[3.0, 3.0], [1.5, 12.0], [6.0, 1.5]]))
 """C10 of muscle and fat (MPa) at which the leg's response to the nuisances is computed, and the search begins."""
@@ -142,6 +143,51 @@ class ScanProblem:
         details = _dressed(self.leg, self.forward, self.progress, best)
         details = replace(details, misfit=self.scans.misfit, best=best, discrepancy=discrepancy)
         return assessed(details, log, search_settings(found.search))
+
+
+MOST = 6
+"""Equilibria that are solved for intervals' ends at most."""
+LEAST_WAY = 0.2
+"""Distance in log stiffness beyond the nearest equilibrium that one more is worth."""
+
+
+def profile_intervals(found: Found[ScanComparison], log_covariance: FloatArray) -> FloatArray:
+    """Return 95 % intervals of the stiffnesses, (2, 2), by profile likelihood, MPa; 0 and infinity where open.
+
+    The profile of one stiffness is the least sum of squares with it held, over the other stiffness and the nuisances,
+    between the equilibria that were solved (`legfem.inverse.emulator`). Where an end of an interval lies too far from
+    all of them, one more is solved on the way there. An interval that reaches a bound of the search, or stiffnesses at
+    which the leg can't be computed, is open.
+
+    Parameters
+    ----------
+    found
+        The finished search.
+    log_covariance : (2, 2) array
+        Covariance of the stiffnesses' logarithms, for a first guess.
+    """
+    search, times = found.search, quantile(0)
+    box = np.tile(np.log(BOUNDS), (len(PARAMETERS), 1))
+    half = np.clip(times * np.sqrt(np.diag(log_covariance)), 0.02, 1.0)
+    for solved in range(MOST + 1):
+        left = found.residual
+
+        def residual(logs: FloatArray, left: Residual = left) -> FloatArray:
+            return left(np.exp(logs))
+
+        least = least_residual(residual, np.clip(np.log(found.best.point), *box.T), box)
+        ends = np.array([profile_interval(residual, least, k, times**2, box, width) for k, width in enumerate(half)])
+        points = np.array(
+            [[profile_point(residual, least, k, end, box, width) for end in ends[k]] for k, width in enumerate(half)]
+        ).reshape(-1, len(PARAMETERS))
+        nearest, share = search.trust.share_of_way(search.coordinates.of(np.exp(points)))
+        way = share * np.linalg.norm(points - nearest, axis=1)
+        if solved == MOST or (share >= 1.0).all() or way.max() < LEAST_WAY:
+            break
+        farthest = int(np.argmax(np.where(share < 1.0, way, 0.0)))
+        search.solve(np.exp(nearest + share[:, None] * (points - nearest))[[farthest]], "design")
+    known = (share >= 1.0).reshape(ends.shape) & (np.abs(ends - box) > 1e-9)
+    return np.where(known, np.exp(ends), (0.0, np.inf))
 
 
 def identify_in_stocking(

@@ -26,7 +26,7 @@ from legfem.inverse.intervals import quantile
 from legfem.inverse.outcome import Outcome
 from legfem.inverse.parameter import Parameter, Priors
 from legfem.inverse.trial import Trial
-from legfem.stockings.contour_distances import ContourMisfit
+from legfem.stockings.contour_distances import ContourAccuracy, ContourMisfit
 from legfem.stockings.equilibrium import PARAMETERS, PROBE_STEP, SURFACES
 from legfem.stockings.forward import PRESSURE
 from legfem.stockings.leg import SensorArray
@@ -34,6 +34,9 @@ from legfem.stockings.nuisances import RIGID, SECTORS, NuisanceSlopes
 
 BOUNDS = (kpa_to_mpa(0.1), kpa_to_mpa(100.0))
 """Bounds of both stiffnesses in a search (MPa)."""
+MISSED_BEYOND = 1.5
+"""Root-mean-square distance, over that which errors of the outlines make, beyond which the model
+misses the scan, so that its intervals don't hold."""
 STEP = 0.01
 """Step in log parameters of the finite differences of the nuisances' derivatives."""
 
@@ -358,6 +361,10 @@ class ScanFit:
     def rms(self) -> float:
         """Root-mean-square distance from the scan, mm."""
         return float(np.sqrt(np.mean(self.distances**2)))
+
+    def misses(self, accuracy: ContourAccuracy) -> bool:
+        """Tell whether the leg is farther from the scan than errors of the contours explain."""
+        return not self.rms <= MISSED_BEYOND * accuracy.expected_rms
 
     @property
     def chi_square(self) -> float:

@@ -10,7 +10,7 @@ from legfem.common.units import FloatArray
 from legfem.report.style import FAINT, REGION_COLOURS, new_figure, panel, save, styled
 from legfem.study.correction.calibration import Calibrated
 from legfem.study.correction.cases import CorrectionCase
-from legfem.study.correction.page import COLOURS
+from legfem.study.correction.command import COLOURS
 
 
 @styled

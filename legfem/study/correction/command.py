@@ -1,21 +1,32 @@
-"""What ``legfem study correction`` does and writes."""
+"""What ``legfem study correction`` does and writes: documents, and a page of what P is and depends on."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from mpi4py import MPI
 
-from legfem.common.documents import json_types, write_atomically, write_document
+from legfem.common.documents import (
+    Cells,
+    column_cells,
+    json_types,
+    row_cells,
+    versions_of,
+    write_atomically,
+    write_document,
+)
 from legfem.common.progress import progress_on
-from legfem.common.units import FloatArray
+from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.experiments.leg_3d import IdealisedLegIndentation
 from legfem.fem.field_files import write_fields
 from legfem.fem.fields import fields_of
-from legfem.report.curves import curves_figure
-from legfem.report.page import PAGE, command_line
+from legfem.inverse.correction import DEFINITION
+from legfem.report import page as web
+from legfem.report.curves import Curves, Dash, Line, curves_figure
 from legfem.report.render import brief, rendered
 from legfem.report.style import save
+from legfem.report.words import DataKind
 from legfem.study.correction.calibration import (
     Calibrated,
     Calibration,
@@ -26,9 +37,11 @@ from legfem.study.correction.calibration import (
     tabulate_legs,
 )
 from legfem.study.correction.cases import CaseOutcome, CorrectionCase
-from legfem.study.correction.page import DEPENDS_ON, HOW_SURE, Trend, correction_web_page, trend_curves
 
 DOCUMENT = "correction.json"
+Trend = Mapping[str, Mapping[str, FloatArray]]
+"""P by the value of what is varied, by what that is."""
+DEPENDS_ON, HOW_SURE = "What it depends on", "How sure"
 
 
 def run(
@@ -101,10 +114,10 @@ def _as_far_as_it_came(case: CorrectionCase, outcome: CaseOutcome) -> FloatArray
 
 
 def _write(given: Calibration, found: Calibrated, studied: Trend, out: Path, trends: bool) -> None:
-    page, displacement = correction_web_page(given, found, studied, command_line()), found.correction.displacement
+    page, displacement = correction_web_page(given, found, studied, web.command_line()), found.correction.displacement
     print(brief(page, (DEPENDS_ON, HOW_SURE) if trends else (HOW_SURE,)))
-    write_atomically(out / PAGE, rendered(page))
-    print(f"page: {out / PAGE}")
+    write_atomically(out / web.PAGE, rendered(page))
+    print(f"page: {out / web.PAGE}")
     if trends:
         curves_of = {name: {k: np.round(v, 5) for k, v in curves.items()} for name, curves in studied.items()}
         document = {"schema": 1, "displacement_mm": displacement, "P": curves_of}
@@ -146,3 +159,249 @@ def _trend_cases(given: Calibration, all_of_them: bool) -> dict[str, dict[str, C
         "C20/C10": {name: replace(coarse, material=one) for name, one in stiffenings.items()},
         "leg's radius (mm)": {name: replace(coarse, leg=one) for name, one in radii.items()},
     }
+
+
+SHOWN = np.array([2.5, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0])
+"""Depths of the tables, mm."""
+
+
+def correction_cells(found: Calibrated) -> Cells:
+    """Forces, P and its errors, a row a depth."""
+    correction, reference = found.correction, found.reference
+    depths = SHOWN[SHOWN <= correction.displacement[-1]]
+    modes = {name: np.interp(depths, correction.displacement, mode) for name, mode in correction.errors.items()}
+    return column_cells(
+        {
+            "d (mm)": ("g", depths),
+            "RF3D (N)": (".3f", reference.spatial(depths)),
+            "L RF2D (N)": (".3f", reference.plane(depths)),
+            "P": ("+.4f", reference.P(depths)),
+            **{name: ("+.4f", mode) for name, mode in modes.items()},
+            "sd": (".4f", correction.standard_deviation(depths)),
+        }
+    )
+
+
+def meshes_cells(found: Calibrated) -> Cells:
+    """P on the meshes, a row a mesh, and the finest one's error by Richardson's estimate."""
+    displacement = found.correction.displacement
+    depths = SHOWN[SHOWN <= displacement[-1]]
+    values = [outcome.P(depths) for outcome in found.meshes]
+    limit = values[0] + np.interp(depths, displacement, found.correction.errors["mesh"])
+    rows = [
+        {
+            "unknowns": f"{one.unknowns}",
+            **_at(depths, P),
+            "tangents": f"{one.factorisations}",
+            "time (s)": f"{one.seconds:.0f}",
+        }
+        for one, P in reversed(list(zip(found.meshes, values, strict=True)))
+    ]
+    return row_cells([*rows, {"unknowns": "limit", **_at(depths, limit), "tangents": "", "time (s)": ""}])
+
+
+def trend_cells(name: str, displacement: FloatArray, curves: Mapping[str, FloatArray]) -> Cells:
+    """P, a row a value of what is varied."""
+    depths = SHOWN[SHOWN <= displacement[-1]]
+    return row_cells(
+        {name: value, **_at(depths, np.interp(depths, displacement, curve))} for value, curve in curves.items()
+    )
+
+
+def _at(depths: FloatArray, P: FloatArray) -> dict[str, str]:
+    return {f"{d:g} mm": "-" if np.isnan(p) else f"{p:+.4f}" for d, p in zip(depths, P, strict=True)}
+
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#111111", "#8C8C8C")
+
+
+_DASHES: tuple[Dash, ...] = ("dashed", "dotted", "dotdash", "solid")
+_THREE_PARTS = (
+    "The error of P has three parts, each a curve over the displacement: that of the mesh (Richardson's estimate), "
+    "that of a leg which is shorter or longer, and that of first contact."
+)
+_NOT_TESTED = (
+    "A real leg's shape: the leg here is a straight cylinder with one bone. --legs tabulates other "
+    "girths and depths of the bone.",
+    "A cylinder that isn't pressed square on, or slips.",
+    "Stiffness beyond the table: there P is taken as at its edge.",
+)
+
+
+def correction_web_page(given: Calibration, found: Calibrated, trends: Trend, command: str) -> web.WebPage:
+    """Return the page of a calibration.
+
+    Parameters
+    ----------
+    given
+        What was calibrated.
+    found
+        The correction.
+    trends
+        P on a coarser mesh against what it depends on.
+    command
+        That was given; empty where there was none.
+    """
+    grid = found.correction.displacement
+    tables = [
+        web.WebTable(f"P against the {name}", *trend_cells(name, grid, curves), folded=True)
+        for name, curves in trends.items()
+    ]
+    return web.WebPage(
+        title="How much do a cylinder's ends change the force on a leg?",
+        subject=found.correction.name,
+        origin="simulated",
+        headline=_headline(given, found),
+        warnings=_warnings(found),
+        known=_known(given, found),
+        chapters=[
+            web.Chapter("The correction", [_correction(given, found)]),
+            web.Chapter(DEPENDS_ON, [*trend_curves(grid, trends), *tables]),
+            web.Chapter(
+                HOW_SURE,
+                [
+                    web.Prose(_THREE_PARTS),
+                    web.WebTable("Forces, P and its errors by depth", *correction_cells(found)),
+                    web.WebTable("P on three meshes, and in the limit", *meshes_cells(found)),
+                ],
+            ),
+            web.Chapter("What could not be tested", [web.Bullets(_NOT_TESTED)]),
+            web.Chapter("What to do next", [web.Bullets(_next())]),
+        ],
+        repeat=web.Repeat(command, versions_of("dolfinx", "python")),
+        data=DataKind("simulated data", "an idealised leg; no leg was measured"),
+    )
+
+
+def _at_end(given: Calibration, found: Calibrated) -> tuple[float, float, float]:
+    """Return depth (mm), P and its standard deviation there, of the reference material."""
+    correction, material = found.correction, given.reference.material
+    depth = correction.displacement[-1:]
+    P = correction.correction(depth, *material.stiffness)
+    return float(depth[0]), float(P[0]), float(correction.standard_deviation(depth)[0])
+
+
+def _headline(given: Calibration, found: Calibrated) -> web.Headline:
+    depth, P, sd = _at_end(given, found)
+    more = "more" if P < 0 else "less"
+    length = given.reference.cylinder.length
+    share = f"{100 * abs(P):.0f} %"
+    return web.Headline(
+        "caution" if _warnings(found) or 1.96 * sd > abs(P) else "sound",
+        f"At a depth of {depth:g} mm, a cylinder {length:g} mm long meets "
+        + (
+            "the force that plane strain predicts."
+            if share == "0 %"
+            else f"{share} {more} force than plane strain predicts."
+        ),
+        [
+            (
+                "How sure",
+                f"P is {P:+.2f} ± {sd:.2f} at that depth (one standard deviation, from the mesh, the leg's length and "
+                "first contact).",
+            ),
+            (
+                "What it does to C10",
+                (
+                    "Hardly anything"
+                    if share == "0 %"
+                    else f"Without this correction, C10 would be about {share} too {'high' if P < 0 else 'low'}"
+                )
+                + "; legfem identify applies it.",
+            ),
+            ("What to do", _next()[0]),
+        ],
+        "What plane strain leaves out",
+    )
+
+
+def _warnings(found: Calibrated) -> list[str]:
+    softened = sum(outcome.softened for outcome in found.outcomes)
+    if not softened:
+        return []
+    return [f"{softened} of {len(found.outcomes)} models needed a softer contact to go on."]
+
+
+def _next() -> list[str]:
+    return [
+        "Give the file beside this page to an identification: legfem identify --subject-dir FOLDER --correction "
+        "correction.json",
+        "For a leg of another girth or depth to the bone, calibrate with --legs.",
+    ]
+
+
+def _known(given: Calibration, found: Calibrated) -> list[web.Known]:
+    leg, cylinder, material = (given.reference.leg, given.reference.cylinder, given.reference.material)
+    depth, P, sd = _at_end(given, found)
+    option = "option, or legfem's usual"
+    return [
+        web.Known(
+            f"P at {depth:g} mm",
+            f"{P:+.4f}",
+            "computed",
+            "both models of one leg",
+            f"{P - 1.96 * sd:+.3f} to {P + 1.96 * sd:+.3f}",
+        ),
+        web.Known("leg", f"radius {leg.radius:g} mm, {leg.length:g} mm long, ends {leg.ends}", "assumed", option),
+        web.Known("bone", f"radius {leg.bone_radius:g} mm, {leg.depth_to_bone:g} mm deep", "assumed", option),
+        web.Known(
+            "cylinder",
+            f"{2 * cylinder.radius:g} mm across, {cylinder.length:g} mm long, "
+            f"edges rounded by {cylinder.edge_radius:g} mm",
+            "assumed",
+            option,
+        ),
+        web.Known("C10 of the deep tissue, reference", f"{material.C10_kPa:g} kPa", "assumed", option),
+        web.Known(
+            "C10 of fat and fascia",
+            f"{material.superficial_C10_kPa:g} and {material.fascia_C10_kPa:g} kPa",
+            "assumed",
+            "the paper",
+        ),
+        web.Known("error of the leg's length", f"{100 * given.spread:g} %", "prior", "legfem's usual"),
+        web.Known(
+            "error of the balance of forces", f"{found.reference.balance:.1e} of the force", "computed", "the 3D model"
+        ),
+    ]
+
+
+def _correction(given: Calibration, found: Calibrated) -> Curves:
+    correction, material = found.correction, given.reference.material
+    x = correction.displacement
+    P = correction.correction(x, *material.stiffness)
+    lines = [Line(f"C10 {material.C10_kPa:g} kPa, the reference", P, None)]
+    for k, c10 in enumerate(c10 for c10 in given.c10_kPa if c10 != material.C10_kPa):
+        at = correction.correction(x, kpa_to_mpa(np.array(c10)), np.array(0.0))
+        lines.append(Line(f"C10 {c10:g} kPa", at, None, COLOURS[k % 7], _DASHES[k % 4]))
+    return Curves(
+        "correction",
+        "P over the cylinder's displacement, by the deep tissue's C10",
+        f"; {DEFINITION}. Grey: 95 % of the reference's.",
+        x,
+        "displacement (mm)",
+        "P",
+        "",
+        lines,
+        1.96 * correction.standard_deviation(x),
+        "95 %",
+    )
+
+
+def trend_curves(displacement: FloatArray, trends: Trend) -> list[Curves]:
+    """P against all that it depends on."""
+    return [
+        Curves(
+            f"trend{number}",
+            f"P against the {name}, on a coarser mesh",
+            "; lines end where a model stopped.",
+            displacement,
+            "displacement (mm)",
+            "P",
+            "",
+            [
+                Line(f"{name}: {value}", curve, None, COLOURS[k % 7], _DASHES[k % 4])
+                for k, (value, curve) in enumerate(curves.items())
+            ],
+        )
+        for number, (name, curves) in enumerate(trends.items())
+    ]

@@ -27,7 +27,7 @@ from legfem.report.render import rendered, table
 from legfem.report.style import save
 from legfem.report.words import DataKind
 from legfem.solve.path import ForceCurve
-from legfem.study.correction.page import SHOWN
+from legfem.study.correction.command import SHOWN
 
 DOCUMENT = "leg.json"
 _HOW_SURE = (
