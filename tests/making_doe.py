@@ -16,9 +16,11 @@ import pandas as pd
 from making import write_subject
 from mpi4py import MPI
 
+from legfem.inverse.outcome import Outcome
+from legfem.solve.path import ForceCurve
 from legfem.study.doe.command import DoeOptions, run
 from legfem.study.doe.design import PAPER, Definition, factorial_design, read_definition
-from legfem.study.doe.runs import Record, Request
+from legfem.study.doe.runs import Request
 
 TOML = PAPER.read_text().replace("training = 80", "training = 30").replace("= 20", "= 8")
 
@@ -36,7 +38,7 @@ class SpringLeg:
     def fingerprint(self) -> Mapping[str, Any]:
         return {"leg": "spring"}
 
-    def simulate(self, request: Request) -> Record:
+    def solve(self, request: Request) -> Outcome:
         if self.calls is not None:
             done = len(list(self.calls.iterdir()))
             if done >= self.killed_after:
@@ -57,7 +59,7 @@ class SpringLeg:
         }
         force = sum(p[name] * per[name] for name in ("deep.C10", "superficial.C10", "deep.C20"))
         exact = {name: per[name] for name in request.sensitivities}
-        return Record(d, force, depth == request.depth, reason, sensitivities=exact)
+        return Outcome(p, (ForceCurve(d, force, exact),), depth == request.depth, reason, 0, 0.0)
 
 
 def definition(folder: Path, text: str = TOML) -> Path:

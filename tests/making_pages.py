@@ -40,6 +40,7 @@ from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import EXACT, ChannelFit, Cost, Fit, Goodness, Identity, TestFit
 from legfem.inverse.notice import Notice
+from legfem.inverse.outcome import Outcome
 from legfem.inverse.plan import DesignValue
 from legfem.inverse.trial import SearchLog
 from legfem.jobs.pool import Workers
@@ -76,7 +77,7 @@ from legfem.study.correction.cases import CaseOutcome, CorrectionCase
 from legfem.study.correction.command import correction_web_page
 from legfem.study.doe.command import study_web_page
 from legfem.study.doe.design import read_definition
-from legfem.study.doe.runs import Record, Workshop, simulate
+from legfem.study.doe.runs import Workshop
 from legfem.study.doe.study import StudyResult, study
 from studies.making.shapes import round_leg
 
@@ -152,8 +153,8 @@ def studied(folder: Path, **spring: object) -> StudyResult:
     """The paper's design on a leg of springs, without the emulator's stages."""
     text = definition(folder).read_text().replace("training = 30", "training = 0")
     given = read_definition(definition(folder, text))
-    with Workers(simulate, SpringLeg(**spring), 1) as workers:
-        store = Store(folder / "runs", Record, workers.context.fingerprint())
+    with Workers(SpringLeg.solve, SpringLeg(**spring), 1) as workers:
+        store = Store(folder / "runs", Outcome, workers.context.fingerprint())
         workshop = Workshop(workers, store, Silent())
         return study(given, subject_in(folder), workshop, "coefficients", 1, True, lambda table: None)
 

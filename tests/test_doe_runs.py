@@ -24,11 +24,13 @@ from mpi4py import MPI
 from typer.testing import CliRunner
 
 from legfem.commands.study import app
+from legfem.inverse.outcome import Outcome
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
+from legfem.solve.path import ForceCurve
 from legfem.study.doe import command
 from legfem.study.doe.command import run
-from legfem.study.doe.runs import Outlook, PlaneStrainSimulator, Record, Request, failed, simulate
+from legfem.study.doe.runs import Outlook, PlaneStrainSimulator, Request
 from studies.frauziols import claims
 
 SHALLOW = """\
@@ -163,7 +165,7 @@ def test_the_command_fails_where_nothing_was_solved(
 ) -> None:
     for solved, status in ((False, 1), (True, 0)):
         titled = SimpleNamespace(title="a study")
-        result = SimpleNamespace(records=[0], failed=[] if solved else [0], definition=titled, analyses=[])
+        result = SimpleNamespace(outcomes=[0], failed=[] if solved else [0], definition=titled, analyses=[])
         monkeypatch.setattr(command, "run", lambda *_, result=result: [result])
         done = CliRunner().invoke(app, ["doe", "--out", str(tmp_path / "out")])
         assert done.exit_code == status
@@ -179,7 +181,7 @@ def test_a_study_with_too_few_runs_says_so(tmp_path: Path, stopping: str) -> Non
         stops = (("deep.D1", 28.0, 0.5),)
         assert path in given.definitions
     (result,) = run(given, MPI.COMM_SELF, SpringLeg(stops=stops))
-    assert (len(result.failed) < len(result.records)) is (stopping == "half")
+    assert (len(result.failed) < len(result.outcomes)) is (stopping == "half")
     document = json.loads((tmp_path / "out" / "result.json").read_text())
     assert len(document["not_analysed"]) == {"half": 4, "all": 6}[stopping]
     assert "isn't analysed" in said_in(tmp_path / "out")
@@ -215,24 +217,24 @@ def test_an_interrupt_that_a_solve_swallows_is_no_failed_run() -> None:
     simulator._tests[0.6, 30.0, "default"] = cast(Any, Swallows())
     before = signal.getsignal(signal.SIGINT)
     with pytest.raises(KeyboardInterrupt):
-        list(Workers(simulate, simulator).run([Request("factorial", 0, (), 30.0)]))
+        list(Workers(PlaneStrainSimulator.solve, simulator).run([Request("factorial", 0, (), 30.0)]))
     assert signal.getsignal(signal.SIGINT) is before
 
 
 def test_kept_runs_come_back_to_the_last_bit(tmp_path: Path) -> None:
     numbers = np.random.default_rng(0).random((3, 20))
     request = Request("factorial", 0, (("deep.C10", 0.1 + 0.2),), 30.0)
-    record = Record(numbers[0], numbers[1], True, "", sensitivities={"deep.C10": numbers[2]})
-    store = Store(tmp_path, Record, {"leg": 1})
-    store.put(request.asked, record)
+    curve = ForceCurve(numbers[0], numbers[1], {"deep.C10": numbers[2]})
+    store = Store(tmp_path, Outcome, {"leg": 1})
+    store.put(request.asked, Outcome({"deep.C10": 0.1 + 0.2}, (curve,), True, "", 0, 0.0))
     found = store.get(request.asked)
-    assert found is not None and np.array_equal(found.displacement, numbers[0])
-    assert np.array_equal(found.force_per_length, numbers[1])
-    assert np.array_equal(found.sensitivities["deep.C10"], numbers[2])
+    assert found is not None and np.array_equal(found.curve.displacement, numbers[0])
+    assert np.array_equal(found.curve.force, numbers[1])
+    assert np.array_equal(found.curve.sensitivities["deep.C10"], numbers[2])
     assert store.get(replace(request, stage="nominal", number=3).asked) is not None
     for other in ({"depth": 29.0}, {"fidelity": "refined"}, {"sensitivities": ("deep.C10",)}):
         assert store.get(replace(request, **other).asked) is None
-    assert Store(tmp_path, Record, {"leg": 2}).get(request.asked) is None
+    assert Store(tmp_path, Outcome, {"leg": 2}).get(request.asked) is None
     (path,) = tmp_path.iterdir()
     path.write_text(path.read_text()[:-40])
     assert store.get(request.asked) is None
@@ -241,8 +243,8 @@ def test_kept_runs_come_back_to_the_last_bit(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("no_figures")
 def test_runs_that_gave_nothing_are_tried_again(tmp_path: Path) -> None:
     class Disk(SpringLeg):
-        def simulate(self, request: Request) -> Record:
-            return failed("OSError: no space left on device")
+        def solve(self, request: Request) -> Outcome:
+            return Outcome(dict(request.values), (), False, "OSError: no space left on device", 0, 0.0)
 
     run(options(tmp_path, beyond=False), MPI.COMM_SELF, Disk())
     assert len(json.loads((tmp_path / "out" / "result.json").read_text())["failed_runs"]) == 33

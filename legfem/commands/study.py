@@ -108,7 +108,7 @@ def doe(
                 for result in results:
                     print(f"{result.definition.title}\n{table(*anova_cells(result))}")
                 written.append(folder / "result.json")
-        if results and all(len(result.failed) == len(result.records) for result in results):
+        if results and all(len(result.failed) == len(result.outcomes) for result in results):
             command_line.end_without_a_solution("doe")
 
 

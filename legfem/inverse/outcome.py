@@ -40,6 +40,8 @@ class Outcome:
     seconds: float
     compromise: str = ""
     """What the model gave up to go on, in words; empty if nothing."""
+    contact_stiffness_factor: float = 1.0
+    """Factor on the contact's stiffness; below 1 where it had to be softened to go on."""
     fields: Mapping[str, StateField] = field(default_factory=dict)
     """What is seen of the last state, by name, where that and no curve is compared."""
 
@@ -54,6 +56,7 @@ class Outcome:
             report.factorisations,
             float(report.seconds) + sum(before.seconds for before in report.earlier_attempts),
             report.compromise,
+            report.contact_stiffness_factor,
         )
 
     @classmethod
@@ -67,7 +70,13 @@ class Outcome:
             sum(one.factorisations for one in every),
             sum(one.seconds for one in every),
             "; ".join(dict.fromkeys(one.compromise for one in every if one.compromise)),
+            min(one.contact_stiffness_factor for one in every),
         )
+
+    @property
+    def reached(self) -> float:
+        """Displacement (mm) that every test came to; 0 without any curve."""
+        return min((curve.depth for curve in self.curves), default=0.0)
 
     @property
     def curve(self) -> ForceCurve:

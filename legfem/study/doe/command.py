@@ -14,6 +14,7 @@ import pandas as pd
 from legfem.common.documents import write_atomically, write_document
 from legfem.common.progress import progress_on
 from legfem.data.folder import RESOURCES
+from legfem.inverse.outcome import Outcome
 from legfem.jobs.pool import Workers, leading
 from legfem.jobs.store import Store
 from legfem.legs.loading import load_subject
@@ -28,7 +29,7 @@ from legfem.report.style import DATA_COLOUR, FAINT
 from legfem.report.words import DataKind
 from legfem.study.doe.design import Definition, in_words, read_definition
 from legfem.study.doe.figures import draw_response
-from legfem.study.doe.runs import Outlook, PlaneStrainSimulator, Record, Simulator, Workshop, as_csv, simulate
+from legfem.study.doe.runs import Outlook, PlaneStrainSimulator, Workshop, as_csv
 from legfem.study.doe.study import StudyResult, simulations_of, study
 from legfem.study.doe.surface import Counting, term_label
 from legfem.study.doe.tables import (
@@ -72,7 +73,7 @@ class DoeOptions:
         return " ".join(words)
 
 
-def run(options: DoeOptions, comm: Any, simulator: Simulator | None = None) -> list[StudyResult]:
+def run(options: DoeOptions, comm: Any, simulator: PlaneStrainSimulator | None = None) -> list[StudyResult]:
     """Study every definition and write a folder each; under MPI only the first rank writes.
 
     Parameters
@@ -94,9 +95,12 @@ def run(options: DoeOptions, comm: Any, simulator: Simulator | None = None) -> l
         subject = load_subject(options.subject_dir or SUBJECTS.find(options.subject_id), need_recordings=False)
         given = simulator or PlaneStrainSimulator.of_subject(subject)
         planned = Outlook(sum(simulations_of(definition, options.beyond) for definition in definitions))
-        with Workers(simulate, given, options.jobs, comm) as workers, progress_on(quiet=options.quiet) as progress:
+        with (
+            Workers(type(given).solve, given, options.jobs, comm) as workers,
+            progress_on(quiet=options.quiet) as progress,
+        ):
             # All studies share the simulations: the same point isn't done twice.
-            store = Store(options.out / "runs", Record, given.fingerprint())
+            store = Store(options.out / "runs", Outcome, given.fingerprint())
             workshop = Workshop(workers, store, progress, planned)
             results = [_study(options, definition, subject, workshop) for definition in definitions]
     if len(results) > 1:
@@ -128,7 +132,7 @@ def _study(options: DoeOptions, definition: Definition, subject: Subject, worksh
     wall = time.perf_counter() - began
     write_document(out / "result.json", study_document(result, options.seed, wall))
     print(
-        f"{definition.title}: {len(result.records)} runs, {result.seconds:.0f} s; "
+        f"{definition.title}: {len(result.outcomes)} runs, {result.seconds:.0f} s; "
         f"report: {out / REPORT}\npage:   {out / PAGE}"
     )
     return result
@@ -284,10 +288,10 @@ def _effects(result: StudyResult) -> list[web.Block]:
 def _curves(result: StudyResult) -> Curves:
     depth = result.definition.depth
     grid = np.linspace(0.0, depth, _POINTS)
-    every = np.full((len(result.records), _POINTS), np.nan)
-    for row, record in zip(every, result.records, strict=True):
-        if len(record.displacement):
-            row[:] = np.interp(grid, record.displacement, record.force_per_length, right=np.nan)
+    every = np.full((len(result.outcomes), _POINTS), np.nan)
+    for row, found in zip(every, result.outcomes, strict=True):
+        for curve in found.curves:
+            row[:] = np.interp(grid, curve.displacement, curve.force, right=np.nan)
     centre, corners = every[-1], every[:-1]
     lines = [Line("centre of the ranges", centre, None, DATA_COLOUR)]
     if result.analyses:
@@ -303,7 +307,7 @@ def _curves(result: StudyResult) -> Curves:
         ]
     return Curves(
         "runs",
-        f"Force per length of the cylinder over its displacement, of {len(result.records)} simulations",
+        f"Force per length of the cylinder over its displacement, of {len(result.outcomes)} simulations",
         "; where one stopped short, the lines over all end.",
         grid,
         "displacement (mm)",

@@ -43,22 +43,23 @@ def draw_response(result: StudyResult, out: Path) -> list[Path]:
 
 
 def _curves(axes: Axes, result: StudyResult) -> None:
-    panel(axes, "A", f"all {len(result.records)} runs")
+    panel(axes, "A", f"all {len(result.outcomes)} runs")
     for k, (start, end) in enumerate(result.definition.windows):
         colour = STAGE_COLOURS[k % len(STAGE_COLOURS)]
         axes.axvspan(start, end, color=colour, alpha=0.35, lw=0, label=f"{start:g} to {end:g} mm")
-    for k, record in enumerate(result.records):
-        centre = k == len(result.records) - 1
-        axes.plot(
-            record.displacement,
-            record.force_per_length,
-            color="#111111" if centre else FAINT,
-            lw=2 if centre else 0.6,
-            label="centre" if centre else None,
-            zorder=3 if centre else 2,
-        )
-        if not record.complete and record.reached > 0:
-            axes.plot(record.reached, record.force_per_length[-1], "x", color="#D55E00")
+    for k, found in enumerate(result.outcomes):
+        centre = k == len(result.outcomes) - 1
+        for curve in found.curves:
+            axes.plot(
+                curve.displacement,
+                curve.force,
+                color="#111111" if centre else FAINT,
+                lw=2 if centre else 0.6,
+                label="centre" if centre else None,
+                zorder=3 if centre else 2,
+            )
+        if not found.complete and found.reached > 0:
+            axes.plot(found.reached, found.curve.force[-1], "x", color="#D55E00")
     axes.set_xlim(0, result.definition.depth)
     axes.set_ylim(0, None)
     axes.set_xlabel("displacement (mm)")

@@ -14,9 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from legfem.common.units import FloatArray
+from legfem.inverse.outcome import Outcome
 from legfem.legs.subject import Subject
 from legfem.study.doe.design import OF_THE_GEOMETRY, Definition
-from legfem.study.doe.runs import Record, Request, Workshop
+from legfem.study.doe.runs import Request, Workshop
 
 IDENTIFIED = ("deep.C10", "deep.C20")
 """What is to be found."""
@@ -133,24 +134,21 @@ def information_requests(definition: Definition) -> list[Request]:
 
 def study_information(definition: Definition, subject: Subject, workshop: Workshop) -> Information | None:
     """Simulate and differentiate; None where a simulation stops short."""
-    records = workshop.do("sensitivities at the nominal point", information_requests(definition))
-    if not all(record.complete for record in records):
+    outcomes = workshop.do("sensitivities at the nominal point", information_requests(definition))
+    if not all(one.complete for one in outcomes):
         return None
-    return information_of(definition, subject, records)
+    return information_of(definition, subject, outcomes)
 
 
-def information_of(definition: Definition, subject: Subject, records: Sequence[Record]) -> Information:
+def information_of(definition: Definition, subject: Subject, outcomes: Sequence[Outcome]) -> Information:
     """Information from the simulations that `information_requests` asks for."""
     point, length = nominal_point(definition), subject.indenter.length
     grid = np.arange(SPACING, definition.depth + 1e-9, SPACING)
-    curves = [record.curve for record in records]
-    base = curves[0]
-    assert base is not None
-    rest, columns, names = iter(curves[1:]), [], []
+    base, *others = (one.curve for one in outcomes)
+    rest, columns, names = iter(others), [], []
     for name, value in point.items():
         if name in OF_THE_GEOMETRY:
             up, down = next(rest), next(rest)
-            assert up is not None and down is not None
             columns.append(length * (up(grid) - down(grid)) / (2 * np.log(RATIO)))
         elif name in base.sensitivities:
             columns.append(length * value * base.sensitivity(name, grid))

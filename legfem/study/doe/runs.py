@@ -5,14 +5,17 @@ import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
 
 from legfem.common.progress import Progress, duration
 from legfem.common.units import FloatArray
-from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
+from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings, Tissues
+from legfem.geometry.indenter import Indenter
+from legfem.geometry.section import LegSection
+from legfem.inverse.outcome import Outcome
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, code_fingerprint, finish
 from legfem.legs.finite_element_models import tissues_of
@@ -21,15 +24,11 @@ from legfem.solve.path import ForceCurve
 from legfem.solve.settings import StepSettings
 from legfem.study.doe.design import Definition
 
-if TYPE_CHECKING:
-    from legfem.experiments.plane_strain import Tissues
-    from legfem.geometry.indenter import Indenter
-    from legfem.geometry.section import LegSection
-
-
 Fidelity = Literal["default", "refined"]
 REFINEMENT = 1.5
 _MESHES_KEPT = 4
+_FEWEST_STEPS = 4
+"""Steps of a curve that has a slope and a curvature."""
 
 
 @dataclass(frozen=True)
@@ -49,64 +48,17 @@ class Request:
 
     @property
     def asked(self) -> object:
-        """What the record depends on."""
+        """What the outcome depends on."""
         return self.values, self.depth, self.fidelity, sorted(self.sensitivities)
-
-
-@dataclass(frozen=True, eq=False)
-class Record:
-    """What came of a simulation; ``complete`` tells whether it reached its depth."""
-
-    displacement: FloatArray
-    """(n,), mm; empty where there wasn't even a mesh."""
-    force_per_length: FloatArray
-    """(n,), N/mm."""
-    complete: bool
-    reason: str
-    """Why it ended."""
-    seconds: float = 0.0
-    factorisations: int = 0
-    contact_stiffness_factor: float = 1.0
-    sensitivities: Mapping[str, FloatArray] = field(default_factory=dict)
-    """Derivatives of the force per length by parameters in the model's units."""
-
-    @property
-    def reached(self) -> float:
-        """Greatest displacement (mm)."""
-        return float(self.displacement[-1]) if len(self.displacement) else 0.0
-
-    @property
-    def curve(self) -> ForceCurve | None:
-        """Force per length (N/mm); None where too few steps were made."""
-        if len(self.displacement) < 4:
-            return None
-        return ForceCurve(self.displacement, self.force_per_length, self.sensitivities)
-
-
-def failed(reason: str) -> Record:
-    """Return the record of a simulation that gave nothing."""
-    return Record(np.zeros(0), np.zeros(0), False, reason)
-
-
-class Simulator(Protocol):
-    """What runs simulations; it must be picklable."""
-
-    def simulate(self, request: Request) -> Record:
-        """Simulate."""
-        ...
-
-    def fingerprint(self) -> Mapping[str, Any]:
-        """Return all that a simulation depends on but the request, as JSON types."""
-        ...
 
 
 @dataclass(eq=False)
 class PlaneStrainSimulator:
     """A subject's plane-strain test; a mesh is made once for every geometry in a process."""
 
-    section: "LegSection"
-    indenter: "Indenter"
-    tissues: "Tissues"
+    section: LegSection
+    indenter: Indenter
+    tissues: Tissues
     _tests: dict[tuple[float, float, Fidelity], PlaneStrainIndentation] = field(
         default_factory=dict, init=False, repr=False
     )
@@ -125,8 +77,11 @@ class PlaneStrainSimulator:
             "code": code_fingerprint("legfem.study.doe.runs"),
         }
 
-    def simulate(self, request: Request) -> Record:
-        """Simulate; what can't be meshed or solved is a record too."""
+    def solve(self, request: Request) -> Outcome:
+        """Simulate; the curve's force is per length of the cylinder (N/mm), and nothing raises.
+
+        What can't be meshed or solved has no curve.
+        """
         values = dict(request.values)
         thickness = values.pop("fascia.thickness", self.section.fascia_thickness)
         diameter = values.pop("indenter.diameter", 2 * self.indenter.radius)
@@ -136,18 +91,10 @@ class PlaneStrainSimulator:
         except Exception as error:  # whatever it is, the other simulations go on
             if os.environ.get("LEGFEM_DEBUG"):
                 raise
-            return failed(" ".join(f"{type(error).__name__}: {error}".split()))
-        report, curve, length = solved.report, solved.curve, self.indenter.length
-        return Record(
-            curve.displacement,
-            curve.force / length,
-            bool(report.complete),
-            report.reason,
-            report.seconds + sum(before.seconds for before in report.earlier_attempts),
-            report.factorisations,
-            report.contact_stiffness_factor,
-            {name: values / length for name, values in curve.sensitivities.items()},
-        )
+            return Outcome(values, (), False, " ".join(f"{type(error).__name__}: {error}".split()), 0, 0.0)
+        curve, length = solved.curve, self.indenter.length
+        by = {name: slopes / length for name, slopes in curve.sensitivities.items()}
+        return Outcome.of(values, ForceCurve(curve.displacement, curve.force / length, by), solved.report)
 
     def _test(self, thickness: float, diameter: float, fidelity: Fidelity) -> PlaneStrainIndentation:
         key = thickness, diameter, fidelity
@@ -207,7 +154,7 @@ class Metric:
 
     def of(self, curve: ForceCurve) -> float:
         """Mean over the window; NaN where the curve ends before the window does."""
-        if curve.depth < self.end - 1e-9:
+        if len(curve.displacement) < _FEWEST_STEPS or curve.depth < self.end - 1e-9:
             return math.nan
         mean = curve.mean_slope if self.kind == "slope" else curve.mean_curvature
         return mean(self.start, self.end)
@@ -238,14 +185,17 @@ class Outlook:
 class Workshop:
     """What simulations are done with: workers, the store of those that are done, progress, what is to come."""
 
-    workers: Workers[Simulator, Request, Record]
-    store: Store[Record]
+    workers: Workers[PlaneStrainSimulator, Request, Outcome]
+    store: Store[Outcome]
     progress: Progress
     outlook: Outlook = field(default_factory=Outlook)
 
     def do(
-        self, text: str, requests: Sequence[Request], on_found: Callable[[dict[int, Record]], None] = lambda found: None
-    ) -> list[Record]:
+        self,
+        text: str,
+        requests: Sequence[Request],
+        on_found: Callable[[dict[int, Outcome]], None] = lambda found: None,
+    ) -> list[Outcome]:
         """Simulate what isn't kept from an earlier run.
 
         Parameters
@@ -255,17 +205,17 @@ class Workshop:
         requests
             What to simulate.
         on_found
-            Called with all records so far, by place in the list: those that are kept, and whenever there is a new one.
+            Called with all outcomes so far, by place in the list: those that are kept, and whenever there is a new one.
 
         Returns
         -------
-        list of Record
+        list of Outcome
             One a request, in their order.
         """
         new = sum(not self.store.path(request.asked).exists() for request in requests)
         began = time.perf_counter()
         # What gave nothing at all may lack memory or a disk: it is tried again the next time.
-        records = finish(
+        outcomes = finish(
             self.workers,
             requests,
             self.store,
@@ -273,26 +223,21 @@ class Workshop:
             text + self.outlook.begin(len(requests)),
             progress_line,
             asked=lambda request: request.asked,
-            worth=lambda record: len(record.displacement) > 0,
+            worth=lambda outcome: bool(outcome.curves),
             on_found=on_found,
         )
         self.outlook.done += new
         self.outlook.seconds += time.perf_counter() - began
-        return records
+        return outcomes
 
 
-def simulate(simulator: Simulator, request: Request) -> Record:
-    """Simulate."""
-    return simulator.simulate(request)
-
-
-def progress_line(request: Request, record: Record) -> str:
+def progress_line(request: Request, found: Outcome) -> str:
     """One line on a finished simulation: how far it came, its last force, its time."""
-    end = "" if record.complete else f" FAILED: {record.reason}"
-    force = f", {record.force_per_length[-1]:.3g} N/mm" if len(record.displacement) else ""
+    end = "" if found.complete else f" FAILED: {found.reason}"
+    force = f", {found.curve.force[-1]:.3g} N/mm" if found.curves else ""
     return (
-        f"{request.stage} {request.number + 1}: {record.reached:.2f} of {request.depth:g} mm"
-        f"{force}, {record.seconds:.1f} s{end}"
+        f"{request.stage} {request.number + 1}: {found.reached:.2f} of {request.depth:g} mm"
+        f"{force}, {found.seconds:.1f} s{end}"
     )
 
 
@@ -305,24 +250,27 @@ def requests_at(definition: Definition, coded: FloatArray, stage: str, fidelity:
     ]
 
 
-def run_table(definition: Definition, coded: FloatArray, records: Sequence[Record | None]) -> pd.DataFrame:
+_TOLD = ("complete", "reason", "contact_stiffness_factor", "factorisations")
+"""What of a simulation's outcome is tabulated as it is."""
+
+
+def run_table(definition: Definition, coded: FloatArray, outcomes: Sequence[Outcome | None]) -> pd.DataFrame:
     """Tabulate coded levels, values, metrics and how it went, a row a simulation.
 
     Nothing in it depends on the machine's speed: the same study gives the same table.
     Metrics of a simulation that stopped short are there as far as it came, and NaN beyond.
     """
     rows = []
-    for number, (point, record) in enumerate(zip(coded, records, strict=True)):
+    for number, (point, found) in enumerate(zip(coded, outcomes, strict=True)):
         levels = [(f, float(level)) for f, level in zip(definition.factors, point, strict=True)]
-        curve = None if record is None else record.curve
+        curve = found.curve if found is not None and found.curves else None
         row: dict[str, object] = {"run": number + 1}
         row |= {f.symbol: level for f, level in levels}
         row |= {f"{f.symbol}_{f.unit}": f.value(level) for f, level in levels}
         row |= {m.name: np.nan if curve is None else m.of(curve) for m in metrics_in(definition.windows)}
-        if record is not None:
-            row["reached_mm"] = record.reached
-            row |= {name: getattr(record, name) for name in ("complete", "reason", "contact_stiffness_factor")}
-            row["factorisations"] = record.factorisations
+        if found is not None:
+            row["reached_mm"] = found.reached
+            row |= {name: getattr(found, name) for name in _TOLD}
         rows.append(row)
     return pd.DataFrame(rows)
 
@@ -378,8 +326,8 @@ def study_numerics(
         return None
     chosen = sorted({int(np.nanargmin(corners)), int(np.nanargmax(corners)), len(corners)})
     requests = requests_at(definition, coded[chosen], "refined", "refined")
-    records = workshop.do("centre and two corners on a finer mesh", requests)
-    again = run_table(definition, coded[chosen], records)
+    outcomes = workshop.do("centre and two corners on a finer mesh", requests)
+    again = run_table(definition, coded[chosen], outcomes)
     runs = tuple(int(table["run"].iloc[k]) for k in chosen)
     default, refined = table[names].to_numpy(dtype=float)[chosen], again[names].to_numpy(dtype=float)
     return NumericalError(runs, metrics, default, refined)

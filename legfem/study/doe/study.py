@@ -13,20 +13,12 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import minimize
 
 from legfem.common.units import FloatArray
+from legfem.inverse.outcome import Outcome
 from legfem.legs.subject import Subject
 from legfem.mechanics.materials import Hyperelastic
 from legfem.study.doe.design import Definition, Factor, factorial_design, space_filling_design
 from legfem.study.doe.information import Information, information_requests, study_information
-from legfem.study.doe.runs import (
-    Metric,
-    NumericalError,
-    Record,
-    Workshop,
-    metrics_in,
-    requests_at,
-    run_table,
-    study_numerics,
-)
+from legfem.study.doe.runs import Metric, NumericalError, Workshop, metrics_in, requests_at, run_table, study_numerics
 from legfem.study.doe.surface import Counting, MetricAnalysis, NotEstimableError, analyse_metric
 
 _STARTS = (0.8, 2.0, 5.0)
@@ -207,7 +199,7 @@ class StudyResult:
     subject: Subject
     counting: Counting
     coded: FloatArray
-    records: tuple[Record, ...]
+    outcomes: tuple[Outcome, ...]
     table: pd.DataFrame
     analyses: tuple[MetricAnalysis, ...]
     not_analysed: tuple[tuple[Metric, str], ...]
@@ -219,7 +211,7 @@ class StudyResult:
     @property
     def failed(self) -> list[int]:
         """Numbers of the runs that stopped short."""
-        return [k + 1 for k, record in enumerate(self.records) if not record.complete]
+        return [k + 1 for k, one in enumerate(self.outcomes) if not one.complete]
 
     def largest_share(self) -> tuple[Factor, float, Metric]:
         """Factor that makes most of the last metric: the slope in the deepest window."""
@@ -233,17 +225,17 @@ class StudyResult:
             return ""
         runs = ", ".join(map(str, self.failed))
         return (
-            f"{len(self.failed)} of {len(self.records)} runs stopped short (run {runs}): "
+            f"{len(self.failed)} of {len(self.outcomes)} runs stopped short (run {runs}): "
             "the analysis is of what there is"
         )
 
     def run_notes(self) -> list[str]:
         """How many runs reach their depth, and what follows where some don't."""
-        total, failed = len(self.records), self.failed
+        total, failed = len(self.outcomes), self.failed
         lines = [f"{total - len(failed)} of {total} runs reach {self.definition.depth:g} mm."]
         for number in failed:
-            record = self.records[number - 1]
-            lines.append(f"Run {number} stops at {record.reached:.2f} mm: {record.reason}.")
+            stopped = self.outcomes[number - 1]
+            lines.append(f"Run {number} stops at {stopped.reached:.2f} mm: {stopped.reason}.")
         for analysis in self.analyses:
             if analysis.missing:
                 runs = ", ".join(map(str, analysis.missing))
@@ -251,7 +243,7 @@ class StudyResult:
                     f"{analysis.metric.label} is analysed without run {runs}: fewer degrees of "
                     "freedom, and the coefficients are no longer independent of each other."
                 )
-        soft = sum(record.contact_stiffness_factor < 1 for record in self.records)
+        soft = sum(one.contact_stiffness_factor < 1 for one in self.outcomes)
         return [*lines, f"{soft} runs needed a softer contact law to go on."] if soft else lines
 
     def fascia_note(self) -> str:
@@ -299,9 +291,9 @@ def study(
     coded = factorial_design(len(definition.factors))
 
     began = time.perf_counter()
-    requests, found = requests_at(definition, coded, "factorial"), dict[int, Record]()
+    requests, found = requests_at(definition, coded, "factorial"), dict[int, Outcome]()
     try:
-        records = workshop.do(f"full factorial: {definition.title}", requests, found.update)
+        outcomes = workshop.do(f"full factorial: {definition.title}", requests, found.update)
     finally:
         table = run_table(definition, coded, [found.get(k) for k in range(len(coded))])
         on_table(table)
@@ -312,7 +304,7 @@ def study(
         subject,
         counting,
         coded,
-        tuple(records),
+        tuple(outcomes),
         table,
         done,
         not_done,
@@ -345,8 +337,8 @@ def _sobol(definition: Definition, table: pd.DataFrame, workshop: Workshop, seed
         ("testing", definition.testing, seed + 1_000_000),
     ):
         coded = space_filling_design(len(factors), points, at)
-        records = workshop.do(f"{stage} the emulator", requests_at(definition, coded, stage))
-        tables.append(run_table(definition, coded, records))
+        outcomes = workshop.do(f"{stage} the emulator", requests_at(definition, coded, stage))
+        tables.append(run_table(definition, coded, outcomes))
     learn = pd.concat([table, tables[0]], ignore_index=True)
     found = (sobol_indices(learn, tables[1], factors, metric, seed) for metric in metrics_in(definition.windows))
     return tuple(indices for indices in found if indices is not None)

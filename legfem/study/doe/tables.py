@@ -138,7 +138,7 @@ def versions() -> dict[str, str]:
 def study_document(result: StudyResult, seed: int, wall_s: float) -> dict[str, Any]:
     """Result as plain types: every number with its unit."""
     definition = result.definition
-    stopped = [(number, result.records[number - 1]) for number in result.failed]
+    stopped = [(number, result.outcomes[number - 1]) for number in result.failed]
     document = {
         "schema": 1,
         "study": "doe",
@@ -148,7 +148,7 @@ def study_document(result: StudyResult, seed: int, wall_s: float) -> dict[str, A
         "seed": seed,
         "wall_s": wall_s,
         "versions": versions(),
-        "forward_solves": len(result.records),
+        "forward_solves": len(result.outcomes),
         "depth_mm": definition.depth,
         "windows_mm": [list(window) for window in definition.windows],
         "factors": [asdict(factor) for factor in definition.factors],
