@@ -124,8 +124,8 @@ def test_the_document_has_the_statistics_and_what_is_odd():
     rows[5] = replace(rows[5], recordings=rows[9].recordings)
     said = lf.Cohort(members, Options("identify", {}), tuple(rows)).document()
     assert json.loads(json.dumps(said, allow_nan=False)) == said
-    c10 = said["statistics"]["parameters"]["c10_deep"]
-    assert c10["logarithmic"] and 0 < c10["repeated"]["session"]["icc"] < 1 and set(c10["sd"]) >= {"people"}
+    c10 = next(one for one in said["statistics"]["parameters"] if one["name"] == "c10_deep")
+    assert c10["logarithmic"] and 0 < c10["repeated"][0]["agreement"]["icc"] < 1 and len(c10["fitted"]["sd"]) == 3
     assert said["suspicions"][0]["members"] == [rows[5].name, rows[9].name]
 
 

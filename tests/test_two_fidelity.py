@@ -230,7 +230,7 @@ def test_recordings_in_plane_strain_are_refused(tmp_path):
 def test_a_confirmed_correction_is_what_was_solved_and_follows_the_table_from_there():
     P = P_of(1.0, GRID) + 0.02
     for trend in (None, table(0.3)):
-        made = confirmed_correction("own", trend, (1e-3, 0.0), GRID, P, {})
+        made = confirmed_correction("own", trend, (1e-3, 0.0), GRID, P, {}, {})
         np.testing.assert_allclose(made.correction(GRID, 1e-3, 0.0), P, atol=1e-12)
         change = made.correction(GRID, 3e-3, 0.0) - P
         np.testing.assert_allclose(change, 0.0 if trend is None else 0.05 * np.log(3), atol=1e-12)

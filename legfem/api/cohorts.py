@@ -9,7 +9,7 @@ import time
 import traceback
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -47,7 +47,7 @@ from legfem.cohort.rows import (
     units_frame,
     write_tables,
 )
-from legfem.cohort.statistics import statistics, statistics_document
+from legfem.cohort.statistics import statistics
 from legfem.common.documents import json_types, versions_of, write_document
 from legfem.common.errors import InputError, UnsolvedError
 from legfem.common.progress import Progress, progress_on
@@ -91,7 +91,7 @@ class Cohort(Result):
         """Return what ``cohort.json`` holds."""
         frame = self.to_frame()
         return {
-            "schema": "legfem.cohort/2",
+            "schema": "legfem.cohort/3",
             "answer": self._page().headline.said,
             "folder": str(self.members.folder),
             "table": None if self.members.table is None else str(self.members.table),
@@ -99,8 +99,8 @@ class Cohort(Result):
             "options": json_types(dict(self.options.given)),
             "rows": json_types(frame.astype(object).where(frame.notna(), None).to_dict("records")),
             "units": units_frame(frame, self.rows).to_dict("records"),
-            "statistics": statistics_document(statistics(self.members.every, self.rows)),
-            "suspicions": json_types([asdict(one) for one in suspicions(self.members.every, self.rows)]),
+            "statistics": json_types(statistics(self.members.every, self.rows)),
+            "suspicions": json_types(suspicions(self.members.every, self.rows)),
             "missing": missing(self.members.every, self.rows),
             "notes": list(self.members.notes),
             "versions": versions_of("legfem", "dolfinx", "numpy", "scipy", "python"),

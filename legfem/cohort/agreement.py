@@ -26,6 +26,7 @@ from scipy.optimize import minimize
 from scipy.stats import f as f_distribution
 from scipy.stats import norm
 from scipy.stats import t as t_distribution
+from statsmodels.tools.numdiff import approx_hess3
 
 from legfem.common.units import FloatArray
 
@@ -148,22 +149,15 @@ def _by_group(of: Numbers, values: FloatArray) -> FloatArray:
 def _intervals(cost: Callable[[FloatArray], float], at: FloatArray, scale: float) -> list[tuple[float, float]]:
     """Ends of 95 % intervals of standard deviations, from the curvature of the cost in their logarithms."""
     inside = np.flatnonzero(at > 1e-4 * scale)
-    step = 0.05
-    hessian = np.zeros((len(inside), len(inside)))
 
-    def moved(*ways: tuple[int, float]) -> float:
-        log = np.log(at)
-        for k, way in ways:
-            log[k] += way
-        return float(cost(np.exp(log)))
+    def of_inside(logarithms: FloatArray) -> float:
+        sd = at.copy()
+        sd[inside] = np.exp(logarithms)
+        return cost(sd)
 
-    for a, i in enumerate(inside):
-        for b, j in enumerate(inside):
-            signs = ((1, 1), (1, -1), (-1, 1), (-1, -1))
-            hessian[a, b] = sum(p * q * moved((i, p * step), (j, q * step)) for p, q in signs) / (4 * step**2)
     spread = np.full(len(at), np.inf)
     if len(inside):
-        covariance = 2 * np.linalg.pinv(hessian)
+        covariance = 2 * np.linalg.pinv(approx_hess3(np.log(at[inside]), of_inside, epsilon=0.05))
         spread[inside] = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     return [
         (float(v * np.exp(-1.96 * s)), float(v * np.exp(1.96 * s))) if np.isfinite(s) else (0.0, float("inf"))

@@ -2,18 +2,16 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 import pandas as pd
 from statsmodels.stats.power import TTestIndPower
 
-from legfem.cohort.agreement import ICC_FORM, Agreement, Fitted, Limits, MixedModel, agreement, limits
+from legfem.cohort.agreement import Agreement, Fitted, Limits, MixedModel, agreement, limits
 from legfem.cohort.members import Member
 from legfem.cohort.rows import Row, cohort_model, measured
-from legfem.common.documents import json_types
 from legfem.common.p_values import holm
 from legfem.common.units import FloatArray
 
@@ -30,8 +28,6 @@ _MOST_MISSING = 0.2
 DIFFERENCES = (0.1, 0.2, 0.3)
 """Relative, for which the size of a next study is given."""
 POWER, LEVEL = 0.8, 0.05
-SOURCES = ("people", "legs_of_a_person", "tests_of_a_leg")
-"""Of what differs, in the order of `legfem.cohort.agreement.Fitted.sd`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,40 +110,6 @@ def statistics(members: Sequence[Member], rows: Sequence[Row]) -> Statistics:
 
     made = [replace(one, effects=tuple(map(with_adjusted, one.effects))) for one in made]
     return Statistics(tuple(made), tuple(reasons))
-
-
-def statistics_document(found: Statistics) -> dict[str, Any]:
-    """Return statistics as JSON types; of logarithms where ``logarithmic`` says so."""
-    document: dict[str, Any] = json_types(
-        {
-            "parameters": {
-                one.name: {
-                    "unit": one.unit,
-                    "logarithmic": one.logarithmic,
-                    "members": one.count,
-                    "people": one.people,
-                    "own_error": one.own,
-                    "repeated": {
-                        each.by: asdict(each.agreement)
-                        | {"icc_form": ICC_FORM, "minimal_detectable_change": each.agreement.detectable}
-                        | {"limits_of_agreement": {" to ".join(p.levels): asdict(p.limits) for p in each.pairs}}
-                        for each in one.repeated
-                    },
-                    "effects": [asdict(effect) for effect in one.effects],
-                    "sd": None
-                    if one.fitted is None
-                    else {
-                        source: {"value": sd, "ci95": list(ends)}
-                        for source, sd, ends in zip(SOURCES, one.fitted.sd, one.fitted.sd95, strict=True)
-                    },
-                    "people_needed_in_each_of_two_groups": {f"{size:g}": count for size, count in one.needed},
-                }
-                for one in found.parameters
-            },
-            "not_done": list(found.not_done),
-        }
-    )
-    return document
 
 
 def _analysed(members: Sequence[Member], rows: Sequence[Row], name: str, reasons: dict[str, None]) -> Analysed | None:

@@ -9,6 +9,7 @@ import subprocess
 import tempfile
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields, is_dataclass
 from functools import lru_cache
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
@@ -90,7 +91,9 @@ def write_document(path: Path, content: Mapping[str, Any] | list[Any]) -> Path:
 
 
 def json_types(value: Any) -> Any:
-    """Return a value as JSON types; numbers that aren't finite become null."""
+    """Return a value as JSON types, a dataclass by its fields; numbers that aren't finite become null."""
+    if is_dataclass(value):
+        return {one.name: json_types(getattr(value, one.name)) for one in fields(value)}
     if isinstance(value, Mapping):
         return {str(key): json_types(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):

@@ -40,6 +40,11 @@ class InputError(Exception):
         self.problem = problem
         self.remedy = str(remedy)
 
+    @property
+    def unsaid(self) -> bool:
+        """Whether something is missing, and nothing is wrong."""
+        return self.problem == "missing"
+
     def at(
         self,
         source: str | PathLike[str] | Argument | None = None,

@@ -43,6 +43,7 @@ from legfem.common.documents import json_types, write_document
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.common.wording import Argument, Command, Remedy
+from legfem.inverse.comparison import ErrorSource
 from legfem.solve.path import ForceCurve
 
 SCHEMA = 1
@@ -111,6 +112,8 @@ class TabulatedCorrection:
         Modes of P's error, (n,) each, by what causes them.
     given
         Geometry, material, mesh and numbers of the calibration, for the file.
+    sources
+        Sources that errors count to, by name; of others that is the ends.
     """
 
     name: str
@@ -120,6 +123,7 @@ class TabulatedCorrection:
     values: FloatArray
     errors: Mapping[str, FloatArray]
     given: Mapping[str, Any] = field(default_factory=dict)
+    sources: Mapping[str, ErrorSource] = field(default_factory=dict)
 
     @cached_property
     def _table(self) -> RegularGridInterpolator:
@@ -261,6 +265,7 @@ def confirmed_correction(
     displacement: FloatArray,
     P: FloatArray,
     errors: Mapping[str, FloatArray],
+    sources: Mapping[str, ErrorSource],
 ) -> TabulatedCorrection:
     """Return the correction of a leg that was solved in 3D.
 
@@ -274,15 +279,15 @@ def confirmed_correction(
         C10 and C20 of the deep tissue (MPa) that it was solved with.
     displacement, P
         (n,), mm and what was found there.
-    errors
-        Modes of P's error, (n,) each, by what causes them.
+    errors, sources
+        Modes of P's error, (n,) each, by what causes them, and what these count to.
     """
     c10, c20 = stiffness
     if trend is None:
-        return TabulatedCorrection(
-            name, displacement, np.array([c10]), np.array([c20 / (c10 + c20)]), P[None, None, :], errors
-        )
+        at = np.array([c10]), np.array([c20 / (c10 + c20)])
+        return TabulatedCorrection(name, displacement, *at, P[None, None, :], errors, sources=sources)
     across, q = trend.c10[:, None], trend.stiffening[None, :]
     table = trend.correction(displacement, across + 0 * q, across * q / (1 - q))
     there = trend.correction(displacement, np.asarray(c10), np.asarray(c20))
-    return replace(trend, name=name, displacement=displacement, values=P + table - there, errors=errors, given={})
+    of_leg = replace(trend, name=name, displacement=displacement, values=P + table - there, given={})
+    return replace(of_leg, errors=errors, sources=sources)

@@ -9,10 +9,6 @@ from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values, deep_stiffness
 from legfem.inverse.comparison import ErrorSource
 
-OF_MODEL = "in 3D: "
-"""Beginning of the names of a correction's errors that are those of a leg's own model in 3D."""
-FIBRES = "fibres: "
-"""Beginning of the names of a correction's errors by muscle fibres."""
 _STEP = 1e-4
 
 
@@ -27,6 +23,11 @@ class Correction(Protocol):
         """What reports call it."""
         ...
 
+    @property
+    def sources(self) -> Mapping[str, ErrorSource]:
+        """Sources that its errors count to, by name; of others that is the ends."""
+        ...
+
     def factor(self, displacement: FloatArray, c10: FloatArray, c20: FloatArray) -> FloatArray:
         """Return the factor (..., n)."""
         ...
@@ -34,13 +35,6 @@ class Correction(Protocol):
     def relative_errors(self, displacement: FloatArray, c10: float, c20: float) -> Mapping[str, FloatArray]:
         """Return the modes (n,) of the factor's relative error, by what causes them."""
         ...
-
-
-def source_of_mode(name: str) -> ErrorSource:
-    """Return the source that an error of a correction counts to, by its name."""
-    if name.startswith(OF_MODEL):
-        return "model"
-    return "fibres" if name.startswith(FIBRES) else "ends"
 
 
 def corrected(

@@ -21,10 +21,12 @@ from scipy.interpolate import PchipInterpolator
 from legfem.common.units import FloatArray
 from legfem.common.wording import Command
 from legfem.data.folder import RESOURCES
+from legfem.inverse.comparison import ErrorSource
 from legfem.inverse.correction import TabulatedCorrection, read_table, write_table
 from legfem.inverse.elastography import FibreRatio
-from legfem.inverse.ends import FIBRES
 
+FIBRES = "fibres: "
+"""Beginning of the names of a correction's errors by muscle fibres."""
 TABLE = RESOURCES / "frauziols" / "correction-fibres.json"
 FIBRES_KIND = "fibres-of-legs"
 
@@ -97,10 +99,12 @@ def with_fibres(correction: TabulatedCorrection, table: FibreTable, fibres: Fibr
     factor = np.exp(log)
     force = (1 - correction.values) * factor
     usual = np.mean(force, axis=(0, 1))
-    errors = {
-        **{name: mode * factor for name, mode in correction.errors.items()},
+    of_fibres = {
         f"{FIBRES}ratio": -usual * slope * fibres.sd / fibres.value,
         **{f"{FIBRES}{name}": -usual * log * share for name, share in table.errors_at(d).items()},
     }
     name = f"{correction.name}, muscle {fibres} times as stiff in shear along the leg as across"
-    return replace(correction, name=name, values=1 - force, errors=errors)
+    errors = {**{name: mode * factor for name, mode in correction.errors.items()}, **of_fibres}
+    source: ErrorSource = "fibres"
+    sources = {**correction.sources, **dict.fromkeys(of_fibres, source)}
+    return replace(correction, name=name, values=1 - force, errors=errors, sources=sources)

@@ -21,7 +21,7 @@ from legfem.common.units import FloatArray
 from legfem.data.phases import LOADING
 from legfem.inverse.catalogue import Values, deep_stiffness
 from legfem.inverse.comparison import Covariances, ErrorSource, Mode, Prediction
-from legfem.inverse.ends import Correction, corrected, source_of_mode
+from legfem.inverse.ends import Correction, corrected
 from legfem.inverse.errors import COMMON_GAIN, ErrorModel, NuisanceEffect, error_model
 from legfem.inverse.intervals import by_third, third_of
 from legfem.inverse.observations import Observations
@@ -285,15 +285,17 @@ class StationTest:
     def _of_correction(self, values: Values, predicted: FloatArray) -> dict[str, Mode]:
         assert self.correction is not None
         observed, of_deep = self.observed, deep_stiffness(values)
-        modes = dict(self.correction.relative_errors(observed.displacement, *of_deep))
+        relative, sources = self.correction.relative_errors(observed.displacement, *of_deep), self.correction.sources
+        modes = {name: Mode(sources.get(name, "ends"), mode) for name, mode in relative.items()}
         # How an error runs along the depth is known roughly: it may lean by as much as it is.
         lean = 2.0 * observed.displacement / observed.displacement.max() - 1.0
-        modes |= {f"{name}, leaning": mode * lean for name, mode in modes.items() if source_of_mode(name) != "model"}
+        lean_on = {name: mode for name, mode in modes.items() if mode.source != "model"}
+        modes |= {f"{name}, leaning": Mode(mode.source, mode.effect * lean) for name, mode in lean_on.items()}
         whole = np.zeros(len(self._equal))
         whole[self.rows] = predicted
         spans, unlike = observed.data.spans, np.zeros(len(whole))
         found = {name: np.zeros(len(whole)) for name in modes}
-        for name, mode in modes.items():
+        for name, (_, mode) in modes.items():
             found[name][spans[0]] = mode * whole[spans[0]]
             for one, span in zip(observed.channels, spans[1:], strict=True):
                 if one.follows_force:
@@ -301,7 +303,7 @@ class StationTest:
         for one, span in zip(observed.channels, spans[1:], strict=True):
             if not one.follows_force:
                 unlike[span] = _ENDS_OF_LENGTHS * one.displacement * one.slope(one.values)
-        result = {name: Mode(source_of_mode(name), mode[self.rows]) for name, mode in found.items()}
+        result = {name: Mode(modes[name].source, effect[self.rows]) for name, effect in found.items()}
         if unlike.any():
             result[f"{self.name}: ends, shape under the cylinder"] = Mode("ends", unlike[self.rows])
         return result

@@ -15,7 +15,7 @@ from legfem.inverse.document import SCHEMA
 from legfem.inverse.fit import EXACT, UNTESTED, Goodness
 from legfem.inverse.notice import Notice
 
-SCHEMAS = {"result.json": SCHEMA, "diagnosis.json": "legfem.diagnose/6"}
+SCHEMAS = {"result.json": SCHEMA, "diagnosis.json": "legfem.diagnose/7"}
 """Of documents that are read, by their files' names."""
 
 

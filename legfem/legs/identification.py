@@ -46,7 +46,7 @@ from legfem.legs.model_3d import SOLVES, LegModels, check_has_ends, kept_forward
 from legfem.legs.notices import of_two_fidelities
 from legfem.legs.problem import LegProblem, leg_problem, pressed_depth, split_instrument
 from legfem.legs.site import measured_curve, site_test
-from legfem.legs.solver_3d import LegSolver, model_errors
+from legfem.legs.solver_3d import FIBRE_ERRORS, LegSolver, model_errors
 from legfem.legs.subject import SitedLeg, Subject
 from legfem.legs.unknowns import Geometry, unknown_geometry
 
@@ -148,6 +148,7 @@ class TwoFidelities:
             grid,
             solved.P,
             {"prediction": prediction, **solved.errors},
+            {name: "fibres" for name in FIBRE_ERRORS if name in solved.errors},
         )
         outcome = solved.outcome
         self._seen = self.models.pressed(outcome)

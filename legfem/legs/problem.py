@@ -18,7 +18,7 @@ from legfem.inverse.accuracy import GEOMETRY_DOF, MATERIAL_DOF, MATERIAL_LOG_SD
 from legfem.inverse.catalogue import DEEP_D2, IdentifiedLaw, LawName, Values, deep_stiffness
 from legfem.inverse.comparison import Covariances, ErrorSource, Weighting, total_of
 from legfem.inverse.correction import TabulatedCorrection
-from legfem.inverse.ends import Correction, corrected, source_of_mode
+from legfem.inverse.ends import Correction, corrected
 from legfem.inverse.estimates import Optimum, estimates
 from legfem.inverse.fit import LEAST_CHANCE, ChannelFit, Cost, Fit, Identity, TestFit, r_squared, versions
 from legfem.inverse.intervals import IDENTIFIABLE_WITHIN, NUMERICAL_ERROR, PRIOR_DOF, WEAKLY_WITHIN, effective_degrees
@@ -422,5 +422,4 @@ def _applied(correction: Correction | None, displacement: FloatArray, values: Va
     factor = correction.factor(displacement, np.asarray(c10), np.asarray(c20))
     modes = correction.relative_errors(displacement, c10, c20)
     sd = factor * np.sqrt(sum(mode**2 for mode in modes.values()))
-    fibrous = any(source_of_mode(name) == "fibres" for name in modes)
-    return AppliedCorrection(correction.name, 1 - factor, sd, fibrous)
+    return AppliedCorrection(correction.name, 1 - factor, sd, "fibres" in correction.sources.values())

@@ -17,7 +17,7 @@ from legfem.experiments.leg_3d import FIBRE_PARAMETERS, fibres_of
 from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO, IdentifiedLaw, Values
 from legfem.inverse.correction import FIRST_RATIO, TabulatedCorrection, first_contact_error, mesh_error, smooth_ratio
 from legfem.inverse.elastography import FibreRatio
-from legfem.inverse.ends import FIBRES, OF_MODEL
+from legfem.inverse.fibre_correction import FIBRES
 from legfem.inverse.fibre_ratio import SHAPE_SD_OF_FIBRES
 from legfem.inverse.joint_comparison import JointComparison
 from legfem.inverse.outcome import Forward, FullSolver, Outcome
@@ -121,6 +121,9 @@ class LegSolver:
         return FullSolver(model, self.models.store_of(model), 1, self.progress, sensitivities)
 
 
+FIBRE_ERRORS = (f"{FIBRES}ratio", f"{FIBRES}stiffness in tension")
+
+
 def fibre_errors(curve: ForceCurve, fibres: FibreRatio, c10: float, displacement: FloatArray) -> dict[str, FloatArray]:
     """Return errors (n,) as shares of a leg's force: of the ratio, and of fibres in tension.
 
@@ -143,7 +146,7 @@ def fibre_errors(curve: ForceCurve, fibres: FibreRatio, c10: float, displacement
     by_ratio = Fibres.slope_by_ratio(at_two.region, c10, by)
     by_extension = at_two.extension * by[f"{at_two.name}.extension"]
     in_tension = by_extension * (fibres.value - 1) * np.log(2.0)
-    return {f"{FIBRES}ratio": by_ratio * fibres.sd / curve(at), f"{FIBRES}stiffness in tension": in_tension / curve(at)}
+    return dict(zip(FIBRE_ERRORS, (by_ratio * fibres.sd / curve(at), in_tension / curve(at)), strict=True))
 
 
 _UNLIKE_DEG = 30.0
@@ -243,13 +246,12 @@ def model_errors(
     corrections = []
     for site, one, (grid, share, _) in zip(leg.sites, models, every, strict=True):
         of_fibres = dict(share)
-        errors = {
-            f"{OF_MODEL}mesh at {site.site or 'leg'}": of_fibres.pop("mesh"),
-            f"{OF_MODEL}leg's length": of_fibres.pop("leg's length"),
-            **of_fibres,
+        of_model = {
+            f"in 3D: mesh at {site.site or 'leg'}": of_fibres.pop("mesh"),
+            "in 3D: leg's length": of_fibres.pop("leg's length"),
         }
         if DEEP_RATIO in law.names and why_fibres_undetermined(leg):
-            errors[f"{FIBRES}bend of the curve"] = SHAPE_SD_OF_FIBRES * grid / one.depth
+            of_fibres[f"{FIBRES}bend of the curve"] = SHAPE_SD_OF_FIBRES * grid / one.depth
         corrections.append(
             TabulatedCorrection(
                 "none: the leg itself is solved in 3D",
@@ -257,7 +259,8 @@ def model_errors(
                 np.array([1.0]),
                 np.array([0.0]),
                 np.zeros((1, 1, len(grid))),
-                errors,
+                {**of_model, **of_fibres},
+                sources={**dict.fromkeys(of_model, "model"), **dict.fromkeys(of_fibres, "fibres")},
             )
         )
     legs = [one.leg for one in models]

@@ -3,10 +3,12 @@
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from legfem.common.units import percent
 from legfem.inverse.averaging import TIMES
 from legfem.inverse.catalogue import symbol_of
-from legfem.inverse.fit import Fit
+from legfem.inverse.fit import Fit, r_squared
 from legfem.inverse.mechanism import null_of
 from legfem.inverse.notice import FitNotice
 from legfem.inverse.plan import DesignValue
@@ -17,7 +19,7 @@ from legfem.report import diagnosis_headline, diagnosis_sentences, estimates
 from legfem.report import diagnosis_numbers as tables
 from legfem.report import page as web
 from legfem.report.diagnosis_curves import curves_of, model_name, places_of, plain, signatures_of
-from legfem.report.diagnosis_document import Recorded, kind_of, r_squared_of, versions
+from legfem.report.diagnosis_document import Recorded, versions
 from legfem.report.further_channels import channel_chapter, misfit_in_section
 from legfem.report.notices import sentence_of
 from legfem.report.page import PressedSection
@@ -99,7 +101,7 @@ def diagnosis_web_page(
     notices = notices_of(found, subject)
     doubts = sum(one.code == FitNotice.DOUBTFUL for one in notices)
     return web.WebPage(
-        f"Can the stiffness of {kind_of(subject).lower()} ‘{subject.id}’ be trusted?",
+        f"Can the stiffness of {'subject' if leg else 'specimen'} ‘{subject.id}’ be trusted?",
         subject.title,
         subject.origin,
         diagnosis_headline.headline(found, plan, "deep" if leg else "", doubts),
@@ -221,10 +223,11 @@ def _hidden(found: Diagnosis) -> list[web.Block]:
 
 def _looks(found: Diagnosis) -> str:
     stiffness = " and ".join(map(symbol_of, found.base_model.fit.stiffness))
+    left = float(np.sum(found.base_model.fit.residual[found.observed.data.spans[0]] ** 2))
     ends = ", the cylinder's ends included" if found.with_ends else ""
     looks = (
         f"The base model ({LAW_NAMES[found.law]} deep tissue{ends}, nothing added) fits with "
-        f"R² = {r_squared_of(found.base_model.fit, found):.4f}. Probabilities weigh all explanations "
+        f"R² = {r_squared(left, found.observed.force):.4f}. Probabilities weigh all explanations "
         "against each other: nothing, one mechanism, two mechanisms, or something unknown. Before the test, "
         "“nothing is missing” and “one mechanism is missing” are taken to be equally probable, “two are missing” half "
         "as probable. “Nothing detectable” is nothing at all, or an effect that is too small for these recordings to "

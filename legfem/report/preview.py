@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -69,13 +69,20 @@ class Preview:
 
     title: str
     origin: str
-    trouble: str
+    trouble: str = ""
     """The line with which the commands would refuse the folder; empty where they don't."""
+    unsaid: bool = False
+    """Whether that says that something is missing, and nothing is wrong."""
     doubts: tuple[str, ...] = ()
     facts: tuple[tuple[str, str], ...] = ()
     pictures: tuple[tuple[str, str], ...] = ()
     """Files, and what they show in words."""
-    recordings: tuple[SeenRecording, ...] = field(default=())
+    recordings: tuple[SeenRecording, ...] = ()
+
+    @classmethod
+    def refused(cls, folder: Path, error: InputError, recordings: tuple[SeenRecording, ...] = ()) -> "Preview":
+        """Return what is seen in a folder that can't be read."""
+        return cls(folder.name, "", str(error), error.unsaid, recordings=recordings)
 
     def write(self, out: Path) -> Path:
         """Write ``preview.json``; return its path."""
@@ -114,28 +121,28 @@ def preview_of(folder: Path, out: Path, progress: Progress | None = None) -> Pre
         + ("" if readable else ", nor a recording that can be read"),
         "add one of them: it describes the leg, the test and the instruments",
     )
-    return Preview(folder.name, "", str(error), recordings=seen)
+    return Preview.refused(folder, error, seen)
 
 
 def _leg(folder: Path, out: Path) -> Preview:
     try:
         names = site_names(folder / SUBJECTS.file)
     except InputError as error:
-        seen = _recordings(recording_files(folder / RECORDINGS), out, None)
-        return Preview(folder.name, "", str(error), recordings=seen)
+        return Preview.refused(folder, error, _recordings(recording_files(folder / RECORDINGS), out, None))
     if not names:
         return _site(folder, out)
     sites = {name: _site(folder, out, name) for name in names}
-    trouble = next((site.trouble for site in sites.values() if site.trouble), "")
+    trouble, unsaid = next(((site.trouble, site.unsaid) for site in sites.values() if site.trouble), ("", False))
     if not trouble:
         try:
             load_sites(folder)
         except InputError as error:  # between sites, as copies
-            trouble = str(error)
+            trouble, unsaid = str(error), error.unsaid
     return Preview(
         f"{len(sites)} sites of one leg: {', '.join(site.title for site in sites.values())}",
         next(iter(sites.values())).origin,
         trouble,
+        unsaid,
         tuple(f"{name}: {line}" for name, site in sites.items() for line in site.doubts),
         tuple((f"{name}: {what}", fact) for name, site in sites.items() for what, fact in site.facts),
         tuple(picture for site in sites.values() for picture in site.pictures),
@@ -149,17 +156,20 @@ def _site(folder: Path, out: Path, name: str = "") -> Preview:
         entry = subject_entry(folder / SUBJECTS.file, name)
         channels, recordings = entry.given.recordings.channels(), folder / entry.recordings
     except InputError as error:
-        seen = _recordings(recording_files(recordings), out, None)
-        return Preview(folder.name, "", str(error), recordings=seen)
-    trouble, files = "", [f for f in recording_files(recordings) if not is_channel_file(f, entry.given.channels, name)]
+        return Preview.refused(folder, error, _recordings(recording_files(recordings), out, None))
+    trouble, unsaid, files = (
+        "",
+        False,
+        [f for f in recording_files(recordings) if not is_channel_file(f, entry.given.channels, name)],
+    )
     try:
         subject = load_subject(folder, site=name)
     except InputError as error:
-        trouble = str(error)
+        trouble, unsaid = str(error), error.unsaid
         try:
             subject = load_subject(folder, need_recordings=False, need_instrument=False, site=name)
         except InputError:
-            return Preview(folder.name, "", trouble, recordings=_recordings(files, out, channels, site=name))
+            return Preview.refused(folder, error, _recordings(files, out, channels, site=name))
     seen = _recordings(files, out, channels, site=name, trials=subject.trials)
     picture = f"section-{name}" if name else "section"
     drawn = save(placement_figure(subject), out, picture)[0].name
@@ -167,6 +177,7 @@ def _site(folder: Path, out: Path, name: str = "") -> Preview:
         subject.title,
         subject.origin,
         trouble,
+        unsaid,
         tuple(doubt_lines(doubts_about(subject))),
         tuple(_leg_facts(subject)),
         ((drawn, SECTION_SHOWS),),
@@ -201,7 +212,7 @@ def _stocking(folder: Path, out: Path, progress: Progress | None) -> Preview:
     try:
         leg = load_leg(folder, progress)
     except InputError as error:
-        return Preview(folder.name, "", str(error))
+        return Preview.refused(folder, error)
     picture = save(slices_figure(leg), out, "slices")[0].name
     facts = [
         ("modelled", f"{leg.bare.length:.0f} mm of the leg"),
@@ -211,7 +222,8 @@ def _stocking(folder: Path, out: Path, progress: Progress | None) -> Preview:
     if leg.registration is not None:
         facts.append(("scans' bones agree within", f"{leg.registration.residual:.2f} mm"))
     shown = "Outlines of skin and muscle at three heights, of the bare leg and in the stocking."
-    return Preview(leg.title, leg.origin, "", tuple(doubt_lines(leg.doubts)), tuple(facts), ((picture, shown),))
+    doubts = tuple(doubt_lines(leg.doubts))
+    return Preview(leg.title, leg.origin, doubts=doubts, facts=tuple(facts), pictures=((picture, shown),))
 
 
 def _specimen(folder: Path, out: Path) -> Preview:
@@ -219,17 +231,15 @@ def _specimen(folder: Path, out: Path) -> Preview:
     with suppress(InputError):  # load_specimen says what is wrong
         given = parse_specimen_file(folder / FILE)
         places = dict.fromkeys(given.tests) if isinstance(given, SeveralTests) else {"": given.recordings.channels()}
-    found, problem = None, ""
+
+    def seen(trials: Sequence[Segmentation] = ()) -> tuple[SeenRecording, ...]:
+        files = {test: recording_files(folder / test / "recordings") for test in places}
+        return tuple(one for test in places for one in _recordings(files[test], out, places[test], True, test, trials))
+
     try:
         found = load_specimen(folder)
     except InputError as error:
-        problem = str(error)
-    trials = [one.trial for one in found.recordings] if found else []
-    seen: tuple[SeenRecording, ...] = ()
-    for test, channels in places.items():
-        seen += _recordings(recording_files(folder / test / "recordings"), out, channels, True, test, trials)
-    if found is None:
-        return Preview(folder.name, "", problem, recordings=seen)
+        return Preview.refused(folder, error, seen())
     facts = []
     for one in found.recordings:
         course, axes = one.course, one.axes
@@ -238,7 +248,8 @@ def _specimen(folder: Path, out: Path) -> Preview:
         facts.append((one.name, f"{way}, {axes.load} to {axes.load_text(course.peak)}"))
     left = tuple(f"NOT USED: {one.name}: {one.reason}" for one in found.left_out)
     doubts = (*doubt_lines(found.doubts), *left)
-    return Preview(found.title, found.origin, "", doubts, tuple(facts), recordings=seen)
+    trials = [one.trial for one in found.recordings]
+    return Preview(found.title, found.origin, doubts=doubts, facts=tuple(facts), recordings=seen(trials))
 
 
 def _recordings(

@@ -14,15 +14,16 @@ import typer
 from legfem.cohort.anomalies import drifts
 from legfem.cohort.members import Member
 from legfem.cohort.rows import Judged, Measure, ModelResult, Row
-from legfem.cohort.statistics import SOURCES, statistics, statistics_document
+from legfem.cohort.statistics import statistics
 from legfem.common.command_line import study_context
-from legfem.common.documents import markdown_table
+from legfem.common.documents import json_types, markdown_table
 from legfem.common.units import FloatArray
 from studies.cohort.simulated import BROKEN, EXCHANGED, LUMPY, Spread, Tested, drawn_people, table_of
 from studies.command_line import DONE_IS_KEPT, Out, Seed, new_app, write_results
 
 app = new_app()
 KEY, LAW = "c10_deep", "neo-hookean"
+SOURCES = ("people", "legs_of_a_person", "tests_of_a_leg")
 _COLUMN = "neo_hookean_c10_deep"
 
 
@@ -74,12 +75,12 @@ def truths(spread: Spread, errors: FloatArray) -> dict[str, float]:
 
 def intervals_of(document: Mapping[str, Any]) -> dict[str, tuple[float, float, float]]:
     """Return value and 95 % interval by the names of `truths`, from a cohort's statistics."""
-    one = document["parameters"][KEY]
-    found = {source: (of["value"], *of["ci95"]) for source, of in one["sd"].items()}
+    (one,) = (one for one in document["parameters"] if one["name"] == KEY)
+    fitted, (repeated,) = one["fitted"], (each for each in one["repeated"] if each["by"] == "session")
+    found = {name: (sd, *ends) for name, sd, ends in zip(SOURCES, fitted["sd"], fitted["sd95"], strict=True)}
     (group,) = (effect for effect in one["effects"] if effect["of_group"])
     found["group"] = (group["value"], group["low"], group["high"])
-    icc = one["repeated"]["session"]
-    return {**found, "icc": (icc["icc"], *icc["icc95"])}
+    return {**found, "icc": (repeated["agreement"]["icc"], *repeated["agreement"]["icc95"])}
 
 
 @app.command()
@@ -107,7 +108,7 @@ def scored(
         for k in range(draws):
             anew = drawn_people(people, spread, 1000 + seed + k)
             members, rows = redrawn(anew, errors, 1.0, k)
-            said = intervals_of(statistics_document(statistics(members, rows)))
+            said = intervals_of(json_types(statistics(members, rows)))
             for name, (_, low, high) in said.items():
                 inside[name] += low <= true[name] <= high
             alarms += any(True for _ in drifts({one.name: one for one in members}, rows))

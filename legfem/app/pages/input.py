@@ -114,11 +114,10 @@ def preview_tab(workspace: Workspace, name: str, looking: Run, go: Callable[[str
     found = seen(looking)
     assert found is not None
     if found["trouble"]:
-        unsaid = ": missing; " in found["trouble"]
-        (wanting if unsaid else refused)(found["trouble"])
+        (wanting if found.get("unsaid") else refused)(found["trouble"])
     with ui.element("div").classes("inrow"):
         if found["trouble"]:
-            tag("span", "Give it under" if unsaid else "Correct it under")
+            tag("span", "Give it under" if found.get("unsaid") else "Correct it under")
             for one in ("Assumed", "Columns", "Files"):
                 ui.button(one, on_click=lambda name=one: go(name)).props("outline dense")
         else:
