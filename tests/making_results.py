@@ -111,25 +111,23 @@ def result(
         "agreement": EXACT,
         "tests": (TestFit(test, (ChannelFit(channel, matrix @ optimum, rates),), goodness),),
         "log": SearchLog(
-            NAMES[: 2 if two else 1],
-            tuple(
+            names=NAMES[: 2 if two else 1],
+            solves=tuple(
                 FullSolve({NAMES[0]: a, NAMES[1]: b}, float(cost(a, b)), stage, True, "", 60, 1.5)
                 for (a, b), stage in zip(starts, STAGES, strict=True)
             ),
-            tuple(
+            generations=tuple(
                 Generation(k // 5, k, dict(zip(NAMES, at, strict=True)), float(cost(*at)))
                 for k, at in enumerate(best + (starts[0] - best) * 0.7**j for j in range(10))
             ),
-            CostMap(NAMES[: 2 if two else 1], c10, c20, cost(*np.meshgrid(c10, c20))),
+            cost_map=CostMap(NAMES[: 2 if two else 1], c10, c20, cost(*np.meshgrid(c10, c20))),
             converged=True,
             seed=5,
             wall_s=12.3,
             emulator_error=0.003,
             forward_solves=7,
-            failed_solves=0,
             reused_solves=2,
             factorisations=420,
-            compromise="",
         ),
         "weighting": "paper",
         "neo_hookean_limit": False,

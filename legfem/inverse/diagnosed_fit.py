@@ -3,25 +3,11 @@
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from legfem.inverse.catalogue import DEEP_C20, LawName
-from legfem.inverse.estimates import Estimate, correlations_of
 from legfem.inverse.explanation import Explanation
-from legfem.inverse.fit import (
-    EXACT,
-    ChannelFit,
-    Cost,
-    Fit,
-    Goodness,
-    Identity,
-    OwnEstimate,
-    TestFit,
-    r_squared,
-    versions,
-)
+from legfem.inverse.fit import EXACT, ChannelFit, Cost, Goodness, OwnEstimate, TestFit, r_squared
 from legfem.inverse.map_fit import fit
 from legfem.inverse.predictor import onset_name
 from legfem.inverse.readings import Data, MeasuredTest
@@ -31,55 +17,8 @@ _LEAST = 1e-3
 """Of a trial's own standard error: that of its difference from the joint value at least."""
 
 
-def fit_of_model(
-    model: Explanation,
-    estimates: Mapping[str, Estimate],
-    subject: Identity,
-    kind: str,
-    law: LawName,
-    log: SearchLog,
-    settings: Mapping[str, Any],
-    weighted: Explanation | None,
-) -> Fit[None]:
-    """Return a model of a diagnosis as the fit of all recordings, each a test.
-
-    Parameters
-    ----------
-    model
-        The explanation.
-    estimates
-        What was fitted in it, by full name.
-    subject, kind, law, log, settings
-        As of a `legfem.inverse.fit.Fit`.
-    weighted
-        The base model by its errors, which each recording is fitted with by itself; none of them without it.
-    """
-    fitted = model.fit
-    equal = weighted is not None and fitted is not weighted.fit
-    fitted_at = [fitted.free.index(name) for name in estimates]
-    tests, agreement = fits_of_trials(model, weighted)
-    return Fit(
-        kind=kind,
-        subject=subject,
-        law=law,
-        estimates=estimates,
-        correlations=correlations_of(model.posterior.covariance[np.ix_(fitted_at, fitted_at)]),
-        values=dict(fitted.values),
-        assumed={},
-        goodness=Goodness(fitted.cost, len(fitted.whitened), fitted.lack_of_fit),
-        cost=_cost_of(model, equal),
-        agreement=agreement,
-        tests=tests,
-        log=log,
-        neo_hookean_limit=DEEP_C20 in estimates and estimates[DEEP_C20].at_bound == "lower",
-        weighting="equal" if equal else "covariance",
-        settings=settings,
-        versions=versions(),
-        details=None,
-    )
-
-
-def _cost_of(model: Explanation, equal: bool) -> Cost:
+def cost_of_model(model: Explanation, equal: bool) -> Cost:
+    """Return what was minimised, by equal weights or by errors, and the squares of the force."""
     fitted, observed = model.fit, model.problem.predictor.observed
     force = observed.data.spans[0]
     squares = float(np.sum(fitted.residual[force] ** 2))
@@ -102,18 +41,10 @@ def log_of_solutions(model: Explanation, seed: int, emulator_error: float, solut
     largest = float(np.abs(model.problem.predictor.observed.force).max())
     return SearchLog(
         names=fitted.free,
-        solves=(),
-        generations=(),
-        cost_map=None,
         converged=fitted.converged,
         seed=seed,
-        wall_s=math.nan,
         emulator_error=emulator_error * largest,
         forward_solves=solutions,
-        failed_solves=0,
-        reused_solves=0,
-        factorisations=0,
-        compromise="",
     )
 
 

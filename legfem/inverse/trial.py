@@ -60,33 +60,33 @@ class CostMap:
     """(k, m), N2."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class SearchLog:
-    """How the optimum was found."""
+    """How the optimum was found; of a fit without a search of its own little of it."""
 
     names: tuple[str, ...]
     """Names of the free parameters."""
-    solves: tuple[FullSolve, ...]
+    solves: tuple[FullSolve, ...] = ()
     """In the order in which they were asked for."""
-    generations: tuple[Generation, ...]
-    cost_map: CostMap | None
+    generations: tuple[Generation, ...] = ()
+    cost_map: CostMap | None = None
     """None without an emulator, or with more than two parameters."""
     converged: bool
     seed: int
     """Seed of all random numbers."""
-    wall_s: float
+    wall_s: float = math.nan
     """Time that the search took, s."""
-    emulator_error: float
+    emulator_error: float = math.nan
     """Greatest difference between the emulator before the last solve and that solve, at the optimum, in the readings'
     unit (N); NaN without an emulator."""
-    forward_solves: int
+    forward_solves: int = 0
     """Full solves that the fit rests on, failed ones included."""
-    failed_solves: int
+    failed_solves: int = 0
     """Those of them that stopped short."""
-    reused_solves: int
+    reused_solves: int = 0
     """Those of them that were found on disk from an earlier run."""
-    factorisations: int
-    compromise: str
+    factorisations: int = 0
+    compromise: str = ""
     """What the best solve's model gave up to go on, in words; empty if nothing."""
 
 

@@ -12,12 +12,12 @@ from legfem.common.units import decimals, mpa_to_kpa
 from legfem.inverse.answer import Answer, Finding, LikelyCause, Tone, Value
 from legfem.inverse.averaging import as_seen, robust_interval
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
-from legfem.inverse.diagnosed_fit import fit_of_model, fits_of_trials, log_of_solutions
+from legfem.inverse.diagnosed_fit import cost_of_model, fits_of_trials, log_of_solutions
 from legfem.inverse.errors import ErrorModel
-from legfem.inverse.estimates import Estimate
+from legfem.inverse.estimates import Estimate, correlations_of
 from legfem.inverse.evidence import possible_discrepancies
 from legfem.inverse.explanation import Explained, Explanation, unknown_course
-from legfem.inverse.fit import Fit, Identity
+from legfem.inverse.fit import Fit, Goodness, Identity, versions
 from legfem.inverse.hidden import HiddenEnd, Limit, profile_of
 from legfem.inverse.linearised import LinearisedFit
 from legfem.inverse.location import MisfitAssessment, SetAside, runs
@@ -113,15 +113,30 @@ class Diagnosis:
         return self._fit_of(self.best, True)
 
     def _fit_of(self, model: Explanation, over_all: bool) -> Fit[None]:
-        return fit_of_model(
-            model,
-            self._estimates(model, over_all),
-            self.subject,
-            self.kind,
-            self.law,
-            log_of_solutions(model, self.seed, self.emulator_error, self.solutions),
-            {"mechanisms": list(model.names), "cylinder_ends": self.with_ends},
-            None if model.names else self.weighted_base,
+        fitted, estimates = model.fit, self._estimates(model, over_all)
+        # Recordings are fitted one by one with the base model by its errors alone.
+        weighted = None if model.names else self.weighted_base
+        equal = weighted is not None and fitted is not weighted.fit
+        of_estimates = [fitted.free.index(name) for name in estimates]
+        tests, agreement = fits_of_trials(model, weighted)
+        return Fit(
+            kind=self.kind,
+            subject=self.subject,
+            law=self.law,
+            estimates=estimates,
+            correlations=correlations_of(model.posterior.covariance[np.ix_(of_estimates, of_estimates)]),
+            values=dict(fitted.values),
+            assumed={},
+            goodness=Goodness(fitted.cost, len(fitted.whitened), fitted.lack_of_fit),
+            cost=cost_of_model(model, equal),
+            agreement=agreement,
+            tests=tests,
+            log=log_of_solutions(model, self.seed, self.emulator_error, self.solutions),
+            neo_hookean_limit=DEEP_C20 in estimates and estimates[DEEP_C20].at_bound == "lower",
+            weighting="equal" if equal else "covariance",
+            settings={"mechanisms": list(model.names), "cylinder_ends": self.with_ends},
+            versions=versions(),
+            details=None,
         )
 
     @property

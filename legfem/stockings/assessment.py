@@ -192,7 +192,7 @@ def _cost(best: ScanFit | None, channels: tuple[ChannelFit, ...]) -> Cost:
     )
 
 
-NO_SEARCH = SearchLog(PARAMETERS, (), (), None, True, 0, 0.0, np.nan, 0, 0, 0, 0, "")
+NO_SEARCH = SearchLog(names=PARAMETERS, converged=True, seed=0, wall_s=0.0)
 """Log of a run in which nothing was searched for."""
 
 
