@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from making import write_subject
 from making_diagnosed import diagnosed
-from making_results import result
+from making_results import law_document, result
 from test_diagnosis_report import CASES
 
 import legfem as lf
@@ -33,6 +33,12 @@ from legfem.report.kinds import kind_of
 def same(one: float, other: float) -> bool:
     """Tell whether two numbers are the same as far as JSON has them: it knows none that isn't finite."""
     return one == other or not (math.isfinite(one) or math.isfinite(other))
+
+
+def test_costs_and_stiffnesses_of_a_map_have_their_own_units():
+    search = law_document(result("reduced-polynomial"))["search"]
+    assert list(search["cost_map"]) == ["c10_kPa", "c20_kPa", "cost_N2"]
+    assert search["solves"][0].keys() > {"c10_kPa", "c20_kPa", "cost_N2"}
 
 
 def assert_same_fit(back: StoredModel, fit: Fit[Any]) -> None:

@@ -3,10 +3,10 @@
 import difflib
 import math
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -204,12 +204,14 @@ def short_key_of(name: str) -> str:
     return symbol_of(name).lower() if name.startswith("deep.") else key_of(name)
 
 
-def with_units(values: Values) -> dict[str, float]:
-    """Return values by names that end with the unit in which people read them."""
+def with_units(
+    values: Mapping[str, Any], key: Callable[[str], str] = lambda name: name.replace(".", "_")
+) -> dict[str, Any]:
+    """Return values as people read them, by keys of their names that end with the unit."""
     found = {}
     for name, value in values.items():
         unit, factor = readable_unit(unit_of(name))
-        found[f"{name.replace('.', '_')}_{unit_suffix(unit)}"] = factor * value
+        found[f"{key(name)}_{unit_suffix(unit)}"] = factor * value
     return found
 
 

@@ -238,23 +238,11 @@ def _search(log: SearchLog, unit: str) -> dict[str, Any]:
 
 def _values(values: Values, free: Sequence[str]) -> dict[str, float]:
     """C10 and C20 of the deep tissue and what else is free, keys with units."""
-    shown = {}
-    for name in dict.fromkeys((DEEP_C10, DEEP_C20, *free)):
-        unit, factor = readable_unit(unit_of(name))
-        if name in values:
-            shown[_key_with_unit(name, unit)] = factor * values[name]
-    return shown
+    named = dict.fromkeys((DEEP_C10, DEEP_C20, *free))
+    return with_units({name: values[name] for name in named if name in values}, short_key_of)
 
 
 def _cost_map(known: CostMap, unit: str) -> dict[str, Any]:
     names = known.names if len(known.names) == 2 else (*known.names, DEEP_C20)
-    axes = {}
-    for name, values in zip(names, (known.across, known.up), strict=True):
-        unit, factor = readable_unit(unit_of(name))
-        axes[_key_with_unit(name, unit)] = factor * values
-    return {**axes, f"cost_{unit}": known.cost}
-
-
-def _key_with_unit(name: str, unit: str) -> str:
-    """Key of a parameter's value: ``c10_kPa`` of ``deep.C10``, ``c10_superficial_kPa`` of another tissue's."""
-    return f"{short_key_of(name)}_{unit_suffix(unit)}"
+    axes = dict(zip(names, (known.across, known.up), strict=True))
+    return {**with_units(axes, short_key_of), f"cost_{unit}": known.cost}

@@ -88,12 +88,17 @@ def fit[C: Comparison](
 
 
 def fit_with[C: Comparison](
-    problem: Problem[C], laws: Sequence[catalogue.LawName], solver: FullSolver, settings: IdentificationSettings
+    problem: Problem[C],
+    laws: Sequence[catalogue.LawName],
+    solver: FullSolver,
+    settings: IdentificationSettings,
+    near: Found[C] | None = None,
 ) -> list[Fit[Any]]:
-    """`fit` with a solver that is at hand; see there."""
-    near, begun = None, dict[catalogue.LawName, Search[C]]()
-    if problem.weighs_shared_errors:
+    """Return a problem's fits by a solver that is kept for more, about a search that came near where there was one."""
+    begun = dict[catalogue.LawName, Search[C]]()
+    if near is None and problem.weighs_shared_errors:
         near = Searches(problem.unknowns, solver, settings, problem.comparison, refined=problem.refined).nearest(laws)
+    if near is not None:
         begun[near.search.law.name] = replace(near.search, law=problem.unknowns[near.search.law.name])
     searches = Searches(
         problem.unknowns, solver, settings, lambda law: problem.comparison(law, near), begun, problem.refined

@@ -255,16 +255,7 @@ def fit_in_3d(
         errors = model_errors(leg, models, start, request.progress, jobs)
         problem = replace(problem, spatial=errors.summary).corrected(errors.modes)
         settled = replace(request.settings, most_solves=MOST_SOLVES_OF_SITES)
-        searches = Searches(
-            unknowns,
-            solver,
-            settled,
-            lambda law: problem.comparison(law, start),
-            {start.search.law.name: start.search},
-            problem.refined,
-        )
-        found = searches.find(laws)
-    return [problem.assessed(one) for one in found]
+        return fit_with(problem, laws, solver, settled, start)
 
 
 def as_leg(given: Subject | SitedLeg) -> SitedLeg:
