@@ -1,6 +1,7 @@
 """Units: mm, N, MPa and s inside; kPa where people read and write."""
 
 import math
+from collections.abc import Iterable
 from itertools import pairwise
 from typing import Annotated, Any
 
@@ -65,6 +66,11 @@ def runs_of(marks: NDArray[np.generic]) -> list[tuple[int, int]]:
     """Return the first number and the one after the last of each run of equal marks."""
     edges = [0, *(int(k) + 1 for k in np.flatnonzero(marks[1:] != marks[:-1])), len(marks)]
     return list(pairwise(edges))
+
+
+def spans_of(sizes: Iterable[int]) -> list[slice]:
+    """Return the places of parts of these sizes that stand one after the other."""
+    return [slice(*pair) for pair in pairwise(np.cumsum([0, *sizes]))]
 
 
 def frozen_array(values: object) -> FloatArray:

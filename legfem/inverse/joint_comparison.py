@@ -1,15 +1,14 @@
 """Stations of one or several sites that the same unknowns predict, and what each site says by itself."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, solve_triangular
 
-from legfem.common.units import FloatArray
+from legfem.common.units import FloatArray, spans_of
 from legfem.inverse.catalogue import Values
 from legfem.inverse.comparison import Comparison, Covariances, ErrorSource, Mode, Prediction, Weighting, total_of
 from legfem.inverse.fit import EXACT, Goodness, OwnEstimate
@@ -44,11 +43,11 @@ class JointComparison(Comparison):
     @cached_property
     def spans(self) -> list[slice]:
         """Place of every test's readings among the n."""
-        return _spans(len(test.data) for test in self.tests)
+        return spans_of(len(test.data) for test in self.tests)
 
     @cached_property
     def _model_spans(self) -> list[slice]:
-        return _spans(test.model_size for test in self.tests)
+        return spans_of(test.model_size for test in self.tests)
 
     @cached_property
     def measured(self) -> FloatArray:
@@ -182,10 +181,6 @@ class JointComparison(Comparison):
         """One of the tests by itself, with the same weights."""
         near = None if self.near is None else (self.near[0], self.near[1][self.spans[number]])
         return JointComparison((self.tests[number],), self.weighting, near)
-
-
-def _spans(sizes: Iterable[int]) -> list[slice]:
-    return [slice(*pair) for pair in pairwise(np.cumsum([0, *sizes]))]
 
 
 @dataclass(frozen=True, eq=False)

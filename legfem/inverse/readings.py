@@ -7,16 +7,16 @@ contact truly began there, where the recording's displacement counts from 0. Clo
 model's curve, so that no solve is needed for any of the three.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from legfem.common.units import FloatArray
+from legfem.common.units import FloatArray, spans_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +69,7 @@ class Data:
     @cached_property
     def spans(self) -> tuple[slice, ...]:
         """Place of every channel's readings in `values`."""
-        ends = np.cumsum([0, *map(len, self.channels)])
-        return tuple(slice(*pair) for pair in pairwise(ends))
+        return tuple(spans_of(map(len, self.channels)))
 
     def __len__(self) -> int:
         """Number n of readings, of all channels together."""
@@ -116,42 +115,28 @@ READINGS = INSTRUMENT | RELAXATION
 """All that acts on a model's curve in closed form, so that no solve is needed for it."""
 
 
-@dataclass(frozen=True, eq=False)
-class Reading:
-    """Readings at displacements from forces on a grid.
+def unit_spline(grid: FloatArray) -> CubicSpline:
+    """Return the spline through nothing at 0 and ones on a grid (g,), mm: what a way takes of values there, (g,)."""
+    knots = np.concatenate([[0.0], grid])
+    return CubicSpline(knots, np.eye(len(knots))[:, 1:])
+
+
+def read_at_offsets(matrix_at: Callable[[float], FloatArray], values: FloatArray, offset: FloatArray) -> FloatArray:
+    """Return readings (..., n) of a model's values (..., m).
 
     Parameters
     ----------
-    grid : (m,) array
-        Displacement of the forces (mm), increasing, above 0; the force vanishes at 0.
-    displacement : (n,) array
-        Of the readings (mm).
+    matrix_at
+        What readings take of the values where contact began at an offset (mm), (n, m).
+    values
+        The model's.
+    offset
+        Where contact began (...), mm.
     """
-
-    grid: FloatArray
-    displacement: FloatArray
-
-    @cached_property
-    def _knots(self) -> FloatArray:
-        return np.concatenate([[0.0], self.grid])
-
-    @cached_property
-    def _coefficients(self) -> FloatArray:
-        """A cubic spline's coefficients by the forces; (4, m, m)."""
-        unit = np.eye(len(self._knots))[:, 1:]
-        return np.asarray(CubicSpline(self._knots, unit).c)
-
-    def at(self, force: FloatArray, offset: FloatArray, derivative: bool = False) -> FloatArray:
-        """Return forces (or their slopes) at the displacements less an offset."""
-        knots = self._knots
-        shape = np.broadcast_shapes(force.shape[:-1], offset.shape)
-        whole = np.broadcast_to(force, (*shape, len(self.grid))).reshape(-1, len(self.grid))
-        coefficients = self._coefficients @ whole.T
-        at = self.displacement - np.broadcast_to(offset, shape).reshape(-1, 1)
-        piece = np.clip(np.searchsorted(knots, at, side="right") - 1, 0, len(knots) - 2)
-        third, second, first, value = coefficients[:, piece, np.arange(len(whole))[:, None]]
-        t = at - knots[piece]
-        result = (
-            (3 * third * t + 2 * second) * t + first if derivative else ((third * t + second) * t + first) * t + value
-        )
-        return np.where(at > 0, result, 0.0).reshape(*shape, len(self.displacement))
+    shape = np.broadcast_shapes(values.shape[:-1], offset.shape)
+    values, offset = np.broadcast_to(values, (*shape, values.shape[-1])), np.broadcast_to(offset, shape)
+    every = {float(at): matrix_at(float(at)) for at in np.unique(offset)}
+    found = np.empty((*shape, len(next(iter(every.values())))))
+    for at, matrix in every.items():
+        found[offset == at] = values[offset == at] @ matrix.T
+    return found

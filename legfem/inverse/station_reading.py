@@ -10,6 +10,7 @@ from scipy.linalg import block_diag
 
 from legfem.common.units import FloatArray
 from legfem.inverse.observations import Observations
+from legfem.inverse.readings import unit_spline
 from legfem.inverse.stations import since_touch
 from legfem.solve.path import ForceCurve
 
@@ -52,13 +53,12 @@ class StationReading:
         return np.asarray(self.observed.displacement - self.contacts[self.observed.trial])
 
     @cached_property
-    def _knots(self) -> FloatArray:
-        return np.concatenate([[0.0], self.grid])
+    def _spline(self) -> CubicSpline:
+        return unit_spline(self.grid)
 
     def _at(self, ways: FloatArray, derivative: int = 0) -> FloatArray:
         """Return what values on the grid make at ways after touch, or their derivatives; (k, g)."""
-        every = np.eye(len(self._knots))[:, 1:]
-        return np.asarray(CubicSpline(self._knots, every)(np.maximum(ways, 0.0), derivative))
+        return np.asarray(self._spline(np.maximum(ways, 0.0), derivative))
 
     def matrix(self, derivative: int = 0, offset: float = 0.0) -> FloatArray:
         """Return what all readings take of the model's values, or their derivatives by the displacement; (N, m).
@@ -112,13 +112,13 @@ class StationReading:
         corrected
             What acts on the force, on changes (g,) of channels that follow it, and on their derivatives.
         """
-        names = tuple(curve.sensitivities)
+        names, knots = tuple(curve.sensitivities), np.concatenate([[0.0], self.grid])
         force, by_force = corrected(curve(self.grid), {name: curve.sensitivity(name, self.grid) for name in names})
         parts, by = [force], {name: [rates] for name, rates in by_force.items()}
         for one in self.observed.channels:
             for course in one.courses:
-                level = curve.channel(course, self._knots)
-                rates = {name: curve.channel_sensitivity(course, name, self._knots) for name in names}
+                level = curve.channel(course, knots)
+                rates = {name: curve.channel_sensitivity(course, name, knots) for name in names}
                 change, by_change = level[1:] - level[0], {name: rate[1:] - rate[0] for name, rate in rates.items()}
                 if one.follows_force:
                     change, by_change = corrected(change, by_change)

@@ -26,7 +26,7 @@ from legfem.inverse.errors import COMMON_GAIN, ErrorModel, NuisanceEffect, error
 from legfem.inverse.intervals import by_third, third_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.predictor import onset_prior
-from legfem.inverse.readings import GAIN, INSTRUMENT, OFFSET, ZERO, Data
+from legfem.inverse.readings import GAIN, INSTRUMENT, OFFSET, ZERO, Data, read_at_offsets
 from legfem.inverse.station_reading import StationReading
 from legfem.inverse.trial_noise import Noise
 from legfem.solve.path import ForceCurve
@@ -185,18 +185,14 @@ class StationTest:
         """Readings (..., n) that the instrument shows of the model's (..., m)."""
         if not self.by_instrument:
             return np.asarray(model_values @ self._reading.T + self._shift)
-        shape = np.broadcast_shapes(model_values.shape[:-1], instrument.shape[:-1])
-        values = np.broadcast_to(model_values, (*shape, model_values.shape[-1])).reshape(-1, model_values.shape[-1])
-        numbers = np.broadcast_to(instrument, (*shape, instrument.shape[-1])).reshape(-1, instrument.shape[-1])
-        found = np.array([self._seen(one, number) for one, number in zip(values, numbers, strict=True)])
-        return found.reshape(*shape, -1)
-
-    def _seen(self, values: FloatArray, instrument: FloatArray) -> FloatArray:
-        """Return the readings (n,) of the model's values (m,) by one instrument."""
-        gain, zero, offset = instrument[:3]
-        matrix = self._reading if offset == 0.0 else self.station.matrix(offset=float(offset))[self.rows]
+        gain, zero, offset = np.moveaxis(instrument, -1, 0)[: len(INSTRUMENT)]
+        seen = read_at_offsets(self._matrix, model_values, offset)
         forces = self.rows < len(self.observed.force)
-        return np.where(forces, gain, 1.0) * (matrix @ values) + np.where(forces, zero, 0.0) + self._shift
+        return np.where(forces, gain[..., None] * seen + zero[..., None], seen) + self._shift
+
+    def _matrix(self, offset: float) -> FloatArray:
+        """Return what the readings take of the model's values, all trials touching later by an offset (mm); (n, m)."""
+        return self._reading if offset == 0.0 else self.station.matrix(offset=offset)[self.rows]
 
     def predict(self, curve: ForceCurve, values: Values, instrument: FloatArray) -> Prediction:
         """Corrected force of a solve, and further channels, as the instrument shows them."""
@@ -206,16 +202,16 @@ class StationTest:
             return Prediction(self._reading @ model + self._shift, seen, model, by)
         numbers = instrument[: len(INSTRUMENT)]
         linear = numbers * (1.0, 0.0, 1.0)
-        seen = {name: self._seen(rates, linear) - self._shift for name, rates in by.items()}
+        seen = {name: self.read(rates, linear) - self._shift for name, rates in by.items()}
         forces = self.rows < len(self.observed.force)
         slope = self.station.matrix(1, float(numbers[2]))[self.rows] @ model
         ones = numbers * (0.0, 0.0, 1.0) + (1.0, 0.0, 0.0)
         seen |= {
-            GAIN: np.where(forces, self._seen(model, ones) - self._shift, 0.0),
+            GAIN: np.where(forces, self.read(model, ones) - self._shift, 0.0),
             ZERO: forces.astype(float),
             OFFSET: -np.where(forces, numbers[0], 1.0) * slope,
         }
-        return Prediction(self._seen(model, numbers), seen, model, by)
+        return Prediction(self.read(model, numbers), seen, model, by)
 
     def on_grid(self, curve: ForceCurve, values: Values) -> tuple[FloatArray, dict[str, FloatArray]]:
         """Return what the model gives on its grid (m,), corrected, and the derivatives."""

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from itertools import pairwise, permutations
+from itertools import permutations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from scipy.linalg import block_diag
 
 from legfem.channels.kinds import CHANNELS
 from legfem.channels.kinds.layer_thickness import between_of
-from legfem.common.units import FloatArray
+from legfem.common.units import FloatArray, spans_of
 from legfem.data import Instrument
 from legfem.inverse.channel_readings import StationChannel
 from legfem.inverse.comparison import Comparison, Covariances, Prediction, total_of
@@ -19,7 +19,7 @@ from legfem.inverse.errors import alike_in_both, error_model
 from legfem.inverse.fit import ChannelFit
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.outcome import Outcome
-from legfem.inverse.readings import INSTRUMENT, OFFSET, RELAXATION
+from legfem.inverse.readings import INSTRUMENT, OFFSET, RELAXATION, read_at_offsets
 from legfem.inverse.station_reading import StationReading
 from legfem.inverse.trial_noise import estimate_noise
 from legfem.solve.path import ForceCurve
@@ -124,16 +124,14 @@ class BesideForce:
         assert self.station.linear_scale is not None
         return self.station.linear_scale[len(self.station.grid) :]
 
+    def _matrix(self, offset: float) -> FloatArray:
+        """Return what elastic readings take of the model's values, contact having begun at an offset (mm)."""
+        whole = self.station.matrix(offset=offset) if offset else self.station.plain
+        return whole[len(self.station.observed.force) :, len(self.station.grid) :]
+
     def read(self, values: FloatArray, instrument: FloatArray) -> FloatArray:
         """Return readings (..., k) of the model's values; loads relax as forces do."""
-        offset = instrument[..., _OFFSET]
-        shape = np.broadcast_shapes(values.shape[:-1], offset.shape)
-        values, offset = np.broadcast_to(values, (*shape, values.shape[-1])), np.broadcast_to(offset, shape)
-        elastic = np.empty((*shape, len(self)))
-        forces, grid = len(self.station.observed.force), len(self.station.grid)
-        for at in np.unique(offset):
-            whole = self.station.matrix(offset=float(at)) if at else self.station.plain
-            elastic[offset == at] = values[offset == at] @ whole[forces:, grid:].T
+        elastic = read_at_offsets(self._matrix, values, instrument[..., _OFFSET])
         if not self.relaxes:
             return elastic
         numbers, ends = instrument[..., len(INSTRUMENT) :], np.cumsum([len(one.values) for one in self.channels])
@@ -192,8 +190,7 @@ class SpecimenReadings(Comparison):
     @cached_property
     def _spans(self) -> list[slice]:
         """Place of every channel among the readings."""
-        ends = np.cumsum([len(self.forces), *(len(one.values) for one in self.every_channel)])
-        return [slice(*pair) for pair in pairwise(ends)]
+        return spans_of([len(self.forces), *(len(one.values) for one in self.every_channel)])[1:]
 
     @cached_property
     def channels(self) -> Mapping[str, NDArray[np.int_]]:

@@ -6,18 +6,18 @@ How stiff each is beside the others is found with it, see `legfem.specimens.nuis
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
-from legfem.common.units import FloatArray
+from legfem.common.units import FloatArray, spans_of
 from legfem.inverse.comparison import Covariances, Prediction
 from legfem.inverse.errors import COMMON_GAIN_SD, numerical_covariance
 from legfem.inverse.fibre_ratio import SHAPE_SD_OF_FIBRES
 from legfem.inverse.intervals import by_third, third_of
 from legfem.inverse.outcome import Outcome
-from legfem.inverse.readings import INSTRUMENT, READINGS, Reading
+from legfem.inverse.readings import INSTRUMENT, READINGS, read_at_offsets, unit_spline
 from legfem.specimens.course import SLOW_SHARE, STATIONS, Course, relaxed
 from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.forward import SpecimenForward
@@ -155,8 +155,7 @@ class SpecimenComparison:
     @cached_property
     def spans(self) -> list[slice]:
         """Where every recording's stations stand."""
-        ends = np.cumsum([0, *(len(part.course.time) for part in self.parts)])
-        return [slice(*pair) for pair in pairwise(ends)]
+        return spans_of(len(part.course.time) for part in self.parts)
 
     @cached_property
     def _sd(self) -> list[float]:
@@ -194,8 +193,20 @@ class SpecimenComparison:
         return [lost[span] for span in self.spans]
 
     @cached_property
-    def _readings(self) -> list[Reading]:
-        return [Reading(self.grids[p.test], p.course.displacement) for p in self.parts]
+    def _splines(self) -> list[CubicSpline]:
+        return [unit_spline(grid) for grid in self.grids]
+
+    @cached_property
+    def _plain(self) -> list[FloatArray]:
+        """What every recording takes of its model's forces, (n, `GRID`)."""
+        return [self._splines[part.test](part.course.displacement) for part in self.parts]
+
+    def _matrix(self, number: int, offset: float) -> FloatArray:
+        """Return what a recording takes of its model's forces, contact having begun at an offset (mm); (n, `GRID`)."""
+        if not offset:
+            return self._plain[number]
+        part = self.parts[number]
+        return np.asarray(self._splines[part.test](np.maximum(part.course.displacement - offset, 0.0)))
 
     def read(self, force: FloatArray, readings: FloatArray) -> FloatArray:
         """Return what is read (..., n) of the models' forces (..., m)."""
@@ -208,17 +219,15 @@ class SpecimenComparison:
     def _felt(self, force: FloatArray, readings: FloatArray) -> FloatArray:
         """Return the same but for the zero, if all specimens were alike."""
         gain, _, offset = np.moveaxis(readings, -1, 0)[: len(INSTRUMENT)]
-        shape = np.broadcast_shapes(force.shape[:-1], readings.shape[:-1])
         found = []
-        for part, reading in zip(self.parts, self._readings, strict=True):
+        for number, part in enumerate(self.parts):
             own = force[..., part.test * GRID : (part.test + 1) * GRID]
-            elastic = reading.at(own, offset)
+            elastic = read_at_offsets(partial(self._matrix, number), own, offset)
             if self.relaxes:
                 share = part.course.displacement / self.depths[part.test]
                 elastic = relaxed(part.course.time, share, elastic, readings[..., len(INSTRUMENT) :])
             found.append(elastic)
-        together = np.concatenate([np.broadcast_to(f, (*shape, f.shape[-1])) for f in found], -1)
-        return np.asarray(gain[..., None] * together)
+        return np.asarray(gain[..., None] * np.concatenate(found, -1))
 
     def predict(self, outcome: Outcome, readings: FloatArray) -> Prediction:
         """Return complete full solves as they are read."""

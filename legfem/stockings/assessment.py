@@ -8,14 +8,13 @@ between stocking and skin are a channel of pressures.
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from enum import StrEnum
-from itertools import pairwise
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from legfem.common.documents import versions_of
-from legfem.common.units import mpa_to_mmhg
+from legfem.common.units import mpa_to_mmhg, spans_of
 from legfem.geometry.slices import CONTOURS
 from legfem.inverse.catalogue import LawName
 from legfem.inverse.elastography import disagreement
@@ -152,8 +151,8 @@ def _channels(best: ScanFit, details: StockingDetails) -> Iterator[ChannelFit]:
     measured = -misfit.distances(leg.bare)
     sizes = [misfit.target.contours(name)[..., 0].size for name in CONTOURS]
     error = np.sqrt(2.0) * leg.accuracy.smoothed_sd
-    for name, span in zip(CONTOURS, pairwise(np.cumsum([0, *sizes])), strict=True):
-        contour, own = misfit.target.contours(name), slice(*span)
+    for name, span in zip(CONTOURS, spans_of(sizes), strict=True):
+        contour, own = misfit.target.contours(name), span
         height = np.repeat(misfit.target.levels, contour.shape[1])
         values = measured[own]
         channel = Channel(_CHANNELS[name], "mm", height, "height_mm", values, np.full(len(values), error))
