@@ -7,17 +7,17 @@ check boxes of the page's own legend, which a keyboard reaches.
 import re
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from jinja2.utils import htmlsafe_json_dumps
 from markupsafe import Markup
 
 from legfem.common.documents import legfem_build, literal
 from legfem.inverse.catalogue import key_of
 from legfem.report import page as web
-from legfem.report.curves import Curves, SortableTable
 from legfem.report.folder import REPORT, ReportFile
 
 if TYPE_CHECKING:
@@ -37,86 +37,20 @@ def fill(text: str, indent: str = "") -> str:
     )
 
 
+def bullet(text: str) -> str:
+    """Return a text as an item of a list."""
+    return textwrap.fill(text, WIDTH, initial_indent="- ", subsequent_indent="  ", break_on_hyphens=False)
+
+
 def bullets(lines: Sequence[str]) -> str:
     """Return lines as a list."""
-    return "\n".join(
-        textwrap.fill(line, WIDTH, initial_indent="- ", subsequent_indent="  ", break_on_hyphens=False)
-        for line in lines
-    )
+    return "\n".join(map(bullet, lines))
 
 
 _WIDE = 180
 """Characters of a page with a table of numbers."""
 _SHORT = 30
 """Characters of a number, or of a name beside it, at most."""
-
-
-def plain_page(page: web.WebPage, files: Sequence[ReportFile]) -> str:
-    """Return the text of ``report.txt``: all that a page says, and what else was written."""
-    blocks = [
-        *_opening(page, underlined=True),
-        *([_headline("Numbers") + _numbers(page.known)] if page.known else []),
-        *(_headline(one.title) + body for one in page.chapters if (body := _chapter(one))),
-        _headline("How to repeat it") + _repeat(page),
-        *([_headline("Files") + listing(files)] if files else []),
-    ]
-    return "\n\n".join(blocks) + "\n"
-
-
-def brief(page: web.WebPage, chapters: Sequence[str] = (web.TESTED,)) -> str:
-    """Return what a page says first, its estimates and some chapters, for the terminal."""
-    found = [one for one in page.known if one.provenance in ("estimated", "prior")]
-    told = [_chapter(one) for one in page.chapters if one.title in chapters]
-    return "\n\n".join([*_opening(page, underlined=False), *([_numbers(found)] if found else []), *told]) + "\n"
-
-
-def _headline(name: str) -> str:
-    return f"{name}\n{'-' * len(name)}\n"
-
-
-def _opening(page: web.WebPage, underlined: bool) -> list[str]:
-    line = "\n" + "=" * min(len(page.title), WIDTH) if underlined else ""
-    data, given = page.kind_of_data, page.headline
-    answers = [f"{question}: {answer}" for question, answer in given.answers]
-    return [
-        f"{page.title}{line}\n{page.subject}",
-        f"*** {data.what.upper()} ***" + (f" ({data.explanation})" if data.explanation else ""),
-        fill(f"{given.shown_heading.upper().rstrip('.')}. {given.sentence}"),
-        bullets(answers),
-        *([f"Warnings{page.warned}:\n{bullets(page.warnings)}"] if page.warnings else []),
-    ]
-
-
-def _numbers(known: Sequence[web.Known]) -> str:
-    """Return numbers a line each, and what the words for their origin mean."""
-    lines = []
-    for one in known:
-        interval = f"(95 % {one.interval})" if one.interval else ""
-        number = " ".join(part for part in (one.value, interval) if part)
-        remark = f"; {one.remark}" if one.remark else ""
-        lines.append(f"{one.name}: {number}; {one.provenance}, {one.source}{remark}")
-    used = dict.fromkeys(one.provenance for one in known)
-    legend = "; ".join(f"{name}: {web.PROVENANCE[name]}" for name in used)
-    return f"{bullets(lines)}\n\n{fill(f'({legend}.)')}" if lines else ""
-
-
-def _chapter(chapter: web.Chapter) -> str:
-    return "\n\n".join(text for block in chapter.blocks if (text := _block_as_text(block)))
-
-
-def _block_as_text(block: web.Block) -> str:
-    match block:
-        case web.Prose():
-            return fill(block.text)
-        case web.Bullets():
-            return bullets(block.items)
-        case web.WebTable() | SortableTable() | web.Bars():
-            return f"{fill(block.caption)}:\n{table(block.header, block.rows)}"
-        case web.ResponseSurface():
-            return f"{fill(block.header[0].capitalize())}:\n{table(block.header, block.rows)}"
-        case web.Verbatim():
-            return f"{block.title}:\n{block.text.rstrip()}"
-    return ""  # What is to be looked at stands in the page for a browser, and in the figures.
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -136,99 +70,23 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     )
 
 
-def _repeat(page: web.WebPage) -> str:
-    given = page.repeat
-    versions = ", ".join(f"{name} {version}" for name, version in given.versions.items())
-    numbers = ", ".join(f"{name} {value}" for name, value in given.numbers.items())
-    lines = [given.command, *(fill(text) for text in (numbers, versions) if text)]
-    return "\n".join(line for line in lines if line) or "From Python."
-
-
-def listing(files: Sequence[ReportFile]) -> str:
-    """Return a report's files and what each shows."""
-    return "\n".join(f"{', '.join(path.name for path in entry.paths)}\n{fill(entry.shows, ' ' * 4)}" for entry in files)
-
-
 MARKDOWN = "report.md"
 _SPECIAL = re.compile(r"([\\`*_{}\[\]<>|#~])")
 
 
-def markdown_page(page: web.WebPage) -> str:
-    """All that a page says, as Markdown (CommonMark with GitHub's tables)."""
-    given = page.headline
-    parts = [
-        f"# {_text(page.title)}",
-        f"{_text(page.subject)}. **{_text(str(page.kind_of_data))}**",
-        f"**{_text(given.shown_heading.rstrip('.'))}.** {_text(given.sentence)}",
-        _bullets([f"{question}: {answer}" for question, answer in given.answers]),
-    ]
-    if page.warnings:
-        parts += [f"## Warnings{_text(page.warned)}", _bullets(page.warnings)]
-    if page.known:
-        rows = [[one.name, one.value, one.interval, one.provenance, one.source, one.remark] for one in page.known]
-        used = dict.fromkeys(one.provenance for one in page.known)
-        parts += [
-            "## Numbers",
-            _table(["number", "value", "95 % interval", "how it is known", "from what", "remark"], rows),
-            _bullets([f"{name}: {web.PROVENANCE[name]}" for name in used]),
-        ]
-    parts += markdown_chapters(page.chapters)
-    versions = ", ".join(f"{name} {version}" for name, version in page.repeat.versions.items())
-    command = [_code(page.repeat.command)] if page.repeat.command else []
-    return "\n\n".join([*parts, "## How to repeat it", *command, _text(versions)]) + "\n"
+def _plain(text: str) -> str:
+    """Text as it is in Markdown: no character of it means markup."""
+    return _SPECIAL.sub(r"\\\1", " ".join(text.split()))
 
 
-def markdown_chapters(chapters: Sequence[web.Chapter]) -> list[str]:
-    """Headings and blocks of the chapters that have anything to be read."""
-    parts = []
-    for chapter in chapters:
-        blocks = [text for block in chapter.blocks if (text := _block_as_markdown(block))]
-        parts += [f"## {_text(chapter.title)}", *blocks] if blocks else []
-    return parts
-
-
-def _block_as_markdown(block: web.Block) -> str:
-    """A block; nothing of one that is only to be looked at."""
-    match block:
-        case web.Prose():
-            return _text(block.text)
-        case web.Bullets():
-            return _bullets(block.items)
-        case (
-            web.WebTable()
-            | SortableTable()
-            | web.Bars()
-            | Curves()
-            | web.PressedSection()
-            | web.TurnedLeg()
-            | web.ResponseSurface()
-        ):
-            return f"{_text(block.caption)}\n\n{_table(block.header, block.rows)}"
-        case web.Verbatim():
-            return f"{_text(block.title)}:\n\n{_code(block.text)}"
-    return ""
-
-
-def _code(text: str) -> str:
+def _fenced(text: str) -> str:
     """Text between fences that are longer than any in it."""
     fence = "`" * max(3, *(len(run) + 1 for run in re.findall("`+", text)), 3)
     return f"{fence}\n{text.rstrip()}\n{fence}"
 
 
-def _bullets(items: Sequence[str]) -> str:
-    return "\n".join(f"- {_text(item)}" for item in items)
-
-
-def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    lines = [header, ["---"] * len(header), *rows]
-    return "\n".join(
-        f"| {' | '.join(cell if number == 1 else _text(cell) for cell in line)} |" for number, line in enumerate(lines)
-    )
-
-
-def _text(text: str) -> str:
-    """Text as it is: no character of it means markup."""
-    return _SPECIAL.sub(r"\\\1", " ".join(text.split()))
+def _listed(named: Mapping[str, str]) -> str:
+    return ", ".join(f"{name} {value}" for name, value in named.items())
 
 
 def embed(data: Any) -> Markup:
@@ -240,23 +98,68 @@ def embed(data: Any) -> Markup:
     return htmlsafe_json_dumps(data, allow_nan=False)
 
 
-def rendered(page: web.WebPage) -> str:
-    """Return a page as HTML that loads nothing."""
+_WRITTEN = ("prose", "bullets", "table", "sortable", "bars", "response", "verbatim")
+"""Kinds of blocks that a text has: others are to be looked at, on the page for a browser and in the figures."""
+_TOLD = (*_WRITTEN, "curves", "pressed", "turned")
+"""Kinds whose words or table Markdown has."""
+
+
+@cache
+def _template(name: str) -> Template:
     environment = Environment(
         loader=PackageLoader("legfem", "resources/web"),
-        autoescape=True,
+        autoescape=name.endswith(".html"),
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["embed"] = embed
-    blocks = [block for chapter in page.chapters for block in chapter.blocks]
-    kinds = {block.kind for block in blocks}
-    return environment.get_template("report.html").render(
+    environment.filters |= {"embed": embed, "fill": fill, "bullet": bullet, "listed": _listed}
+    environment.filters |= {"plain": _plain, "fenced": _fenced}
+    environment.globals |= {"provenances": web.PROVENANCE, "table": table, "width": WIDTH}
+    environment.globals |= {"written": _WRITTEN, "told": _TOLD}
+    return environment.get_template(name)
+
+
+def plain_page(page: web.WebPage, files: Sequence[ReportFile]) -> str:
+    """Return the text of ``report.txt``: all that a page says, and what else was written."""
+    told = [one for one in page.chapters if any(block.kind in _WRITTEN for block in one.blocks)]
+    return _text(page, page.known, told, files)
+
+
+def brief(page: web.WebPage, chapters: Sequence[str] = (web.TESTED,)) -> str:
+    """Return what a page says first, its estimates and some chapters, for the terminal."""
+    found = [one for one in page.known if one.provenance in ("estimated", "prior")]
+    return _text(page, found, [one for one in page.chapters if one.title in chapters], brief=True)
+
+
+def _text(
+    page: web.WebPage,
+    known: Sequence[web.Known],
+    chapters: Sequence[web.Chapter],
+    files: Sequence[ReportFile] = (),
+    brief: bool = False,
+) -> str:
+    given = {"page": page, "known": known, "chapters": chapters, "files": files, "brief": brief}
+    return _template(REPORT).render(given).rstrip() + "\n"
+
+
+def markdown_page(page: web.WebPage) -> str:
+    """All that a page says, as Markdown (CommonMark with GitHub's tables)."""
+    return _template(MARKDOWN).render(page=page).rstrip() + "\n"
+
+
+def markdown_chapters(chapters: Sequence[web.Chapter]) -> str:
+    """Headings and blocks of the chapters that have anything to be read."""
+    return str(_template("blocks.md").module.chapters(chapters)).rstrip()
+
+
+def rendered(page: web.WebPage) -> str:
+    """Return a page as HTML that loads nothing."""
+    kinds = {block.kind for chapter in page.chapters for block in chapter.blocks}
+    return _template(web.PAGE).render(
         page=page,
         tone=page.headline.shown_heading,
         data=str(page.kind_of_data),
-        provenances=web.PROVENANCE,
         scripts=list(dict.fromkeys(name for kind in _SCRIPTS if kind in kinds for name in _SCRIPTS[kind])),
         legfem=legfem_build(),
     )

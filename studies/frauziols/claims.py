@@ -338,7 +338,7 @@ def claims_page(results: Sequence[StudyResult], found: Sequence[Verdict], comman
         variance, *others = number_chapters(result)
         told = web.Chapter("What a curve tells of the parameters", information_blocks(result))
         chapters = [variance, *_beside_table_3(result), *others, told]
-        blocks += [f"# In numbers: {title}", *markdown_chapters(chapters)]
+        blocks += [f"# In numbers: {title}", markdown_chapters(chapters)]
     return "\n\n".join(block.rstrip() for block in blocks) + "\n"
 
 
