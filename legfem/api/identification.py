@@ -185,8 +185,8 @@ def _of_leg(
     of_law = [one for one in free if one.name not in INSTRUMENT]
     laws = wanted.texts.laws(law, of_law, leg.sites[0].tissues["deep"].C20, held)
     request = replace(request, parameters=free, fixed=held)
-    solid_numbers = _solid_settings(mesh) if solid else None
-    section = None if solid else section_forward(leg, request, _plane_settings(mesh))
+    plane, solid_numbers = _mesh_settings(mesh, solid)
+    section = None if solid else section_forward(leg, request, plane)
     with progress_on(quiet=not progress) as told:
         request = replace(request, progress=told)
         ranks = comm or MPI.COMM_SELF
@@ -194,19 +194,14 @@ def _of_leg(
     return Identification(given, tuple(fits), section)
 
 
-def _plane_settings(mesh: Mesh | None) -> PlaneStrainSettings | None:
-    if mesh == "coarse":
-        return PlaneStrainSettings(SectionMeshSettings().refined(1 / COARSENING))
-    if mesh is None or isinstance(mesh, PlaneStrainSettings):
-        return mesh
-    raise _wrong_mesh(mesh, "is not a section's mesh", "give coarse, or PlaneStrainSettings")
-
-
-def _solid_settings(mesh: Mesh | None) -> SolidLegSettings | None:
-    if mesh is None or isinstance(mesh, SolidLegSettings):
-        return mesh
-    raise _wrong_mesh(mesh, "is a section's", "leave it out, or give SolidLegSettings")
-
-
-def _wrong_mesh(mesh: object, problem: str, remedy: str) -> InputError:
-    return loading.wrong("mesh", mesh if isinstance(mesh, str) else type(mesh).__name__, problem, remedy)
+def _mesh_settings(mesh: Mesh | None, solid: bool) -> tuple[PlaneStrainSettings | None, SolidLegSettings | None]:
+    """Return the finite elements of a section, and of a leg that is solved in 3D alone; None is the usual."""
+    if solid and isinstance(mesh, SolidLegSettings | None):
+        return None, mesh
+    if not solid and isinstance(mesh, PlaneStrainSettings | None):
+        return mesh, None
+    if not solid and mesh == "coarse":
+        return PlaneStrainSettings(SectionMeshSettings().refined(1 / COARSENING)), None
+    problem = "is a section's" if solid else "is not a section's mesh"
+    remedy = "leave it out, or give SolidLegSettings" if solid else "give coarse, or PlaneStrainSettings"
+    raise loading.wrong("mesh", mesh if isinstance(mesh, str) else type(mesh).__name__, problem, remedy)

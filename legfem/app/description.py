@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, Literal, Union, get_args, get_origin
 
 import tomlkit
-from pydantic.fields import FieldInfo
 from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import Item
 
@@ -141,8 +140,9 @@ def _settings(schema: type[FileTable], given: Mapping[str, Any], above: tuple[st
                 yield replace(one, needed=one.needed and needed)
         elif plain in (float, str, bool, list):
             default = None if field.is_required() else field.get_default()
+            said = " ".join((field.description or "").replace("``", "").split())
             unwrapped = found.unwrap() if isinstance(found, Item) else found
-            yield Setting(key, plain, choices, unwrapped, default, field.is_required(), _help(field))
+            yield Setting(key, plain, choices, unwrapped, default, field.is_required(), said)
 
 
 _COLUMNS = ("time", "displacement", "force")
@@ -162,10 +162,6 @@ def _plain(annotation: Any) -> tuple[Any, tuple[str, ...]]:
         inner, _ = _plain(get_args(annotation)[0])
         return (list, ()) if inner is float else (None, ())
     return annotation, ()
-
-
-def _help(field: FieldInfo) -> str:
-    return " ".join((field.description or "").replace("``", "").split())
 
 
 def read_value(setting: Setting, text: str) -> Value:

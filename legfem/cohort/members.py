@@ -115,9 +115,12 @@ def find_members(folder: Path, task: Task, layout: str = "", table: Path | None 
     table = table or next(iter(there), None)
     if table is not None:
         return _of_table(folder, table, found, FILES[task])
+    # Called as a table is, but for capitals and its kind.
+    like = {str(Path(TABLES[0]).with_suffix(kind)) for kind in (".csv", ".tsv", ".xlsx", ".xls", ".ods", ".numbers")}
     unread = [
         f"{path.name} was not read: call it {' or '.join(TABLES)}, or name it by --table."
-        for path in _like_a_table(folder)
+        for path in sorted(folder.iterdir())
+        if path.is_file() and path.name.lower() in like
     ]
     if not found:
         files = " or ".join(FILES[task])
@@ -131,16 +134,15 @@ def find_members(folder: Path, task: Task, layout: str = "", table: Path | None 
     return Members(folder, tuple(Member(name, path, name) for name, path in found.items()), notes=tuple(unread))
 
 
-def _like_a_table(folder: Path) -> list[Path]:
-    """Return files that are called as a table is, but for capitals and their kind."""
-    names = {str(Path(TABLES[0]).with_suffix(kind)) for kind in (".csv", ".tsv", ".xlsx", ".xls", ".ods", ".numbers")}
-    return sorted(path for path in folder.iterdir() if path.is_file() and path.name.lower() in names)
-
-
 def _folders(folder: Path, task: Task, layout: str) -> dict[str, Path]:
     """Folders of a cohort by name."""
+
+    def hidden(path: Path) -> bool:
+        return any(part.startswith(".") for part in path.relative_to(folder).parts)
+
     try:
-        places = [path for path in folder.glob(layout) if path.is_dir()] if layout else [folder, *_below(folder)]
+        below = folder.glob(layout or "**/*")
+        places = [folder] * (not layout) + [path for path in below if path.is_dir() and (layout or not hidden(path))]
     except (ValueError, NotImplementedError) as error:
         raise InputError(Argument("layout"), layout, f"is not a pattern ({error})", "write it as in P*/leg-*") from None
     held = [path for path in places if any((path / file).is_file() for file in FILES[task])]
@@ -150,13 +152,6 @@ def _folders(folder: Path, task: Task, layout: str) -> dict[str, Path]:
     return {
         folder.resolve().name if path == folder else path.relative_to(folder).as_posix(): path for path in sorted(held)
     }
-
-
-def _below(folder: Path) -> list[Path]:
-    def hidden(path: Path) -> bool:
-        return any(part.startswith(".") for part in path.relative_to(folder).parts)
-
-    return [path for path in folder.rglob("*") if path.is_dir() and not hidden(path)]
 
 
 def _of_table(folder: Path, table: Path, found: Mapping[str, Path], files: Sequence[str]) -> Members:

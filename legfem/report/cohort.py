@@ -152,16 +152,19 @@ def cohort_web_page(
         web.Chapter("Methods", [web.Prose(text) for text in methods(members, rows, task, model)]),
     ]
     origins = Counter(row.origin for row in rows if row.done)
+    several = ", ".join(f"{count} {name}" for name, count in origins.items())
+    kinds = [DataKind("no data that could be used"), None, DataKind(f"data of several kinds: {several}")]
     return web.WebPage(
         f"Cohort {members.folder.resolve().name}: {_size(rows)}",
         f"legfem {task}, {_size(rows)}, {members.folder}",
-        _origin(origins),
+        # The least that can be said of where the data come from.
+        next((name for name in ("simulated", "reconstructed", "measured") if origins[name]), "measured"),
         _headline(every, rows, odd, model, judged, found),
         [one.sentence for one in odd if len(one.members) != 1] + list(members.notes),
         (),
         chapters,
         web.Repeat(command, versions_of("legfem", "dolfinx", "numpy", "scipy", "python")),
-        data=_data(origins),
+        data=kinds[min(len(origins), 2)],
     )
 
 
@@ -171,19 +174,6 @@ def write_cohort_page(page: web.WebPage, folder: Path) -> Path:
     (folder / PAGE).write_text(rendered(page), encoding="utf-8")
     (folder / TEXT).write_text(plain_page(page, []), encoding="utf-8")
     return folder / TEXT
-
-
-def _origin(origins: Counter[str]) -> str:
-    """The least that can be said of where the data come from."""
-    return next((name for name in ("simulated", "reconstructed", "measured") if origins[name]), "measured")
-
-
-def _data(origins: Counter[str]) -> DataKind | None:
-    if not origins:
-        return DataKind("no data that could be used")
-    if len(origins) < 2:
-        return None
-    return DataKind("data of several kinds: " + ", ".join(f"{count} {name}" for name, count in origins.items()))
 
 
 def _answer(members: Sequence[Member], rows: Sequence[Row], found: Mapping[str, ModelResult]) -> str:

@@ -113,7 +113,7 @@ def diagnosis_web_page(
             *channel_chapter(found),
             web.Chapter("Where the model is wrong", [*_where(found), *signatures_of(found), *located, *each]),
             web.Chapter("Which physics, and how sure", _physics(found)),
-            web.Chapter("What was tested", _tested(found)),
+            web.Chapter("What was tested", tables.score_blocks(found)),
             web.Chapter("What could not be tested", [web.Bullets([*_untested(found), *_alike(found)])]),
             web.Chapter("What to do next", next_blocks(found, plan)),
             web.Chapter("Noise and accuracy", [web.Prose(_noise(found))]),
@@ -269,16 +269,6 @@ def _closest(found: Diagnosis) -> str:
         f"{text} The base model predicts {held.how}, from a refit to the others, with an error of "
         f"{held.rmse:.3f} N; the differences between trials account for {held.noise:.3f} N."
     )
-
-
-def _tested(found: Diagnosis) -> list[web.Block]:
-    if not found.assessment.scores:
-        return [web.Prose("Nothing was tested: these recordings cannot show any of the mechanisms.")]
-    said = (
-        "Each effect was tested for by itself. Among many tests some p-values are small by chance, and different "
-        "effects can look alike; the verdict allows for both."
-    )
-    return [web.Prose(said), tables.score_table(found)]
 
 
 def _untested(found: Diagnosis) -> list[str]:

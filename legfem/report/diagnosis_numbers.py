@@ -23,7 +23,7 @@ from legfem.report.diagnosis_curves import (
 )
 from legfem.report.diagnosis_document import Recorded
 from legfem.report.estimates import wave_rows
-from legfem.report.page import Bars, Known, LabelledBar, Provenance, WebTable
+from legfem.report.page import Bars, Block, Known, LabelledBar, Prose, Provenance, WebTable
 from legfem.report.words import between, moduli_text, number, short_probability, spaced
 
 _WRONG = "DO NOT RELY ON IT: the model does not fit, and the interval does not include what was left out"
@@ -229,8 +229,10 @@ def flag(model: Explanation, name: str, null: float | None) -> str:
     return ""
 
 
-def score_table(found: Diagnosis) -> WebTable:
+def score_blocks(found: Diagnosis) -> list[Block]:
     """Return the score tests of the base model, the strongest first."""
+    if not found.assessment.scores:
+        return [Prose("Nothing was tested: these recordings cannot show any of the mechanisms.")]
     rows = [
         {
             "mechanism": plain(score.name),
@@ -240,4 +242,9 @@ def score_table(found: Diagnosis) -> WebTable:
         }
         for score in found.assessment.scores
     ]
-    return WebTable.of("Tests for each mechanism in the difference between model and recordings", rows)
+    said = (
+        "Each effect was tested for by itself. Among many tests some p-values are small by chance, and different "
+        "effects can look alike; the verdict allows for both."
+    )
+    caption = "Tests for each mechanism in the difference between model and recordings"
+    return [Prose(said), WebTable.of(caption, rows)]

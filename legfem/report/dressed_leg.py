@@ -1,13 +1,13 @@
 """The leg in its stocking on a page, to be turned and dressed."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from legfem.common.units import FloatArray, mpa_to_mmhg
 from legfem.geometry.leg_shape import SKIN, LegShape
 from legfem.geometry.motion import inward, stretch_round
-from legfem.report.leg_3d_view import Marked, SkinField, turned_leg
+from legfem.report.leg_3d_view import Marked, SkinField, from_none, turned_leg
 from legfem.report.page import Slider, TurnedLeg, View
 from legfem.report.words import Directions
 from legfem.stockings.details import StockingDetails
@@ -30,7 +30,8 @@ def dressed_leg(details: StockingDetails, moved: Mapping[str, FloatArray]) -> Tu
         ("inward movement", "mm"): inward(bare, moved[SKIN]),
         ("stretch of the skin round the leg", "%"): stretch_round(bare, moved[SKIN]),
     }
-    fields = [SkinField(*named, _from_none(values)) for named, values in dressed.items()]
+    fields = [SkinField(*named, from_none([values])) for named, values in dressed.items()]
+    each = [f"{name} ({unit}): {which}" for name, unit in dressed for which in ("mean", "least", "most")]
     directions = Directions.of(bare)
     marked = [
         Marked(f"{vein.name}: {mpa_to_mmhg(p):.1f} mmHg", vein.position)
@@ -39,27 +40,17 @@ def dressed_leg(details: StockingDetails, moved: Mapping[str, FloatArray]) -> Tu
     ]
     return turned_leg(
         bare,
-        {part: _from_none(values) for part, values in moved.items()},
+        {part: from_none([values]) for part, values in moved.items()},
         fields,
         Slider("Dress the leg", (0.0, 100.0), " % dressed"),
         # Coordinates are DICOM's: the front is at -y.
         View([directions.at(45.0 * k) for k in range(8)]),
-        _header(dressed),
+        ["height z (mm)", "girth, bare (mm)", "girth, dressed (mm)", *each],
         by_height(bare, moved[SKIN], list(dressed.values())),
         "The leg's skin, coloured by what the stocking does to it; inside it muscle, bones and "
         "veins. Bare and dressed were computed; what lies between is drawn in proportion.",
         marked,
     )
-
-
-def _from_none(values: FloatArray) -> FloatArray:
-    """Return the bare leg's zeros, and values of the dressed one."""
-    return np.stack([np.zeros_like(values), values])
-
-
-def _header(named: Iterable[tuple[str, str]]) -> list[str]:
-    each = [f"{n} ({unit}): {which}" for n, unit in named for which in ("mean", "least", "most")]
-    return ["height z (mm)", "girth, bare (mm)", "girth, dressed (mm)", *each]
 
 
 def by_height(bare: LegShape, moved: FloatArray, fields: Sequence[FloatArray]) -> list[list[str]]:

@@ -172,15 +172,17 @@ def pressed_leg(pressed: PressedLeg, caption: str) -> TurnedLeg:
         Begins what is said of it.
     """
     direction = pressed.pose.direction
-    turn = _to_the_front(direction)
+    # About z, so that the travel is +y, from the front.
+    x, y, _ = direction
+    turn = np.array([[y, -x, 0.0], [x, y, 0.0], [0.0, 0.0, 1.0]])
     bare = pressed.shape
     shape = LegShape(bare.levels, {part: xy @ turn[:2, :2].T for part, xy in bare.contours.items()})
     stops = np.array([0.0, *(state.displacement for state in pressed.states)])
     moved = {
-        SKIN: _from_none([state.skin @ turn.T for state in pressed.states]),
-        HULL: _from_none([state.hull @ turn.T for state in pressed.states]),
+        SKIN: from_none([state.skin @ turn.T for state in pressed.states]),
+        HULL: from_none([state.hull @ turn.T for state in pressed.states]),
     }
-    pressure = _from_none([state.pressure for state in pressed.states])
+    pressure = from_none([state.pressure for state in pressed.states])
     movement = np.linalg.norm(moved[SKIN], axis=-1)
     grid = (_outline(pressed.indenter, pressed.pose) + pressed.touch) @ turn.T
     tool = Tool(grid, stops[:, None] * (turn @ direction))
@@ -206,15 +208,9 @@ def pressed_leg(pressed: PressedLeg, caption: str) -> TurnedLeg:
     )
 
 
-def _from_none(states: list[FloatArray]) -> FloatArray:
-    """Return the unpressed leg's zeros, and the values of the states."""
+def from_none(states: Sequence[FloatArray]) -> FloatArray:
+    """Return the zeros of a leg that nothing touches, and the values of the states."""
     return np.stack([np.zeros_like(states[0]), *states])
-
-
-def _to_the_front(direction: FloatArray) -> FloatArray:
-    """Return the rotation (3, 3) about z that turns a travel into +y, from the front."""
-    x, y, _ = direction
-    return np.array([[y, -x, 0.0], [x, y, 0.0], [0.0, 0.0, 1.0]])
 
 
 def _outline(indenter: LegIndenter, pose: Pose) -> FloatArray:

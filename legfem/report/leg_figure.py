@@ -1,10 +1,9 @@
 """Pictures of a leg as it was given: its section with the cylinder, and its outlines bare and in a stocking."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch
 from matplotlib.patches import Polygon as Outline
@@ -111,8 +110,10 @@ def slices_figure(leg: "StockingLeg") -> Figure:
         low, high = shape.levels[0], shape.levels[-1]
         slices = SliceSet.of(shape, np.clip(levels, low, high))
         for number, axes in enumerate(every):
-            outlines = [slices.contours(part)[number] for part in CONTOURS]
-            _outlines(axes, outlines, name, colour)
+            for part in CONTOURS:
+                points = slices.contours(part)[number]
+                label = name if part == CONTOURS[0] else None
+                axes.plot(*np.vstack([points, points[:1]]).T, color=colour, lw=1.2, label=label)
     for axes, level in zip(every, levels, strict=True):
         axes.set_title(f"z = {level:.0f} mm", loc="center")
         axes.set_aspect("equal")
@@ -121,9 +122,3 @@ def slices_figure(leg: "StockingLeg") -> Figure:
     every[0].invert_yaxis()
     figure.legend(*every[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return figure
-
-
-def _outlines(axes: Axes, outlines: Sequence[FloatArray], name: str, colour: str) -> None:
-    for number, points in enumerate(outlines):
-        closed = np.vstack([points, points[:1]])
-        axes.plot(*closed.T, color=colour, lw=1.2, label=name if number == 0 else None)

@@ -85,10 +85,6 @@ def _fenced(text: str) -> str:
     return f"{fence}\n{text.rstrip()}\n{fence}"
 
 
-def _listed(named: Mapping[str, str]) -> str:
-    return ", ".join(f"{name} {value}" for name, value in named.items())
-
-
 def embed(data: Any) -> Markup:
     """Data as JSON that a page's script element can contain, whatever text is in it.
 
@@ -113,8 +109,7 @@ def _template(name: str) -> Template:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"embed": embed, "fill": fill, "bullet": bullet, "listed": _listed}
-    environment.filters |= {"plain": _plain, "fenced": _fenced}
+    environment.filters |= {"embed": embed, "fill": fill, "bullet": bullet, "plain": _plain, "fenced": _fenced}
     environment.globals |= {"provenances": web.PROVENANCE, "table": table, "width": WIDTH}
     environment.globals |= {"written": _WRITTEN, "told": _TOLD}
     return environment.get_template(name)
@@ -150,7 +145,8 @@ def markdown_page(page: web.WebPage) -> str:
 
 def markdown_chapters(chapters: Sequence[web.Chapter]) -> str:
     """Headings and blocks of the chapters that have anything to be read."""
-    return str(_template("blocks.md").module.chapters(chapters)).rstrip()
+    written = vars(_template("blocks.md").module)["chapters"]
+    return str(written(chapters)).rstrip()
 
 
 def rendered(page: web.WebPage) -> str:

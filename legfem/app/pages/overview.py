@@ -1,8 +1,8 @@
 """The first page, what is in the workspace, and the page that compares what runs found."""
 
 import math
+from functools import partial
 from html import escape
-from pathlib import Path
 
 from nicegui import ui
 
@@ -34,12 +34,18 @@ def home_page(workspace: Workspace, deleted: str = "") -> None:
         with ui.element("p"):
             tag("span", "Nothing at hand? Begin with a simulated example: ")
             for text, (folder, name) in _EXAMPLES.items():
-                ui.button(text, on_click=lambda f=folder, n=name: _begin(workspace, f, n)).props("outline dense")
+                begin = partial(workspace.copied, folder, name)
+                ui.button(text, on_click=lambda b=begin: ui.navigate.to(page_of("input", b()))).props("outline dense")
         if workspace.inputs:
             tag("h2", "Legs and specimens in this workspace")
             with ui.element("ul").classes("cards"):
                 for name in workspace.inputs:
-                    _card(workspace, name)
+                    folder = workspace.input(name)
+                    count = len(files_of(folder))
+                    with ui.element("li"):
+                        ui.link(name, page_of("input", name))
+                        kind = _KINDS[description_of(folder)]
+                        tag("span", f"{kind}, {count} file{'' if count == 1 else 's'}", "quiet")
             legs = [name for name in workspace.inputs if description_of(workspace.input(name)) == "subject.toml"]
             if len(legs) > 1:
                 ui.button("All pressed legs as one study", on_click=lambda: _study(workspace)).props("outline dense")
@@ -47,7 +53,10 @@ def home_page(workspace: Workspace, deleted: str = "") -> None:
             tag("h2", "Runs")
             with ui.element("ul").classes("cards"):
                 for run in runs_of(workspace)[:_MOST_RUNS]:
-                    _run_card(run)
+                    with ui.element("li"):
+                        ui.link(run.folder.name, page_of("run", run.folder.name))
+                        chip(run.state)
+                        tag("span", sentence_of(run) or f"{run.kind} of {run.about}, {when(run.began)}", "quiet")
             if len(workspace.runs) > _MOST_RUNS:
                 ui.link(f"all {len(workspace.runs)}", "/compare")
         _deleted(workspace)
@@ -93,26 +102,6 @@ def _study(workspace: Workspace) -> None:
     inputs = str(workspace.folder / "inputs")
     Run.begun(run, "legfem.cohort", [inputs, "--out", str(Run(run).results)], EVERY)
     ui.navigate.to(page_of("run", name))
-
-
-def _begin(workspace: Workspace, folder: Path, name: str) -> None:
-    ui.navigate.to(page_of("input", workspace.copied(folder, name)))
-
-
-def _card(workspace: Workspace, name: str) -> None:
-    folder = workspace.input(name)
-    count = len(files_of(folder))
-    with ui.element("li"):
-        ui.link(name, page_of("input", name))
-        kind = _KINDS[description_of(folder)]
-        tag("span", f"{kind}, {count} file{'' if count == 1 else 's'}", "quiet")
-
-
-def _run_card(run: Run) -> None:
-    with ui.element("li"):
-        ui.link(run.folder.name, page_of("run", run.folder.name))
-        chip(run.state)
-        tag("span", sentence_of(run) or f"{run.kind} of {run.about}, {when(run.began)}", "quiet")
 
 
 _COLUMNS = {

@@ -28,15 +28,17 @@ from legfem.legs.schema import SectionEntry
 from legfem.report.style import BONE_COLOUR, REGION_COLOURS
 from legfem.specimens.kinds import kinds
 
+_FAT, _MUSCLE = REGION_COLOURS["superficial"], REGION_COLOURS["deep"]
 _OVAL = (
-    '<ellipse cx="50" cy="45" rx="40" ry="34" fill="{fat}"/><ellipse cx="50" cy="44" rx="33" ry="27" fill="{deep}"/>'
+    f'<ellipse cx="50" cy="45" rx="40" ry="34" fill="{_FAT}"/>'
+    f'<ellipse cx="50" cy="44" rx="33" ry="27" fill="{_MUSCLE}"/>'
 )
-_BONES = '<circle cx="46" cy="30" r="8" fill="{bone}"/><circle cx="68" cy="38" r="4" fill="{bone}"/>'
+_BONES = f'<circle cx="46" cy="30" r="8" fill="{BONE_COLOUR}"/><circle cx="68" cy="38" r="4" fill="{BONE_COLOUR}"/>'
 _PICTURES = {
     "leg": f'{_OVAL}{_BONES}<circle cx="50" cy="88" r="13"/><path d="M50 103v-8m-3 3 3-4 3 4" stroke="#111"/>',
     "stocking": f'{_OVAL}{_BONES}<ellipse cx="50" cy="45" rx="44" ry="38" fill="none" stroke="#0b3d5c" '
     'stroke-width="4" stroke-dasharray="5 2"/>',
-    "specimens": '<rect x="12" y="52" width="76" height="34" fill="{deep}"/><path d="M4 86h92" stroke="#111" '
+    "specimens": f'<rect x="12" y="52" width="76" height="34" fill="{_MUSCLE}"/><path d="M4 86h92" stroke="#111" '
     'stroke-width="3"/><rect x="36" y="20" width="28" height="32"/><path d="M50 4v12m-3-4 3 4 3-4" stroke="#111"/>',
 }
 _KINDS = {
@@ -74,7 +76,11 @@ def describe_page(workspace: Workspace, name: str, looking: Run) -> None:
         for kind in possible:
             cards[kind] = tag("button", "", "kind").props("type=button")
             with cards[kind]:
-                ui.html(_svg(_PICTURES[kind], 100, 106), sanitize=False)
+                ui.html(
+                    f'<svg viewBox="0 0 100 106" width="110" aria-hidden="true" fill="#B8C4CC" stroke="#333">'
+                    f"{_PICTURES[kind]}</svg>",
+                    sanitize=False,
+                )
                 tag("span", _KINDS[kind])
 
     def choose(kind: str) -> None:
@@ -122,14 +128,6 @@ def describe_page(workspace: Workspace, name: str, looking: Run) -> None:
         with ui.element("div").classes("inrow"):
             ui.button(ASK, on_click=lambda: done(lambda: ask(workspace, name)))
             ui.button("Only save this", on_click=lambda: done(ui.navigate.reload)).props("outline")
-
-
-def _svg(content: str, width: float, height: float) -> str:
-    colours = {"fat": REGION_COLOURS["superficial"], "deep": REGION_COLOURS["deep"], "bone": BONE_COLOUR}
-    return (
-        f'<svg viewBox="0 0 {width:g} {height:g}" width="110" aria-hidden="true" fill="#B8C4CC" '
-        f'stroke="#333">{content.format(**colours)}</svg>'
-    )
 
 
 def _keep_for_others(lab: Path, path: Path) -> None:
@@ -269,7 +267,7 @@ def _section(folder: Path, source: str, level: float | None) -> LegSection:
 
 def _clicked(section: LegSection, place: Stated) -> None:
     low, high = section.skin.min(axis=0) - _ROOM, section.skin.max(axis=0) + _ROOM
-    fills = (REGION_COLOURS["superficial"], REGION_COLOURS["deep"], BONE_COLOUR, BONE_COLOUR)
+    fills = (_FAT, _MUSCLE, BONE_COLOUR, BONE_COLOUR)
 
     def pixels(points: Any) -> Any:
         return (np.asarray(points) - [low[0], high[1]]) * [_PIXELS, -_PIXELS]
