@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+import mpi4py.MPI  # noqa: F401  # first, see legfem.fem
 import numpy as np
 from dolfinx import fem
 from mpi4py import MPI

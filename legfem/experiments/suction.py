@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Self
 
+import mpi4py.MPI  # noqa: F401  # first, see legfem.fem
 import numpy as np
 from dolfinx import fem
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
+import mpi4py.MPI  # noqa: F401  # first, see legfem.fem
 import numpy as np
 from dolfinx import fem
 from numpy.typing import NDArray

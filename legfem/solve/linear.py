@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
+import mpi4py.MPI  # noqa: F401  # first, see legfem.fem
 import numpy as np
 import ufl
 from dolfinx import fem, la

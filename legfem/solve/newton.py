@@ -10,6 +10,7 @@ is off, since it accepts impossible steps.
 from dataclasses import dataclass, replace
 from typing import Any
 
+import mpi4py.MPI  # noqa: F401  # first, see legfem.fem
 import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc

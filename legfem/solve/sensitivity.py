@@ -14,6 +14,7 @@ number which is zero, such as a branch's overstress at the ratio 0, aren't carri
 from collections.abc import Sequence
 from typing import Any
 
+import mpi4py.MPI  # noqa: F401  # first, see legfem.fem
 import numpy as np
 import ufl
 from dolfinx import fem, la

@@ -13,6 +13,7 @@ covariance, :math:`h_s` those by the relative pressure of the stocking in each s
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import mpi4py.MPI  # noqa: F401  # first, see legfem.fem
 import numpy as np
 import shapely
 from dolfinx import fem, geometry
