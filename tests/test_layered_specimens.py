@@ -25,7 +25,7 @@ from legfem.inverse.parse_parameters import ParameterTexts
 from legfem.inverse.readings import READINGS
 from legfem.mechanisms import Solution
 from legfem.solve.protocol import Protocol
-from legfem.specimens.channels import readings_of, weighed_beside
+from legfem.specimens.channels import readings_of
 from legfem.specimens.comparison import comparison_of
 from legfem.specimens.folder import tissue_asked_for
 from legfem.specimens.forward import SpecimenForward
@@ -379,5 +379,8 @@ def test_a_frame_at_the_end_of_a_press_counts(seen_layers: Path, tmp_path: Path)
     # Smoothed, the last displacement is a little deeper than it was read.
     table["displacement_mm"] = table.displacement_mm.round(1)
     table.to_csv(tmp_path / "recordings" / "press.csv", index=False)
-    (one,) = lf.load_specimen(tmp_path).recordings
-    assert [len(channel.values) for channel in weighed_beside(one).channels] == [1, 2]
+    folder = lf.load_specimen(tmp_path)
+    (one,) = folder.recordings
+    model = SpecimenForward.of_tissues((one.sizes,), (one.course.depth,), folder.tissues, MUSCLE)
+    (seen,) = readings_of(comparison_of([one], model, folder, False), [0.01]).beside
+    assert [len(channel.values) for channel in seen.channels] == [1, 2]

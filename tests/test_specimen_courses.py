@@ -114,11 +114,11 @@ def _onset(sd: float = 0.2) -> OnsetEffect:
     return OnsetEffect(np.linspace(1.0, 3.0, 12), sd, zero_sd=0.05, ahead=0.3)
 
 
-def test_an_onset_weighs_by_the_inverse_of_its_covariance() -> None:
+def test_an_onset_leaves_contact_and_zero_open_in_the_weights() -> None:
     onset = _onset()
-    root = onset.whitened(np.eye(12), 0.1)
-    covariance = 0.01 * np.eye(12) + onset.modes @ onset.modes.T
-    np.testing.assert_allclose(root.T @ root, np.linalg.inv(covariance), rtol=1e-8, atol=1e-8)
+    slope, zero = onset.slope, np.full(12, 0.05)
+    covariance = 0.01 * np.eye(12) + 0.04 * np.outer(slope, slope) + np.outer(zero, zero)
+    np.testing.assert_allclose(onset.weighing(0.1), covariance, rtol=1e-12)
 
 
 def test_what_is_left_moves_contact_to_where_the_prior_and_it_agree() -> None:
@@ -126,10 +126,10 @@ def test_what_is_left_moves_contact_to_where_the_prior_and_it_agree() -> None:
     onset = _onset()
     left = -0.1 * onset.slope
     shares = np.linalg.solve(1e-8 * np.eye(12) + onset.modes @ onset.modes.T, left - onset.expected)
-    assert onset.moved(left, 1e-4) == pytest.approx(-0.2 * onset.modes[:, 0] @ shares)
-    assert onset.moved(left, 1e-4) == pytest.approx(0.4, rel=1e-3)
-    assert 0.0 < onset.moved(left, 3.0) < 0.4
-    assert _onset(sd=0.0).moved(left, 1e-4) == 0.0
+    assert onset.moved(left, onset.weighing(1e-4)) == pytest.approx(-0.2 * onset.modes[:, 0] @ shares)
+    assert onset.moved(left, onset.weighing(1e-4)) == pytest.approx(0.4, rel=1e-3)
+    assert 0.0 < onset.moved(left, onset.weighing(3.0)) < 0.4
+    assert _onset(sd=0.0).moved(left, onset.weighing(1e-4)) == 0.0
 
 
 def test_one_sample_that_overshoots_changes_nothing() -> None:

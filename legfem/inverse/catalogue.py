@@ -38,9 +38,12 @@ _INSTRUMENT_BOUNDS = {
     "instrument.zero": (-2.0, 2.0),
     "instrument.contact_offset": (-2.0, 2.0),
 }
-_STATEMENTS = {
+STATEMENTS = {
     "C10": "stiffness at small strain",
     "C20": "stiffening",
+    "C30": "late stiffening",
+    "stiffening": "stiffness of the exponential part",
+    "exponent": "exponent of the stiffening",
     "D1": "compressibility",
     "D2": "compressibility at large changes of volume",
     RATIO: "shear modulus along the fibres over that across",
@@ -48,6 +51,7 @@ _STATEMENTS = {
     "instrument.zero": "force that is read where there is none",
     "instrument.contact_offset": "displacement at which contact truly began",
 }
+"""What parameters are, by their key or full name."""
 
 
 def check_known(names: Collection[str], nominal: Values, source: Argument) -> None:
@@ -104,7 +108,7 @@ def parameter_of(name: str, nominal: Values) -> Parameter:
         The model's values as assumed.
     """
     term, _, field = name.rpartition(".")
-    statement = _STATEMENTS.get(name, f"{_STATEMENTS.get(field, field)} of the {term} tissue")
+    statement = STATEMENTS.get(name, f"{STATEMENTS.get(field, field)} of the {term} tissue")
     scale: Scale = "log"
     if name in INSTRUMENT:
         scale = "log" if name == "instrument.gain" else "linear"

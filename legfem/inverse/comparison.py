@@ -97,8 +97,18 @@ class Comparison(ABC):
     def covariance(self) -> FloatArray:
         """Covariance of measured less predicted readings at the truth, (n, n), as the weights have it."""
 
+    @property
+    def expected(self) -> FloatArray:
+        """Readings (n,) that predicted ones are to meet: the measured, but for what is expected of their errors."""
+        return self.measured
+
     weighting: Weighting = "covariance"
     """What `objective` sums."""
+
+    @property
+    def weighing_covariance(self) -> FloatArray:
+        """Covariance (n, n) by whose inverse readings are weighed: that of all errors, unless overridden."""
+        return self.covariance
 
     def covariance_at(self, values: Values) -> FloatArray:
         """`covariance` with the errors that depend on the model's values, (n, n)."""
@@ -164,7 +174,7 @@ class Comparison(ABC):
 
     @cached_property
     def _lower(self) -> FloatArray:
-        return np.linalg.cholesky(self.covariance)
+        return np.linalg.cholesky(self.weighing_covariance)
 
     def __len__(self) -> int:
         """Number n of readings."""
@@ -181,7 +191,7 @@ class Comparison(ABC):
 
     def residual(self, values: FloatArray) -> FloatArray:
         """Weighted residual (..., n) of predicted readings (..., n)."""
-        flat = (values - self.measured).reshape(-1, values.shape[-1])
+        flat = (values - self.expected).reshape(-1, values.shape[-1])
         return self.weighted(flat.T).T.reshape(values.shape)
 
     def objective(self, values: FloatArray) -> FloatArray:

@@ -173,10 +173,6 @@ class JointComparison(Comparison):
             return self.covariance
         return np.asarray(block_diag(*(test.equal_covariance for test in self.tests)))
 
-    @cached_property
-    def _lower(self) -> FloatArray:
-        return np.linalg.cholesky(self.weighing_covariance)
-
     def alone(self, number: int) -> "JointComparison":
         """One of the tests by itself, with the same weights."""
         near = None if self.near is None else (self.near[0], self.near[1][self.spans[number]])

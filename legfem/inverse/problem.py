@@ -106,9 +106,7 @@ def fit_with[C: Comparison](
     return [problem.assessed(found) for found in searches.find(laws)]
 
 
-def goodness_of(
-    found: Found[Any], covariance: FloatArray, expected: FloatArray | None = None, lost: int = 0
-) -> Goodness:
+def goodness_of(found: Found[Any], covariance: FloatArray, lost: int = 0) -> Goodness:
     """Goodness of a law where it misses least in the readings' errors, priors included.
 
     Parameters
@@ -117,12 +115,10 @@ def goodness_of(
         The finished search.
     covariance
         (n, n): of measured less predicted readings.
-    expected
-        (n,): readings to be met, in place of the measured ones.
     lost
         Degrees of freedom that were spent on other things than the law's parameters.
     """
-    left, departures = found.linear.nearest(covariance, expected)
+    left, departures = found.linear.nearest(covariance)
     chi_square = float(left @ np.linalg.solve(covariance, left) + departures @ departures)
     return Goodness.of(chi_square, len(left) + len(departures) - len(found.search.law.parameters) - lost)
 

@@ -178,7 +178,7 @@ class Linearised:
         gain = self.gain
         return np.asarray(gain @ with_unit_errors(covariance, len(self.law.priors)) @ gain.T)
 
-    def nearest(self, covariance: FloatArray, expected: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
+    def nearest(self, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return differences (n,) and departures (k,) where the law misses least, in the readings' errors.
 
         That is elsewhere than the optimum where the search didn't weigh by these: an error that the whole curve has
@@ -189,10 +189,8 @@ class Linearised:
         ----------
         covariance : (n, n) array
             Of the readings' errors.
-        expected : (n,) array, optional
-            Readings to be met, in place of the measured ones.
         """
-        left = self.prediction.values - (self.misfit.measured if expected is None else expected)
+        left = self.prediction.values - self.misfit.expected
         departures, by_priors = self.law.priors.residual(self.point), self.law.priors.jacobian(self.point)
         lower, by = cholesky(covariance, lower=True), self.prediction.jacobian(self.law.names)
         whitened = solve_triangular(lower, np.column_stack([left, by]), lower=True)

@@ -21,6 +21,7 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.special import logsumexp, softmax
 
 from legfem.common.units import FloatArray, percent
+from legfem.inverse.least_squares import inverse_in_units
 from legfem.specimens.model_discrepancy import log_density
 
 _SIZES = (0.1, 0.3, 1.0)
@@ -200,10 +201,8 @@ def _factor(
     """Return a test's force over what the others make it, and its standard deviation, if it alone has own constants."""
     lower = cholesky(covariance, lower=True)
     by = np.hstack([jacobian, own])
-    size = np.maximum(np.linalg.norm(by, axis=0), 1e-300)
     prior = np.eye(by.shape[1])[jacobian.shape[1] :] / _SIZES[-1]
-    design = np.vstack([solve_triangular(lower, by, lower=True), prior]) / size
-    inverse = np.linalg.pinv(design) / size[:, None]
+    inverse = inverse_in_units(np.vstack([solve_triangular(lower, by, lower=True), prior]))
     found = inverse[:, : len(residual)] @ solve_triangular(lower, residual, lower=True)
     mine, others = force[places], np.arange(by.shape[1]) < jacobian.shape[1]
     along = mine @ by[places]

@@ -14,21 +14,22 @@ seem soft; friction that the model lacks makes them seem stiff.
 """
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import linregress, norm
+from scipy.linalg import block_diag
+from scipy.stats import linregress, multivariate_normal, norm
 
 from legfem.channels.kinds.lateral_stretch import LATERAL_STRETCH
 from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import Values
 from legfem.inverse.estimates import Estimate
-from legfem.specimens.channels import channel_errors, observed_beside
+from legfem.inverse.readings import READINGS
+from legfem.specimens.channels import SpecimenReadings, readings_of
 from legfem.specimens.comparison import SpecimenComparison
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.laws import bulk_ratio
-from legfem.specimens.sizes import SpecimenRecording
 
 POISSON_RATIOS = (0.2, 0.3, 0.35, 0.4, 0.43, 0.45, 0.47, 0.49, 0.4999)
 """That are tried where the stretches depart from those of the ratio that was assumed."""
@@ -96,30 +97,30 @@ class LateralFit:
         return f" ({given}a Poisson's ratio near {best:.3g}, of {low:.3g} to {high:.3g})"
 
 
-def lateral_fit(recordings: Sequence[SpecimenRecording], model: SpecimenForward, values: Values) -> LateralFit | None:
+def lateral_fit(forces: SpecimenComparison, model: SpecimenForward, values: Values) -> LateralFit | None:
     """Return lateral stretches beside a model's; None where none were read, or the model has none.
 
     Parameters
     ----------
-    recordings
-        That were fitted.
+    forces
+        Of the recordings that were fitted.
     model
         Of their tests.
     values
         Of the fit.
     """
-    seen = [one for one in recordings if any(c.name == LATERAL_STRETCH.name for c in one.recording.channels)]
-    if not seen:
+    sizes_sd = [0.0] * len(forces.parts)
+    seen = readings_of(forces, sizes_sd, lambda one: one.sizes.kind.beside & {LATERAL_STRETCH.name})
+    if not seen.beside:
         return None
-    recordings = [one for one in recordings if one.test == seen[0].test]
-    found = _compared(recordings, model, values)
+    found = _compared(seen, model, values)
     tissues = list(model.laws)
     if found is None or found.agrees or len(tissues) > 1:
         return found
     stiffness = values.get(f"{tissues[0]}.C10", model.nominal[f"{tissues[0]}.C10"])
     densities = {}
     for ratio in POISSON_RATIOS:
-        other = _compared(recordings, model, {**values, f"{tissues[0]}.D1": 1 / (bulk_ratio(ratio) * stiffness)})
+        other = _compared(seen, model, {**values, f"{tissues[0]}.D1": 1 / (bulk_ratio(ratio) * stiffness)})
         if other is not None:
             densities[ratio] = other.log_density
     best = max(densities, key=lambda ratio: densities[ratio])
@@ -127,37 +128,22 @@ def lateral_fit(recordings: Sequence[SpecimenRecording], model: SpecimenForward,
     return replace(found, poisson_ratio=(best, min(likely), max(likely)))
 
 
-def _compared(recordings: Sequence[SpecimenRecording], model: SpecimenForward, values: Values) -> LateralFit | None:
+def _compared(seen: SpecimenReadings, model: SpecimenForward, values: Values) -> LateralFit | None:
     outcome = model.solve(values, ())
-    if not outcome.complete:
+    if not outcome.complete or not seen.reached_by(outcome):
         return None
-    left, errors, deepest = [], [], []
-    for one in recordings:
-        curve = outcome.curves[model.tests.index(one.sizes)]
-        if LATERAL_STRETCH.name not in curve.channels:
-            continue
-        observed = observed_beside(one, (LATERAL_STRETCH.name,))
-        if observed is None:
-            continue
-        (readings,) = observed.channels
-        predicted = readings.weights @ curve.channel(LATERAL_STRETCH.name, observed.displacement)
-        left.append(readings.values - predicted)
-        every, of_model = channel_errors(observed, one.course.instrument)
-        strain = _SHAPE * (predicted - LATERAL_STRETCH.at_rest)
-        errors.append(every - of_model + np.outer(strain, strain))
-        deepest.append(float(left[-1][np.argmax(readings.displacement)]))
-    if not left:
-        return None
-    density = sum(
-        -0.5 * float(r @ np.linalg.solve(c, r) + np.linalg.slogdet(2 * np.pi * c)[1])
-        for r, c in zip(left, errors, strict=True)
-    )
-    differences = np.concatenate(left)
-    error = float(np.sqrt(np.mean(np.concatenate([np.diag(c) for c in errors]))))
-    sizes = recordings[0].sizes
-    pressed = sizes.kind.presses(sizes.body)
-    rms, farthest = float(np.sqrt(np.mean(differences**2))), float(np.mean(deepest))
-    return LateralFit(len(differences), rms, farthest, error, density, pressed=pressed)
+    beside, first = seen.beside, len(seen.forces)
+    predicted = seen.predict(outcome, np.array([number.null for number in READINGS.values()])).values[first:]
+    left, strain = seen.measured[first:] - predicted, _SHAPE * (predicted - LATERAL_STRETCH.at_rest)
+    ends = np.cumsum([len(one) for one in beside])[:-1]
+    of_shape = block_diag(*(np.outer(own, own) for own in np.split(strain, ends)))
+    errors = seen.beside_errors - block_diag(*(one.errors[1] for one in beside)) + of_shape
+    pairs = zip(seen.every_channel, np.split(left, ends), strict=True)
+    farthest = float(np.mean([own[np.argmax(one.displacement)] for one, own in pairs]))
+    density = float(multivariate_normal(cov=errors).logpdf(left))
+    sizes = beside[0].part.recording.sizes
+    rms, error = (float(np.sqrt(np.mean(squares))) for squares in (left**2, np.diag(errors)))
+    return LateralFit(len(left), rms, farthest, error, density, pressed=sizes.kind.presses(sizes.body))
 
 
 _RARE = 0.01

@@ -1,6 +1,6 @@
 """Channels beside a specimen's force: readings at a diagnosis' stations, and how far a model is off."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import permutations
@@ -12,7 +12,6 @@ from scipy.linalg import block_diag
 from legfem.channels.kinds import CHANNELS
 from legfem.channels.kinds.layer_thickness import between_of
 from legfem.common.units import FloatArray, spans_of
-from legfem.data import Instrument
 from legfem.inverse.channel_readings import StationChannel
 from legfem.inverse.comparison import Comparison, Covariances, Prediction, total_of
 from legfem.inverse.errors import alike_in_both, error_model
@@ -32,7 +31,7 @@ _BEYOND = 1.01
 _OFFSET = list(INSTRUMENT).index(OFFSET)
 
 
-def observed_beside(recording: SpecimenRecording, names: Collection[str]) -> Observations | None:
+def _observed(recording: SpecimenRecording, names: Collection[str]) -> Observations | None:
     """Return a recording's stations with the named channels' readings within its course; None where it has none."""
     if not {one.name for one in recording.recording.channels}.intersection(names):
         return None
@@ -42,22 +41,14 @@ def observed_beside(recording: SpecimenRecording, names: Collection[str]) -> Obs
     return replace(observed, channels=kept) if kept else None
 
 
-def channel_errors(observed: Observations, instrument: Instrument) -> tuple[FloatArray, FloatArray]:
-    """Return the covariance (k, k) of all channels' readings by instruments and model, and the model's of it."""
-    found = error_model(observed, estimate_noise(observed, instrument, observed.slowest), observed.values)
-    assert found.of_model is not None
-    forces = len(observed.force)
-    return found.covariance[forces:, forces:], found.of_model[forces:, forces:]
-
-
 def _thicknesses(recording: SpecimenRecording) -> Collection[str]:
     return between_of(recording.sizes.heights) if recording.sizes.layers else ()
 
 
-def weighed_beside(recording: SpecimenRecording) -> Observations | None:
-    """Return what is weighed with a recording's force: its layers' thicknesses, and what is nothing at rest."""
+def weighed_with_force(recording: SpecimenRecording) -> set[str]:
+    """Return the channels that are weighed with a force: layers' thicknesses, and what is nothing at rest."""
     more = [name for name in recording.sizes.kind.beside if CHANNELS[name].at_rest == 0.0]
-    return observed_beside(recording, {*_thicknesses(recording), *more})
+    return {*_thicknesses(recording), *more}
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,8 +99,12 @@ class BesideForce:
 
     @cached_property
     def errors(self) -> tuple[FloatArray, FloatArray]:
-        """See `channel_errors`."""
-        return channel_errors(self.station.observed, self.part.course.instrument)
+        """Covariance (k, k) by instruments and model, and the model's of it."""
+        observed, instrument = self.station.observed, self.part.course.instrument
+        found = error_model(observed, estimate_noise(observed, instrument, observed.slowest), observed.values)
+        assert found.of_model is not None
+        forces = len(observed.force)
+        return found.covariance[forces:, forces:], found.of_model[forces:, forces:]
 
     @cached_property
     def of_sizes(self) -> FloatArray:
@@ -304,14 +299,10 @@ class SpecimenReadings(Comparison):
         """Covariance of measured less predicted readings."""
         return total_of(self.covariances_at(self.measured)) + self.thickness_errors
 
-    def weighted(self, values: FloatArray) -> FloatArray:
-        """Scale values (n, ...): forces alone as recordings that count alike, beside channels by their errors."""
-        return super().weighted(values) if self.beside else self.forces.weighted(values)
-
-    def residual(self, values: FloatArray) -> FloatArray:
-        """Return the weighted residual (..., n) of readings (..., n)."""
-        flat = (values - self.expected).reshape(-1, values.shape[-1])
-        return self.weighted(flat.T).T.reshape(values.shape)
+    @property
+    def weighing_covariance(self) -> FloatArray:
+        """Covariance (n, n) in the weights: forces alone are of recordings that count alike; channels bring errors."""
+        return self.covariance if self.beside else self.forces.weighing_covariance
 
     @cached_property
     def beside_errors(self) -> FloatArray:
@@ -334,7 +325,11 @@ class SpecimenReadings(Comparison):
         return [ChannelFit(replace(one.channel, sd=sd[span]), values[span]) for k, one, span in each if k == number]
 
 
-def readings_of(forces: SpecimenComparison, relative_sd: Sequence[float]) -> SpecimenReadings:
+def readings_of(
+    forces: SpecimenComparison,
+    relative_sd: Sequence[float],
+    names: Callable[[SpecimenRecording], Collection[str]] = weighed_with_force,
+) -> SpecimenReadings:
     """Return forces with what their recordings have beside them.
 
     Parameters
@@ -343,10 +338,12 @@ def readings_of(forces: SpecimenComparison, relative_sd: Sequence[float]) -> Spe
         Beside the model.
     relative_sd
         Standard deviation of a layer's stated thickness over that, of every recording's specimen.
+    names
+        Channels of a recording.
     """
     found = []
     for number, (part, sd) in enumerate(zip(forces.parts, relative_sd, strict=True)):
-        observed = weighed_beside(part.recording)
+        observed = _observed(part.recording, names(part.recording))
         if observed is not None:
             station = StationReading(observed, np.zeros(1), forces.grids[part.test])
             found.append(BesideForce(number, part, station, forces.depths[part.test], forces.relaxes, sd))

@@ -10,6 +10,7 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+from scipy.linalg import block_diag, solve_triangular
 
 from legfem.common.units import FloatArray, spans_of
 from legfem.inverse.comparison import Covariances, Prediction
@@ -158,16 +159,23 @@ class SpecimenComparison:
         return spans_of(len(part.course.time) for part in self.parts)
 
     @cached_property
-    def _sd(self) -> list[float]:
-        """What the stations of every recording count as erring by, N."""
-        return [WEIGHT * part.course.peak * float(np.sqrt(len(part.course.time) / COUNTED)) for part in self.parts]
+    def _weighing(self) -> list[FloatArray]:
+        """Covariances that make recordings count alike, N2."""
+        sizes = [WEIGHT * part.course.peak * float(np.sqrt(len(part.course.time) / COUNTED)) for part in self.parts]
+        return [part.onset.weighing(sd) for part, sd in zip(self.parts, sizes, strict=True)]
+
+    @cached_property
+    def weighing_covariance(self) -> FloatArray:
+        """Those of all recordings, (n, n)."""
+        return np.asarray(block_diag(*self._weighing))
+
+    @cached_property
+    def _lower(self) -> FloatArray:
+        return np.linalg.cholesky(self.weighing_covariance)
 
     def weighted(self, values: FloatArray) -> FloatArray:
         """Return values (n, ...) over what they count as erring by."""
-        flat = values.reshape(len(values), -1)
-        each = zip(self.parts, self.spans, self._sd, strict=True)
-        found = [part.onset.whitened(flat[span], sd) for part, span, sd in each]
-        return np.concatenate(found).reshape(values.shape)
+        return np.asarray(solve_triangular(self._lower, values, lower=True))
 
     @cached_property
     def expected_force(self) -> FloatArray:
@@ -178,8 +186,8 @@ class SpecimenComparison:
     def aheads(self, force: FloatArray) -> list[float]:
         """Return how far (mm) each recording's contact is from where it is expected."""
         left = self.measured - force
-        each = zip(self.parts, self.spans, self._sd, strict=True)
-        return [part.onset.moved(left[span], sd) for part, span, sd in each]
+        each = zip(self.parts, self.spans, self._weighing, strict=True)
+        return [part.onset.moved(left[span], covariance) for part, span, covariance in each]
 
     def slopes(self, force: FloatArray, readings: FloatArray) -> list[FloatArray]:
         """Return what every recording's stations (N) lose per mm of contact, of models' forces."""

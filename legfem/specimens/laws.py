@@ -129,16 +129,6 @@ _FREE: dict[catalogue.LawName, tuple[str, ...]] = {
     "yeoh": ("C10", "C20", "C30"),
     "exponential": ("C10", "stiffening", "exponent"),
 }
-_STATEMENTS = {
-    "C10": "stiffness at small strain",
-    "C20": "stiffening",
-    "C30": "late stiffening",
-    "stiffening": "stiffness of the exponential part",
-    "exponent": "exponent of the stiffening",
-    "D1": "compressibility",
-    "D2": "compressibility at large changes of volume",
-    catalogue.RATIO: "shear modulus along the fibres over that across",
-}
 # About the stiffness that the recordings ask for at small strain: bounds, and where to look first.
 _FAR, _FAR_OF_LAYERS, _RELATIVE = 100.0, 300.0, 8.0
 
@@ -297,7 +287,7 @@ def _parameter(name: str, known: catalogue.Values, far: float) -> Parameter:
         return catalogue.parameter_of(name, known)
     tissue, _, key = name.rpartition(".")
     of = "" if tissue == ONE else f" of the {tissue}"
-    c10, statement, unit = known[f"{tissue}.C10"], _STATEMENTS[key] + of, catalogue.UNITS.get(key, "-")
+    c10, statement, unit = known[f"{tissue}.C10"], catalogue.STATEMENTS[key] + of, catalogue.UNITS.get(key, "-")
     if key == "C10":
         return Parameter(name, unit, (c10 / far, c10 * far), scale="log", statement=statement)
     if key == "C20":
@@ -308,7 +298,7 @@ def _parameter(name: str, known: catalogue.Values, far: float) -> Parameter:
         return Parameter(name, unit, catalogue.RATIO_BOUNDS, scale="log", statement=statement)
     if key == "exponent":
         return Parameter(name, unit, (0.1, 20.0), scale="log", statement=statement)
-    centre = known[name] if math.isfinite(known[name]) else known[f"{tissue}.D1"]
+    centre = catalogue.centre_of(name, known)
     return Parameter(name, unit, (centre / far, centre * far), scale="log", statement=statement)
 
 

@@ -135,23 +135,26 @@ class OnsetEffect:
         """By how much (mm) contact may have begun earlier, one standard deviation."""
         return float(np.hypot(self.sd, self.pressed))
 
-    def whitened(self, values: FloatArray, sd: float) -> FloatArray:
-        """Return values (n, k) over the errors' covariance's root, stations' own being ``sd``."""
+    def weighing(self, sd: float) -> FloatArray:
+        """Return the covariance (n, n), N2, that stations are weighed by, their own errors being ``sd`` (N)."""
+        own = sd**2 * np.eye(len(self.slope))
         if not self.sd and not self.pressed and self.factor is None:
-            return values / sd
-        basis, size, _ = np.linalg.svd(self.modes / sd, full_matrices=False)
-        shrink = 1 / np.sqrt(1 + size**2) - 1
-        return np.asarray((values + basis @ (shrink[:, None] * (basis.T @ values))) / sd)
+            return own
+        return np.asarray(own + self.modes @ self.modes.T)
 
-    def moved(self, left: FloatArray, sd: float) -> float:
+    def moved(self, left: FloatArray, covariance: FloatArray) -> float:
         """Return how far (mm) contact is ahead of what is expected.
 
-        ``left`` (n,), N, is what is measured above the model.
+        Parameters
+        ----------
+        left
+            (n,), N: what is measured above the model.
+        covariance
+            See `weighing`.
         """
         if not self.sd:
             return 0.0
-        mode = self.whitened(self.modes[:, :1], sd)[:, 0]
-        departure = mode @ self.whitened((left - self.expected)[:, None], sd)[:, 0]
+        departure = self.modes[:, 0] @ np.linalg.solve(covariance, left - self.expected)
         return float(-self.sd * np.clip(departure, -FARTHEST, FARTHEST))
 
 

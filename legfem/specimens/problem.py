@@ -135,7 +135,7 @@ class SpecimenProblem:
             covariance = covariance + covariances["sizes"]
         missed, agreement = self._missed(found, covariance)
         covariances["misfit"] = comparison.of_forces_alone(missed.covariance)
-        goodness = goodness_of(found, covariance + comparison.thickness_errors, comparison.expected, lost=apart)
+        goodness = goodness_of(found, covariance + comparison.thickness_errors, lost=apart)
         fitted = forces.recordings
         optimum = Optimum(found, covariances, quantile(apart or len(fitted) - 1), goodness.fits)
         known = estimates(optimum)
@@ -148,7 +148,7 @@ class SpecimenProblem:
             for k, (one, span) in enumerate(zip(fitted, forces.spans, strict=True))
         ]
         left_out, told = self._predicted(found, stiffness, readings)
-        lateral = lateral_fit(fitted, self.forward, model_values(best.values))
+        lateral = lateral_fit(forces, self.forward, model_values(best.values))
         face = face_fit(comparison, predicted)
         told += [Notice.of(SpecimenNotice.SIDE_SEEN, text=one.text) for one in (lateral, face) if one]
         why = why_ratio_undetermined(self.folder, fitted) if self._seeks_ratio else ""

@@ -278,25 +278,21 @@ def _relaxing(path: Path, values: Mapping[str, float], sensitivities: Sequence[s
     names = [f"deep.viscoelasticity{k + 1}.ratio" for k in range(len(TIMES_S))]
     if not any(name in values or name in sensitivities for name in names):
         return path
+    ratios = np.array([values.get(name, 0.0) for name in names])
 
-    def with_branches(elastic: FloatArray) -> tuple[FloatArray, dict[str, FloatArray]]:
-        held = [np.concatenate([[0.0], each]) for each in borne(path.time[1:], elastic[1:])]
-        pairs = list(zip(names, held, strict=True))
-        total: FloatArray = elastic + sum(values.get(name, 0.0) * each for name, each in pairs)
-        return total, {name: each for name, each in pairs if name in sensitivities}
+    def held(load: FloatArray) -> FloatArray:
+        return np.hstack([np.zeros((len(names), 1)), borne(path.time[1:], load[1:])])
 
-    total, by = with_branches(path.force)
-    loads = {name: with_branches(course) for name, course in path.channels.items() if _is_load(name)}
-    return replace(
-        path,
-        force=total,
-        sensitivities={**path.sensitivities, **by},
-        channels={**path.channels, **{name: load for name, (load, _) in loads.items()}},
-        channel_sensitivities={
-            **path.channel_sensitivities,
-            **{name: {**path.channel_sensitivities.get(name, {}), **of} for name, (_, of) in loads.items()},
-        },
-    )
+    def relaxing(load: FloatArray, rates: Mapping[str, FloatArray]) -> tuple[FloatArray, dict[str, FloatArray]]:
+        by_branch, by = held(load), {name: rate + ratios @ held(rate) for name, rate in rates.items()}
+        own = zip(names, by_branch, strict=True)
+        return load + ratios @ by_branch, by | {name: each for name, each in own if name in sensitivities}
+
+    force, by = relaxing(path.force, path.sensitivities)
+    channels, seen = dict(path.channels), dict(path.channel_sensitivities)
+    for name in filter(_is_load, path.channels):
+        channels[name], seen[name] = relaxing(channels[name], seen.get(name, {}))
+    return replace(path, force=force, sensitivities=by, channels=channels, channel_sensitivities=seen)
 
 
 def _is_load(course: str) -> bool:
