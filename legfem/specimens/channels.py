@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from legfem.channels.kinds import CHANNELS
-from legfem.channels.kinds.layer_thickness import between_of
 from legfem.common.units import FloatArray, spans_of
 from legfem.inverse.channel_readings import StationChannel
 from legfem.inverse.comparison import Comparison, Covariances, Prediction, total_of
@@ -41,14 +40,10 @@ def _observed(recording: SpecimenRecording, names: Collection[str]) -> Observati
     return replace(observed, channels=kept) if kept else None
 
 
-def _thicknesses(recording: SpecimenRecording) -> Collection[str]:
-    return between_of(recording.sizes.heights) if recording.sizes.layers else ()
-
-
 def weighed_with_force(recording: SpecimenRecording) -> set[str]:
     """Return the channels that are weighed with a force: layers' thicknesses, and what is nothing at rest."""
     more = [name for name in recording.sizes.kind.beside if CHANNELS[name].at_rest == 0.0]
-    return {*_thicknesses(recording), *more}
+    return {*recording.sizes.thicknesses, *more}
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +104,7 @@ class BesideForce:
     @cached_property
     def of_sizes(self) -> FloatArray:
         """Covariance (k, k) by stated thicknesses: a layer's that is off is so in proportion all along the test."""
-        layers = _thicknesses(self.part.recording)
+        layers = self.part.recording.sizes.thicknesses
         each = [self.relative_sd * (one.name in layers) * one.values for one in self.channels]
         return np.asarray(block_diag(*(np.outer(one, one) for one in each)))
 

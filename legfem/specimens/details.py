@@ -46,7 +46,7 @@ from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.kind import ShownAxes
 from legfem.specimens.model_discrepancy import LawMisfit
-from legfem.specimens.sizes import LeftOut, Sizes, SpecimenRecording
+from legfem.specimens.sizes import RESIZED, LeftOut, Sizes, SpecimenRecording
 
 type _Fit = Fit[SpecimenDetails]
 
@@ -214,10 +214,6 @@ def alternatives_text(every: "Sequence[Weighed]", to_know: str) -> str:
     )
 
 
-_RESIZED = 0.03
-"""Relative step by which the force's change with a size is found."""
-
-
 def size_covariance(
     comparison: SpecimenReadings,
     model: SpecimenForward,
@@ -253,12 +249,11 @@ def size_covariance(
             if name in sizes.kind.as_force:
                 change = forces_alone
             else:
-                larger = sizes.resized(name, (1 + _RESIZED) * sizes.lengths[name])
-                tests = tuple(larger if one == sizes else one for one in model.tests)
+                tests = tuple(sizes.larger(name) if one == sizes else one for one in model.tests)
                 outcome = replace(model, tests=tests).solve(values, ())
                 if not outcome.complete or not comparison.reached_by(outcome):
                     continue
-                change = (comparison.predict(outcome, readings).values - predicted) / _RESIZED
+                change = (comparison.predict(outcome, readings).values - predicted) / RESIZED
             for specimen in dict.fromkeys(specimens):
                 mode = sd * np.where((specimens == specimen) & (numbers == number), change, 0.0)
                 found += np.outer(mode, mode)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from legfem.channels.kinds.face_strain import FACE_STRAIN, not_of_the_face
 from legfem.channels.kinds.lateral_stretch import LATERAL_STRETCH, not_a_stretch
-from legfem.channels.kinds.layer_thickness import between_of, refused
+from legfem.channels.kinds.layer_thickness import refused
 from legfem.common.errors import Doubt, InputError
 from legfem.common.input_files import FileTable
 from legfem.common.units import kpa_to_mpa
@@ -322,7 +322,7 @@ def _unused(used: Sequence[SpecimenRecording]) -> Iterator[Doubt]:
     """Yield doubts about columns that no model of the test gives."""
     for one in used:
         layers, kind = one.sizes.layers, one.sizes.kind
-        known = {*(between_of(one.sizes.heights) if layers else ()), *kind.beside}
+        known = {*one.sizes.thicknesses, *kind.beside}
         for name in (channel.name for channel in one.trial.recording.channels if channel.name not in known):
             what = f"[{kind.table}] of {'layers' if layers else 'one tissue'}"
             yield Doubt(one.trial.source, name, f"is not used: no model of {what} gives it", "leave it out")
@@ -330,8 +330,7 @@ def _unused(used: Sequence[SpecimenRecording]) -> Iterator[Doubt]:
 
 def _check_channels(trial: Segmentation, sizes: Sizes, relative_sd: float) -> None:
     """Refuse thicknesses that aren't those of a specimen's layers, and what is neither a stretch nor its face's."""
-    kind, body = sizes.kind, sizes.body
-    between = between_of(sizes.heights) if sizes.layers else {}
+    kind, body, between = sizes.kind, sizes.body, sizes.thicknesses
     for one in trial.recording.channels:
         found = not_a_stretch(one.values) if one.name == LATERAL_STRETCH.name else None
         depths = trial.loading_depths(one.time)

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from legfem.channels.kinds.layer_thickness import between_of
 from legfem.common.errors import Doubt, PhysicalRange
 from legfem.common.input_files import FileTable
 from legfem.common.units import mpa_to_kpa
@@ -34,6 +35,8 @@ from legfem.specimens.kinds import kind_of, kinds
 from legfem.specimens.schema import SIZES, SpecimenEntry, SpecimenFile
 
 OF_LAYER = "_thickness"
+RESIZED = 0.03
+"""Relative step by which the change of readings with a size is found."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +69,11 @@ class Sizes:
         return dict(zip((name for name, _ in self.layers), pairwise(ends), strict=True))
 
     @property
+    def thicknesses(self) -> dict[str, tuple[float, float]]:
+        """By channel, the heights (mm) between which the thickness of layers is read; none of one tissue."""
+        return between_of(self.heights)
+
+    @property
     def level(self) -> str:
         """What tells tests apart in which stiffness and the fibres' ratio trade off otherwise; "" without fibres."""
         return "" if self.fibres is None else self.kind.level(self.fibres)
@@ -90,6 +98,10 @@ class Sizes:
         if layers == self.layers:
             changed[name] = value
         return replace(self, body=replace(self.body, **changed), layers=layers)
+
+    def larger(self, name: str) -> "Sizes":
+        """Return the test with one of its `lengths` larger by `RESIZED`."""
+        return self.resized(name, (1 + RESIZED) * self.lengths[name])
 
     def under(self, alternative: str) -> "Sizes":
         """Return the test with one of the alternatives of its kind."""

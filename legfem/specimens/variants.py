@@ -22,7 +22,7 @@ from legfem.specimens.course import borne
 from legfem.specimens.forward import experiment_of
 from legfem.specimens.kind import SpecimenTest
 from legfem.specimens.laws import ONE, REFERENCE_MPA, SpecimenTissue, specimen_law
-from legfem.specimens.sizes import Sizes
+from legfem.specimens.sizes import RESIZED, Sizes
 
 if TYPE_CHECKING:
     from legfem.experiments.plane_strain import LateralPlacement
@@ -33,8 +33,6 @@ _C10, _C20 = "deep.C10", "deep.C20"
 _BESIDE = "superficial.C10"
 """What mechanisms call the stiffness of tissues beside the one that is asked for."""
 _STATED = "stated_"
-_RESIZED = 0.03
-"""Relative step by which the force's change with a size is found."""
 
 type _Numbers = tuple[tuple[str, float], ...]
 type _Asked = tuple[str, Protocol, _Numbers, tuple[str, ...]]
@@ -200,7 +198,8 @@ class SpecimenVariants:
             channels[channel] = times * course
             seen[channel] = along(rates, value=degree * channels[channel])
         for name in (name for name in sensitivities if name in self.measured):
-            changed, step = self._resized(name).follow(protocol, deep, solution), _RESIZED * self.measured[name]
+            larger = replace(self, sizes=self.sizes.larger(name.removeprefix(SIZE)))
+            changed, step = larger.follow(protocol, deep, solution), RESIZED * self.measured[name]
             if isinstance(changed, Stopped):
                 return changed
             by[name] = (changed.force_at(found.time) - force) / step
@@ -214,10 +213,6 @@ class SpecimenVariants:
             # What branches bear changes no strain.
             channel_sensitivities={c: {n: own.get(n, nothing) for n in sensitivities} for c, own in seen.items()},
         )
-
-    def _resized(self, name: str) -> "SpecimenVariants":
-        value = (1 + _RESIZED) * self.measured[name]
-        return replace(self, sizes=self.sizes.resized(name.removeprefix(SIZE), value))
 
     def _scaled(
         self, variant: str, protocol: Protocol, values: Mapping[str, float], sensitivities: tuple[str, ...]
