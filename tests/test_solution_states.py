@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from making_mechanics import subject_3
 
+from legfem.channels import Sight
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.legs.forward import PlaneStrainForward
 from legfem.meshing.section import SectionMeshSettings
@@ -36,3 +37,9 @@ def test_a_solution_is_looked_at_without_solving_again_and_looks_the_same() -> N
     assert shown.rows == solved.rows
     stiffer = filmed(made.experiment, stiff, DEPTH).section("it")
     assert stiffer is not None and float(stiffer.rows[-1][1]) > 1.2 * float(shown.rows[-1][1])
+
+
+def test_a_kept_solve_is_of_the_places_at_which_channels_are_read() -> None:
+    plain = PlaneStrainIndentation(*subject_3())
+    seen = PlaneStrainIndentation(*subject_3(), sights=(Sight("section_displacement", ((0.0, 20.0),)),))
+    assert PlaneStrainForward(plain, DEPTH).fingerprint() != PlaneStrainForward(seen, DEPTH).fingerprint()

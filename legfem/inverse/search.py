@@ -420,9 +420,9 @@ class Search[C: Comparison]:
     def _stiffer(self) -> FloatArray:
         point = stiffer(self.law, np.array([trial.point for trial in self.trials]))
         if point is None or len(self.trials) >= self.settings.most_solves:
+            reason = self.trials[-1].outcome.reason or "what was recorded beside the force isn't seen in the model"
             raise SearchError(
-                f"too few full solves reach {self.misfit.reach} "
-                f"(the last stopped: {self.trials[-1].outcome.reason}); "
+                f"too few full solves reach {self.misfit.reach} (the last stopped: {reason}); "
                 "use less of the recordings' depth"
             )
         return point[None]

@@ -68,7 +68,7 @@ class PlaneStrainForward:
         return Outcome.of(values, solved.curve, solved.report)
 
     def fingerprint(self) -> Mapping[str, Any]:
-        """Return section, indenter, tissues, settings, depth and code."""
+        """Return section, indenter, tissues, settings, places of channels, depth and code."""
         contours, test = hashlib.sha256(), self.experiment
         section, indenter = test.section, test.indenter
         for part in PARTS:
@@ -83,6 +83,7 @@ class PlaneStrainForward:
             "deep_D1_per_MPa": test.tissues.deep.D1,
             "settings": repr(test.settings),
             "mechanisms": repr(test.mechanisms),
+            "sights": repr(test.sights),
             "depth_mm": self.depth,
             "code": code_fingerprint("legfem.experiments.plane_strain"),
         }

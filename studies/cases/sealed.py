@@ -8,9 +8,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from legfem.channels.kinds.layer_thickness import MUSCLE, TISSUE
 from legfem.common.progress import Progress, Silent
 from legfem.common.units import mpa_to_kpa
 from legfem.data import Recording
+from legfem.geometry.section import layer_thicknesses
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.diagnose import diagnose
@@ -202,9 +204,15 @@ class Lab:
         recordings = self._recorded[key]
         if recordings is None:
             return None
+        leg = sealed_leg(case.leg, self.seed).stated
+        # A reader refuses a thickness to a bone that isn't there.
+        unseen = {MUSCLE.name, TISSUE.name} - {
+            *layer_thicknesses(leg.section, leg.indenter.aim, leg.indenter.direction)
+        }
+        kept = {*names} - unseen
         return replace(
-            sealed_leg(case.leg, self.seed).stated,
-            recordings=tuple(replace(r, channels=tuple(c for c in r.channels if c.name in names)) for r in recordings),
+            leg,
+            recordings=tuple(replace(r, channels=tuple(c for c in r.channels if c.name in kept)) for r in recordings),
             instrument=INSTRUMENT,
             starts_at_contact=programme == "holds",
             plane_strain=True,
