@@ -112,12 +112,13 @@ class SpecimenForward(Picklable):
         every = [self.solve_one(k, values, sensitivities) for k in range(len(self.tests))]
         return Outcome.joined(values, every)
 
-    def solve_one(self, number: int, values: Values, sensitivities: Sequence[str] = ()) -> Outcome:
-        """Solve one of the tests.
+    def solve_one(self, number: int, values: Values | None = None, sensitivities: Sequence[str] = ()) -> Outcome:
+        """Solve one of the tests, at the nominal values if there are no others.
 
         A derivative by a stiffness is that at the same Poisson's ratio where the values have no D1,
         and at the same ratio of the fibres.
         """
+        values = self.nominal if values is None else values
         every, fibrous = self.with_compressibility(values), self.fibre_ratios
         own = {**self.nominal, **every}
         given = {name: value for name, value in every.items() if not is_ratio(name)} | moduli(own, fibrous)

@@ -102,7 +102,7 @@ def prepare(
 
 def _solved_once(model: SpecimenForward, out: Path | None, jobs: int, progress: Progress) -> dict[Sizes, Outcome]:
     store = None if out is None else Store(out / "solves", Outcome, (model.laws, model.fibre_ratios, model.code))
-    with Workers(_solve_one, model, jobs) as workers:
+    with Workers(SpecimenForward.solve_one, model, jobs) as workers:
         found = finish(
             workers,
             range(len(model.tests)),
@@ -113,7 +113,3 @@ def _solved_once(model: SpecimenForward, out: Path | None, jobs: int, progress: 
             lambda k: ("once", model.tests[k], model.depths[k]),
         )
     return dict(zip(model.tests, found, strict=True))
-
-
-def _solve_one(model: SpecimenForward, number: int) -> Outcome:
-    return model.solve_one(number, model.nominal)

@@ -378,17 +378,14 @@ def _fitted_laws(
 
 
 def _fitted(folder: SpecimenFolder, prepared: Prepared, held_out: frozenset[str]) -> list[SpecimenRecording]:
-    """Recordings that are fitted, each from where its contact seems to be."""
-    return [_from_seeming_contact(one, folder.returns) for one in prepared.recordings if one.name not in held_out]
-
-
-def _from_seeming_contact(one: SpecimenRecording, returns: bool) -> SpecimenRecording:
-    """Recording from where contact seems to be: nothing of it then is air."""
-    found = one.detected
-    if not found.known and found.estimate > found.displacement:
-        with suppress(InputError):
-            return one.begun(found.estimate, returns)
-    return one
+    """Recordings that are fitted, each from where its contact seems to be: nothing of it then is air."""
+    fitted = [one for one in prepared.recordings if one.name not in held_out]
+    for k, one in enumerate(fitted):
+        found = one.detected
+        if not found.known and found.estimate > found.displacement:
+            with suppress(InputError):
+                fitted[k] = one.begun(found.estimate, folder.returns)
+    return fitted
 
 
 def _test_fit(
