@@ -284,7 +284,8 @@ def reasons(
     elif known.at_bound == "upper":
         found = ["the optimum stands at the upper bound: widen the bounds or doubt the data"]
     else:
-        share = _percent(known.relative_half_width)
+        half = known.relative_half_width
+        share = f"{100 * half:.2g} %" if half < 1 else "over 100 %"
         of = " of the range before" if parameter.scale == "linear" else ""
         found = [f"95 % interval {_between(low, high)}{unit}, {share}{of} either side"]
     if parameter.prior is not None:
@@ -310,10 +311,6 @@ def _between(low: float, high: float) -> str:
     if math.isfinite(high):
         return f"{low:.3g} to {high:.3g}"
     return f"at least {low:.3g}"
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.2g} %" if share < 1 else "over 100 %"
 
 
 def shares_of_error(gain: FloatArray, covariances: Covariances) -> list[dict[ErrorSource, float]]:

@@ -234,7 +234,9 @@ class _Profile:
     def __init__(self, residual: Residual, at: FloatArray, k: int, bounds: FloatArray, step: float) -> None:
         self.residual, self.at, self.k, self.bounds = residual, at, k, bounds
         self.others = [j for j in range(len(at)) if j != k]
-        self.units = _units(at, bounds)
+        width = bounds[:, 1] - bounds[:, 0]
+        # Numbers of the values' sizes, so that a search steps alike in all.
+        self.units = np.clip(np.abs(at), 1e-3 * width, width)
         self.slope = self._slope(step)
 
     def __call__(self, value: float) -> float:
@@ -280,12 +282,6 @@ class _Profile:
         units = self.units[self.others]
         scaled = np.linalg.lstsq(jacobian[:, self.others] * units, -jacobian[:, self.k])[0]
         return np.asarray(scaled * units)
-
-
-def _units(at: FloatArray, bounds: FloatArray) -> FloatArray:
-    """Return numbers of the values' sizes, so that a search steps alike in all."""
-    width = bounds[:, 1] - bounds[:, 0]
-    return np.clip(np.abs(at), 1e-3 * width, width)
 
 
 THIRDS = "first", "second", "last"

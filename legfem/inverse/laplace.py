@@ -73,7 +73,10 @@ def contact_posterior(
     if observed.starts_at_contact or observed.shows_air:
         return touching
     scale, shift = _to_detected(fitted, observed)
-    free = evidence.of(_rescaled(fitted.linearised, scale, shift), shares, errors)
+    about = fitted.linearised
+    low, high = (about.low - shift) / scale, (about.high - shift) / scale
+    rescaled = Linearisation(about.residual, about.jacobian * scale, (about.prior_z - shift) / scale, low, high)
+    free = evidence.of(rescaled, shares, errors)
     logs = np.array([free.log_evidence, touching.log_evidence])
     logs += np.log([1 - STARTS_AT_CONTACT, STARTS_AT_CONTACT])
     total = float(np.logaddexp(*logs))
@@ -91,16 +94,6 @@ def _to_detected(fitted: LinearisedFit, observed: Observations) -> tuple[FloatAr
         scale[k] = found.sd / here.sd
         shift[k] = (found.centre - here.centre) / here.sd
     return scale, shift
-
-
-def _rescaled(about: Linearisation, scale: FloatArray, shift: FloatArray) -> Linearisation:
-    return Linearisation(
-        about.residual,
-        about.jacobian * scale,
-        (about.prior_z - shift) / scale,
-        (about.low - shift) / scale,
-        (about.high - shift) / scale,
-    )
 
 
 def laplace_posterior(

@@ -71,9 +71,6 @@ class Observations:
         """Return values at every protocol's stations as one vector over all trials."""
         return np.concatenate([by_protocol[number] for number in self.protocol_of])
 
-    def _of_stations(self, name: str) -> NDArray[np.generic]:
-        return np.concatenate([getattr(self.protocols[p], name) for p in self.protocol_of])
-
     @cached_property
     def trial(self) -> NDArray[np.int_]:
         """Number of the trial."""
@@ -88,7 +85,7 @@ class Observations:
     @cached_property
     def displacement(self) -> FloatArray:
         """Displacement, mm; in a hold at the deepest point that of the trial itself."""
-        stated = np.asarray(self._of_stations("displacement"), float)
+        stated = self.spread([stations.displacement for stations in self.protocols])
         if not self.depths:
             return stated
         deepest = np.array([self.protocols[p].depth for p in self.protocol_of])
@@ -99,17 +96,17 @@ class Observations:
     @cached_property
     def time(self) -> FloatArray:
         """Time since first contact, s."""
-        return np.asarray(self._of_stations("time"), float)
+        return self.spread([stations.time for stations in self.protocols])
 
     @cached_property
     def phase(self) -> NDArray[np.str_]:
         """Name of the phase."""
-        return np.asarray(self._of_stations("phase"), str)
+        return np.concatenate([self.protocols[number].phase for number in self.protocol_of])
 
     @cached_property
     def segment(self) -> NDArray[np.int_]:
         """Number of the protocol's segment."""
-        return np.asarray(self._of_stations("segment"), int)
+        return np.concatenate([self.protocols[number].segment for number in self.protocol_of])
 
     @cached_property
     def speed(self) -> FloatArray:

@@ -160,7 +160,10 @@ class FullSolver:
         wanted = [values for key, values in distinct.items() if not self._recall(key, values)]
         tasks = [(dict(values), self.sensitivities) for values in wanted]
         for _, outcome in self._workers.run(tasks):
-            self._take(outcome)
+            if self.store:
+                self.store.put((outcome.values, self.sensitivities), outcome)
+            self._known[key_of_values(outcome.values)] = outcome
+            self._report(outcome, f"{outcome.seconds:.1f} s")
         return [self._known[key_of_values(values)] for values in points]
 
     def was_reused(self, values: Values) -> bool:
@@ -177,12 +180,6 @@ class FullSolver:
         self.reused.add(key)
         self._report(outcome, "kept from before")
         return True
-
-    def _take(self, outcome: Outcome) -> None:
-        if self.store:
-            self.store.put((outcome.values, self.sensitivities), outcome)
-        self._known[key_of_values(outcome.values)] = outcome
-        self._report(outcome, f"{outcome.seconds:.1f} s")
 
     def _report(self, outcome: Outcome, how: str) -> None:
         reached = ", ".join(f"{curve.depth:.1f}" for curve in outcome.curves)

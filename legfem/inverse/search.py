@@ -12,7 +12,7 @@ from legfem.inverse.catalogue import DEEP_C20, IdentifiedLaw, Values, model_valu
 from legfem.inverse.comparison import Comparison
 from legfem.inverse.least_squares import gauss_newton_step, polished, polished_with
 from legfem.inverse.outcome import FullSolver, Outcome, key_of_values
-from legfem.inverse.parameter import Domain, Parameter
+from legfem.inverse.parameter import Domain
 from legfem.inverse.readings import READINGS
 from legfem.inverse.settings import IdentificationSettings
 from legfem.inverse.trial import (
@@ -46,7 +46,8 @@ def design(law: IdentifiedLaw, seed: int) -> FloatArray:
     """
     if law.starts:
         return np.array([law.point(values) for values in law.starts])
-    points = np.tile([_null(one) for one in law.parameters], (1, 1))
+    nulls = [p.inside(READINGS[p.name].null) if p.name in READINGS else 0.0 for p in law.parameters]
+    points = np.array([nulls])
     q = len(law.of_model)
     if q == 0:
         return points
@@ -131,11 +132,6 @@ def _within(law: IdentifiedLaw, k: int, share: FloatArray) -> FloatArray:
     if parameter.scale == "log" and low > 0:
         return np.asarray(np.exp(np.log(low) + share * (np.log(high) - np.log(low))))
     return low + share * (high - low)
-
-
-def _null(parameter: Parameter) -> float:
-    known = READINGS.get(parameter.name)
-    return 0.0 if known is None else parameter.inside(known.null)
 
 
 # Converged: the emulator's optimum lies this near the best full solve, over the standard error or

@@ -278,7 +278,10 @@ class LegFilm:
         self._taken[key] = [*before, state]
         if self.folder is not None:
             self.folder.mkdir(parents=True, exist_ok=True)
-            _write(self.folder / f"{key}.npz", self._taken[key])
+            taken = self._taken[key]
+            columns = {name: np.array([getattr(one, name) for one in taken], dtype=np.float32) for name in _FIELDS}
+            columns["displacement"] = np.array([one.displacement for one in taken])
+            write_arrays(self.folder / f"{key}.npz", columns, compressed=True)
 
 
 @dataclass(eq=False)
@@ -336,12 +339,6 @@ class LegCamera:
         quarters = movement.dofmap.list[:, _QUARTERS].reshape(-1, 3)
         fine = TriangleSurface(movement.tabulate_dof_coordinates(), quarters)
         return facets.weights(points), fine.weights(points)
-
-
-def _write(path: Path, states: list[LegState]) -> None:
-    columns = {name: np.array([getattr(state, name) for state in states], dtype=np.float32) for name in _FIELDS}
-    displacement = np.array([state.displacement for state in states])
-    write_arrays(path, {"displacement": displacement, **columns}, compressed=True)
 
 
 def _read(path: Path) -> list[LegState]:

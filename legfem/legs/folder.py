@@ -105,6 +105,9 @@ def write_subject_folder(
     InputError
         If ``out`` exists and isn't an empty folder, or can't be written.
     """
+    # Imported here: a subject stands above geometry.
+    from legfem.legs.loading import load_subject
+
     out = Path(out)
     check_new_folder(out)
     text = subject_text(
@@ -132,7 +135,7 @@ def write_subject_folder(
             write_recording(recording, scratch / "recordings" / f"{recording.trial}.csv")
         write_contours(section, scratch / "contours.csv")
         (scratch / "subject.toml").write_text(text, encoding="utf-8")
-        _check_loads(scratch)
+        load_subject(scratch, need_recordings=False)
         scratch.chmod(0o755)
         scratch.replace(out)
     finally:
@@ -174,13 +177,6 @@ def check_new_folder(out: Path) -> None:
     """Raise InputError if a folder exists and isn't empty."""
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise InputError(Argument("out"), str(out), "exists already", "give a new folder or remove it")
-
-
-def _check_loads(folder: Path) -> None:
-    # Imported here: a subject stands above geometry.
-    from legfem.legs.loading import load_subject
-
-    load_subject(folder, need_recordings=False)
 
 
 def plain_id(name: str) -> str:

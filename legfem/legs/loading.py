@@ -118,7 +118,7 @@ def load_subject(
             given.accuracy.contour_sd_mm,
             given.accuracy.aim_sd_mm,
             given.accuracy.direction_sd_deg,
-            _relative(given.accuracy.assumed_sd_percent),
+            None if (percent := given.accuracy.assumed_sd_percent) is None else percent / 100,
         ),
         confirmed=tuple(given.confirmed),
         cut_from=place.cut_from,
@@ -135,10 +135,6 @@ def load_subject(
         check_channels(trial, section, indenter, outlines)
     doubts_about(subject)
     return subject
-
-
-def _relative(percent: float | None) -> float | None:
-    return None if percent is None else percent / 100
 
 
 def _tissues(given: SubjectFile, moduli: Sequence[ShearModulus]) -> dict[str, TissueParameters]:

@@ -31,7 +31,6 @@ from legfem.inverse.search import Search
 from legfem.inverse.searches import Found
 from legfem.inverse.settings import SearchRequest, free_of_model
 from legfem.inverse.station_test import StationTest
-from legfem.inverse.trial import Trial
 from legfem.inverse.trial_noise import estimate_noise
 from legfem.legs.details import AppliedCorrection, LegDetails, SpatialSites
 from legfem.legs.forward import PlaneStrainForward, laws_of
@@ -129,14 +128,15 @@ class LegProblem:
         misses = float(chi2.sf(best.objective, len(now))) < LEAST_CHANCE
         weighting = "equal" if now.near is not None and misses else now.weighting
         moved = replace(now, weighting=weighting)
-        contacts = _contacts(moved, best)
-        pairs = zip(now.tests, best.outcome.curves, contacts, strict=True)
-        tests = tuple(test.about(curve, best.values, at) for test, curve, at in pairs)
-        if weighting == now.weighting and all(
-            _as_before(one, then) for one, then in zip(now.tests, tests, strict=True)
-        ):
-            return None
-        return replace(moved, tests=tests)
+        assert best.prediction is not None
+        left = np.linalg.solve(moved.weighing_covariance, best.prediction.values - moved.measured)
+        pairs = zip(now.tests, best.outcome.curves, now.spans, strict=True)
+        tests = tuple(test.about(curve, best.values, test.contacts_of(left[span])) for test, curve, span in pairs)
+        stays = all(
+            one.slopes is not None and np.all(np.abs(one.contacts - then.contacts) <= _STAYS * then.contact_sd)
+            for one, then in zip(now.tests, tests, strict=True)
+        )
+        return None if stays and weighting == now.weighting else replace(moved, tests=tests)
 
     def corrected(self, corrections: Sequence[Correction | None]) -> "LegProblem":
         """The same with other corrections, one a site."""
@@ -154,8 +154,13 @@ class LegProblem:
         agreement = single.agreement
         times = self._quantile(found, covariances)
         spatial = None if self.spatial is None else self.spatial(found)
-        wider = _widened(covariances, agreement.birge_ratio)
-        optimum = Optimum(found, wider, times, goodness.fits, _assumed_stiffness(law), spatial is None)
+        # What is alike for all sites can't make them disagree.
+        wider = {
+            source: part if source in ALIKE else agreement.birge_ratio**2 * part for source, part in covariances.items()
+        }
+        given = {**law.nominal, **law.fixed}
+        assumed = {name: given[name] for name in _ASSUMED if name in given and name not in law.names}
+        optimum = Optimum(found, wider, times, goodness.fits, assumed, spatial is None)
         corrections = tuple(
             _applied(test.correction, curve.displacement, best.values)
             for test, curve in zip(self.tests, self.curves, strict=True)
@@ -242,20 +247,6 @@ class LegProblem:
                 channels.append(ChannelFit(channel, prediction.values[rows], MappingProxyType(slopes)))
             fits.append(TestFit(shown, tuple(channels), goodness, by_itself=MappingProxyType(own)))
         return fits
-
-
-def _contacts(comparison: JointComparison, near: Trial) -> list[FloatArray]:
-    """Return where a solve has the first contacts of every test's trials, mm."""
-    assert near.prediction is not None
-    left = np.linalg.solve(comparison.weighing_covariance, near.prediction.values - comparison.measured)
-    pairs = zip(comparison.tests, comparison.spans, strict=True)
-    return [test.contacts_of(left[span]) for test, span in pairs]
-
-
-def _as_before(one: StationTest, then: StationTest) -> bool:
-    """Whether contacts have stayed, and slopes are known from a fit."""
-    moved = np.abs(one.contacts - then.contacts)
-    return one.slopes is not None and bool(np.all(moved <= _STAYS * then.contact_sd))
 
 
 def leg_problem(
@@ -401,17 +392,6 @@ def split_instrument(
     if parameters is None:
         return None, own
     return tuple(one for one in parameters if one.name not in INSTRUMENT), own
-
-
-def _widened(covariances: Covariances, ratio: float) -> Covariances:
-    """Larger errors, but for those that all sites have alike."""
-    return {source: part if source in ALIKE else ratio**2 * part for source, part in covariances.items()}
-
-
-def _assumed_stiffness(law: IdentifiedLaw) -> dict[str, float]:
-    """Stiffnesses of fat and fascia that were held, MPa."""
-    every = {**law.nominal, **law.fixed}
-    return {name: every[name] for name in _ASSUMED if name in every and name not in law.names}
 
 
 def _applied(correction: Correction | None, displacement: FloatArray, values: Values) -> AppliedCorrection | None:
