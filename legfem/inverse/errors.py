@@ -70,16 +70,13 @@ def reading_covariance(
     alike = one.alike(one.accuracy.apart)
     slow = one.accuracy.slow**2 * np.exp(-np.abs(np.subtract.outer(one.time, one.time)) / slowest) * alike
     lag = one.accuracy.lag * slope * one.speed
-    own = _white(one, alike) + same * (slow + np.outer(lag, lag))
+    white = np.diag(one.white_variance)
+    if one.course is not None:
+        # Errors from frame to frame, which places near each other share.
+        sd = np.sqrt(one.white_variance)
+        white = np.outer(sd, sd) * alike * np.equal.outer(one.frame, one.frame) + np.diag(_OWN * sd**2)
+    own = white + same * (slow + np.outer(lag, lag))
     return np.asarray(_excess_of_repeats(one, own, repeated) * own)
-
-
-def _white(one: ChannelReadings, alike: FloatArray) -> FloatArray:
-    """Return the covariance (k, k) of errors from frame to frame, which places near each other share."""
-    if one.course is None:
-        return np.diag(one.white_variance)
-    sd = np.sqrt(one.white_variance)
-    return np.asarray(np.outer(sd, sd) * alike * np.equal.outer(one.frame, one.frame) + np.diag(_OWN * sd**2))
 
 
 def model_covariance(one: ChannelReadings, since_touch: FloatArray) -> FloatArray:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray, readable_unit, spaced_unit
 from legfem.inverse.catalogue import DEEP_C10, symbol_of
-from legfem.inverse.comparison import Comparison, Covariances, ErrorSource, total_of
+from legfem.inverse.comparison import Covariances, ErrorSource, total_of
 from legfem.inverse.intervals import (
     ADDS_NOTHING,
     NO_DEPARTURE,
@@ -162,10 +162,12 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
     curvature = inverse @ inverse.T
     correlations = optimum.correlations
     sensitivities = linear.prediction.sensitivities
+    forces, measured = misfit.channels.get("force", slice(None)), np.zeros(len(misfit))
+    measured[forces] = misfit.measured[forces]
     # By which measured forces would differ less from the model's, were each a tenth higher.
     tenths = {
         **{name: -value * sensitivities[name] for name, value in optimum.assumed.items() if name in sensitivities},
-        FORCE: _forces_alone(misfit),
+        FORCE: measured,
         DISPLACEMENT: misfit.if_deeper,
     }
     moves = {name: _moves(linear, _TENTH * change) for name, change in tenths.items()}
@@ -213,15 +215,6 @@ def _half_width(parameter: Parameter, value: float, interval: tuple[float, float
     low, high = interval
     logarithmic = parameter.scale == "log" and low > 0
     return 0.5 * (value * math.log(high / low) if logarithmic else high - low)
-
-
-def _forces_alone(misfit: Comparison) -> FloatArray:
-    """Return the measured forces (n,), N, and 0 for what else was read."""
-    if not misfit.channels:
-        return misfit.measured
-    forces = np.zeros(len(misfit))
-    forces[misfit.channels["force"]] = misfit.of_force(misfit.measured)
-    return forces
 
 
 def _moves(linear: Linearised, change: FloatArray) -> FloatArray:

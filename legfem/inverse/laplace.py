@@ -214,7 +214,8 @@ def integrate_strength(
     mean, covariance = moments_of(shares, means, covariances)
     strands = MixtureComponents(shares, means, np.sqrt(np.diagonal(covariances, axis1=1, axis2=2)))
     strong = 0.0 if possible is None else possible.strong
-    inside = strong + (1 - strong) * np.exp(_log_inside(prior, low, high))
+    widths, of_width = _widths(prior)
+    inside = strong + (1 - strong) * (of_width @ (norm.cdf(high / widths) - norm.cdf(low / widths)))
     found = mixed(total - float(np.log(inside)), hats @ shares, parts)
     return replace(found, mean=mean, covariance=covariance, components=strands)
 
@@ -314,9 +315,3 @@ def _whole(step: _Step, k: int, variance: float) -> Posterior:
     covariance = np.insert(np.insert(step.posterior.covariance, k, 0.0, 0), k, 0.0, 1)
     covariance[k, k] = variance
     return replace(step.posterior, mean=mean, covariance=covariance)
-
-
-def _log_inside(prior: Prior, low: float, high: float) -> float:
-    """Return the logarithm of what the prior holds between the bounds."""
-    widths, shares = _widths(prior)
-    return float(np.log(shares @ (norm.cdf(high / widths) - norm.cdf(low / widths))))

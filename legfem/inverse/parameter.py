@@ -1,8 +1,9 @@
 """Parameters of a model or an instrument: what is known of them beforehand, and the box that is searched."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -167,12 +168,20 @@ class Domain:
     def values(self, genes: FloatArray) -> FloatArray:
         """Return the values (..., p) of genes (..., p)."""
         clipped = np.clip(genes, 0.0, 1.0)
-        columns = [_value(one, clipped[..., k]) for k, one in enumerate(self.parameters)]
+        columns = []
+        for k, one in enumerate(self.parameters):
+            to, back = _scale(one)
+            first, last = map(to, one.bounds)
+            columns.append(back(first + clipped[..., k] * (last - first)))
         return self.inside(np.stack(columns, axis=-1))
 
     def genes(self, values: FloatArray) -> FloatArray:
         """Return the genes (..., p) of values (..., p)."""
-        columns = [_gene(one, values[..., k]) for k, one in enumerate(self.parameters)]
+        columns = []
+        for k, one in enumerate(self.parameters):
+            to, _ = _scale(one)
+            first, last = map(to, one.bounds)
+            columns.append((to(values[..., k]) - first) / (last - first))
         return np.clip(np.stack(columns, axis=-1), 0.0, 1.0)
 
     def inside(self, values: FloatArray) -> FloatArray:
@@ -183,23 +192,12 @@ class Domain:
         return np.where(values >= high - beside, high, values)
 
 
-def _value(parameter: Parameter, gene: FloatArray) -> FloatArray:
+def _scale(parameter: Parameter) -> tuple[Callable[[Any], Any], Callable[[Any], Any]]:
+    """Return what a parameter's genes are even in, and its inverse."""
     low, high = parameter.bounds
     if parameter.scale == "linear":
-        return low + gene * (high - low)
+        return np.asarray, np.asarray
     if low > 0:
-        return np.exp(np.log(low) + gene * (np.log(high) - np.log(low)))
+        return np.log, np.exp
     knee = _KNEE * high
-    first, last = np.log1p(low / knee), np.log1p(high / knee)
-    return np.asarray(knee * np.expm1(first + gene * (last - first)))
-
-
-def _gene(parameter: Parameter, value: FloatArray) -> FloatArray:
-    low, high = parameter.bounds
-    if parameter.scale == "linear":
-        return (value - low) / (high - low)
-    if low > 0:
-        return (np.log(value) - np.log(low)) / (np.log(high) - np.log(low))
-    knee = _KNEE * high
-    first, last = np.log1p(low / knee), np.log1p(high / knee)
-    return np.asarray((np.log1p(value / knee) - first) / (last - first))
+    return lambda value: np.log1p(np.asarray(value) / knee), lambda at: knee * np.expm1(at)

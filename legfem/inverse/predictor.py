@@ -222,7 +222,7 @@ class Predictor:
                 # by itself: its solution knows of that.
                 own_loss = mechanism.displacement_loss(its, observed, pressing)
                 apart = mechanism.along_path or bool(np.any(own_loss))
-                read = self._grid.at(pressed + own_loss) if apart else _as_it_is
+                read = self._grid.at(pressed + own_loss) if apart else np.asarray
                 change = self.responses.channel_changes(names, mechanism, its, (c10, c20), observed, read)
                 along, changed = (along + change, changed) if apart else (along, changed + change)
                 taken = taken + own_loss
@@ -298,10 +298,6 @@ class Predictor:
                 kept.clear()
             kept[key] = make()
         return kept[key]
-
-
-def _as_it_is(courses: FloatArray) -> FloatArray:
-    return courses
 
 
 @dataclass(frozen=True, eq=False)

@@ -62,7 +62,12 @@ def design(law: IdentifiedLaw, seed: int) -> FloatArray:
         shares = sampler.random(2 * q + 1)
     points = np.repeat(points, len(shares), axis=0)
     for column, k in enumerate(law.of_model):
-        points[:, k] = _within(law, k, shares[:, column])
+        parameter, share = law.parameters[k], shares[:, column]
+        low, high = law.usual.get(parameter.name) or usual_range(parameter, law.nominal)
+        if parameter.scale == "log" and low > 0:
+            points[:, k] = np.exp(np.log(low) + share * (np.log(high) - np.log(low)))
+        else:
+            points[:, k] = low + share * (high - low)
     return points
 
 
@@ -124,14 +129,6 @@ def far_ends(best: Linearised, trials: Sequence[Trial]) -> FloatArray:
             solved.append(place)
             far.append(end)
     return np.array(far).reshape(-1, len(best.point))
-
-
-def _within(law: IdentifiedLaw, k: int, share: FloatArray) -> FloatArray:
-    parameter = law.parameters[k]
-    low, high = law.usual.get(parameter.name) or usual_range(parameter, law.nominal)
-    if parameter.scale == "log" and low > 0:
-        return np.asarray(np.exp(np.log(low) + share * (np.log(high) - np.log(low))))
-    return low + share * (high - low)
 
 
 # Converged: the emulator's optimum lies this near the best full solve, over the standard error or

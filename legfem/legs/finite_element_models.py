@@ -263,9 +263,12 @@ def spatial_test(
     given, tissues, fibres = subject.indenter, tissues_of(subject), subject.fibres
     thickness = subject.section.fascia_thickness
     aim = float(given.aim[0]), float(given.aim[1])
+    indenter: LegIndenter = Ball(given.radius)
+    if given.shape != "ball":
+        indenter = (Punch if given.shape == "punch" else Cylinder)(given.radius, given.length)
     return LegIndentation3D(
         without_layer(leg.shape, thickness),
-        _indenting(given),
+        indenter,
         Pose(aim, 0.0, given.direction_deg, given.axis_deg),
         {"deep": tissues.deep, "superficial": tissues.superficial},
         membrane_of(tissues.fascia, thickness),
@@ -273,10 +276,3 @@ def spatial_test(
         comm,
         () if fibres is None else (fibres_of(tissues.deep.C10, fibres.value),),
     )
-
-
-def _indenting(given: Indenter) -> LegIndenter:
-    if given.shape == "ball":
-        return Ball(given.radius)
-    kind = Punch if given.shape == "punch" else Cylinder
-    return kind(given.radius, given.length)

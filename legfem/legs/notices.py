@@ -48,11 +48,7 @@ def notices_about(fit: Fit[LegDetails]) -> tuple[Notice, ...]:
     details, log = fit.details, fit.log
     several = len(fit.tests) > 1
     found = [*doubted(_doubts_of(fit)), *of_search(log)]
-    if not fit.goodness.fits:
-        found.append(_misfit_of_sites(fit) if several else _misfit(fit))
-    if not fit.agreement.fits:
-        found.append(_disagreement_of_sites(fit))
-    found += of_compromise(log)
+    found += (*_misfits(fit), *of_compromise(log))
     for one in fit.tests:
         found += begun_in_air(curve_of(one), one.name if several else "")
     found += at_limits(fit)
@@ -106,25 +102,18 @@ def _doubts_of(fit: Fit[LegDetails]) -> tuple[Doubt, ...]:
     return (*own, *doubts_about_stiffness(fit.details.subject, fit.estimates))
 
 
-def _misfit(fit: Fit[LegDetails]) -> Notice:
-    (one,) = fit.tests
-    return Notice.of(
-        LegNotice.MISFIT, rms=fit.cost.rms, noise=float(curve_of(one).force_sd.mean()), **asdict(fit.goodness)
-    )
-
-
-def _misfit_of_sites(fit: Fit[LegDetails]) -> Notice:
-    worst = min(fit.tests, key=lambda one: one.goodness.p_value)
-    return Notice.of(LegNotice.MISFIT_OF_SITES, worst=worst.name, rms=worst.force.rms, **asdict(fit.goodness))
-
-
-def _disagreement_of_sites(fit: Fit[LegDetails]) -> Notice:
-    far = [(name, fit.farthest(name)) for name in fit.estimates]
-    return Notice.of(
-        LegNotice.SITES_DISAGREE,
-        **asdict(fit.agreement),
-        farthest=tuple((name, one.name, one.by_itself[name].departure) for name, one in far),
-    )
+def _misfits(fit: Fit[LegDetails]) -> Iterator[Notice]:
+    """Say that the law misses the recordings, and that sites disagree."""
+    goodness, worst = asdict(fit.goodness), min(fit.tests, key=lambda one: one.goodness.p_value)
+    if not fit.goodness.fits and len(fit.tests) > 1:
+        yield Notice.of(LegNotice.MISFIT_OF_SITES, worst=worst.name, rms=worst.force.rms, **goodness)
+    elif not fit.goodness.fits:
+        noise = float(curve_of(worst).force_sd.mean())
+        yield Notice.of(LegNotice.MISFIT, rms=fit.cost.rms, noise=noise, **goodness)
+    if not fit.agreement.fits:
+        far = [(name, fit.farthest(name)) for name in fit.estimates]
+        farthest = tuple((name, one.name, one.by_itself[name].departure) for name, one in far)
+        yield Notice.of(LegNotice.SITES_DISAGREE, **asdict(fit.agreement), farthest=farthest)
 
 
 def begun_in_air(measured: LoadingCurve, site: str = "") -> Iterator[Notice]:

@@ -12,7 +12,6 @@ from legfem.geometry.indenter import Site
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.channel_readings import PlannedChannel, StationChannel
 from legfem.inverse.errors import NuisanceEffect, error_model
-from legfem.inverse.explanation import Explanation
 from legfem.inverse.library import Library
 from legfem.inverse.library_tasks import rounded
 from legfem.inverse.linearised import LinearisedProblem
@@ -85,7 +84,8 @@ def plan_after(found: Diagnosis, subject: Subject, diagnoser: Diagnoser, progres
     asked = list(dict.fromkeys(m for model in models for m in model.fit.mechanisms))
     wider, _ = diagnoser.library(subject, _at_all(tests), library.middle, progress, asked)
     plain = replace(found.base_model.problem.predictor, responses=wider, offset=0.0)
-    candidates = [_candidate(model) for model in models]
+    told = [(" + ".join(one.names) or "something unknown", one, one.posterior) for one in models]
+    candidates = [Candidate(name, one.fit, own.mean, own.covariance, one.probability) for name, one, own in told]
     found_by_tests = _reckoned(
         tests, candidates, plain, wider, subject, found.errors.noise, found.best.posterior.gain_sd
     )
@@ -167,12 +167,6 @@ def _reckoned(
 def _at_all(tests: Sequence[Design]) -> Observations:
     """Return observations of nothing in the protocols of all tests."""
     return blank_observations(list(dict.fromkeys(p for test in tests for p in test.protocols)))
-
-
-def _candidate(model: Explanation) -> Candidate:
-    name = " + ".join(model.names) or "something unknown"
-    posterior = model.posterior
-    return Candidate(name, model.fit, posterior.mean, posterior.covariance, model.probability)
 
 
 def _stated(subject: Subject, observed: Observations) -> Noise:
