@@ -175,6 +175,18 @@ class Doubt:
         """Return the same as an error, for values that are impossible."""
         return InputError(self.source, self.field, self.problem, self.remedy)
 
+    def refused_if(self, impossible: bool) -> "Iterator[Doubt]":
+        """Yield the doubt.
+
+        Raises
+        ------
+        InputError
+            If it is impossible rather than unlikely.
+        """
+        if impossible:
+            raise self.error()
+        yield self
+
 
 @dataclass(frozen=True)
 class PhysicalRange:
@@ -212,9 +224,7 @@ class PhysicalRange:
             If it can't be.
         """
         for found in self.likely(source, name, value, remedy):
-            if not self.possible[0] <= value <= self.possible[1]:
-                raise found.error()
-            yield found
+            yield from found.refused_if(not self.possible[0] <= value <= self.possible[1])
 
     def likely(self, source: str | PathLike[str], name: str, value: float, remedy: str = "") -> Iterator[Doubt]:
         """Yield a doubt if a value is unlikely, however impossible it is."""

@@ -145,9 +145,7 @@ def doubts_about_second_scan(bare: LegShape, compressed: LegShape, toml: Path) -
             f"the leg is {100 * (ratio - 1):.2g} % thicker in its stocking than without",
             "are the scans of [bare] and [compressed] exchanged?",
         )
-        if ratio > _THICKER_BY_FAR:
-            raise thicker.error()
-        yield thicker
+        yield from thicker.refused_if(ratio > _THICKER_BY_FAR)
     muscle = float(np.mean(_areas(compressed, HULL) / _areas(bare, HULL))) - 1
     if ratio < _THINNER or abs(muscle) > _MUSCLE:
         yield Doubt(

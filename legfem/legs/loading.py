@@ -1,7 +1,6 @@
 """A subject out of the folder that gives it."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -139,20 +138,13 @@ def load_subject(
 
 def _tissues(given: SubjectFile, moduli: Sequence[ShearModulus]) -> dict[str, TissueParameters]:
     """Return the tissues' laws; what was measured of fat takes the place of what was assumed."""
-    tissues = {name: _tissue(getattr(given.tissues, name)) for name in ("deep", "superficial", "fascia")}
-    for one in moduli:
-        if one.tissue == "superficial":
-            tissues[one.tissue] = replace(tissues[one.tissue], C10=one.C10)
-    return tissues
-
-
-def _tissue(entry: TissueEntry) -> TissueParameters:
-    def stress(value: float | None) -> float | None:
-        return None if value is None else kpa_to_mpa(value)
-
-    return TissueParameters(
-        law=entry.law, C10=stress(entry.C10_kPa), C20=stress(entry.C20_kPa), D1=entry.D1_per_MPa, D2=entry.D2_per_MPa
-    )
+    measured: dict[str, float] = {one.tissue: one.C10 for one in moduli if one.tissue == "superficial"}
+    found = {}
+    for name in ("deep", "superficial", "fascia"):
+        entry: TissueEntry = getattr(given.tissues, name)
+        C10, C20 = (None if kPa is None else kpa_to_mpa(kPa) for kPa in (entry.C10_kPa, entry.C20_kPa))
+        found[name] = TissueParameters(entry.law, measured.get(name, C10), C20, entry.D1_per_MPa, entry.D2_per_MPa)
+    return found
 
 
 def _instrument(toml: Path, given: SubjectFile, recordings: Sequence[Recording], needed: bool) -> Instrument:

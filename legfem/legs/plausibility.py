@@ -169,9 +169,7 @@ def _indenter(toml: Path, subject: Subject) -> Iterator[Doubt]:
             f"the cylinder meets the skin at {slant:.0f} degrees from its normal, at the leg's edge",
             "check aim_mm and direction_deg (degrees from +x, counter-clockwise) with a picture",
         )
-        if slant > _MISSING_DEG:
-            raise found.error()
-        yield found
+        yield from found.refused_if(slant > _MISSING_DEG)
 
 
 def _slant_deg(subject: Subject) -> float:

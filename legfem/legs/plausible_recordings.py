@@ -159,9 +159,7 @@ def _motion(trial: Segmentation, room: float) -> Iterator[Doubt]:
         "before a bone or the leg's far side",
         "check the unit, and aim_mm, direction_deg and diameter_mm in subject.toml",
     )
-    if loading.depth > room + 0.5:
-        raise found.error()
-    yield found
+    yield from found.refused_if(loading.depth > room + 0.5)
 
 
 def _differing(trials: Sequence[Segmentation]) -> Iterator[Doubt]:
@@ -183,9 +181,7 @@ def _differing(trials: Sequence[Segmentation]) -> Iterator[Doubt]:
         f"is {most:.3g} times that of {soft.name} at {at:.1f} mm: so it is not a repeat",
         "keep one leg, posture, unit and gain in a folder, or remove the trial that is off",
     )
-    if most > _APART:
-        raise found.error()
-    yield found
+    yield from found.refused_if(most > _APART)
 
 
 def _force(subject: Subject) -> Iterator[Doubt]:
@@ -219,9 +215,7 @@ def _force(subject: Subject) -> Iterator[Doubt]:
         f"{'soft' if soft else 'stiff'} inside{noise}",
         " or ".join([*hints, "check length_mm, C10_kPa and D1_per_MPa of the tissues, aim_mm"]),
     )
-    if not (1 / _IMPOSSIBLE < below.min() and above.max() < _IMPOSSIBLE):
-        raise found.error()
-    yield found
+    yield from found.refused_if(not (1 / _IMPOSSIBLE < below.min() and above.max() < _IMPOSSIBLE))
 
 
 def _noise_seen(subject: Subject) -> float:
