@@ -19,9 +19,8 @@ from legfem.inverse.explain import CONFIRMED_FROM, PRIOR_NONE, PRIOR_PAIR, PRIOR
 from legfem.inverse.explanation import HELD, Explained
 from legfem.inverse.laplace import contact_posterior, gain_of_widths
 from legfem.inverse.library import NuisanceChanges
-from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
+from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, nuisance_effects
 from legfem.inverse.map_fit import fit
-from legfem.inverse.nuisances import nuisance_effects
 from legfem.legs.nuisances import ShapeAccuracy
 from legfem.mechanisms import mechanism_named
 

@@ -17,8 +17,7 @@ from legfem.inverse.correction import read_correction
 from legfem.inverse.explain import explain
 from legfem.inverse.library import NuisanceChanges
 from legfem.inverse.library_build import smoothed
-from legfem.inverse.linearised import variance_degrees
-from legfem.inverse.nuisances import nuisance_effects
+from legfem.inverse.linearised import nuisance_effects, variance_degrees
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.diagnosis import accuracy_of
 from legfem.legs.loading import load_subject

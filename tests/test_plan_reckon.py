@@ -11,7 +11,7 @@ from making_diagnosis import NOISE
 
 from legfem.inverse import plan as reckoning
 from legfem.inverse.explanation import Explanation
-from legfem.inverse.nuisances import nuisance_effects
+from legfem.inverse.linearised import nuisance_effects
 from legfem.inverse.plan import Candidate, Design, evaluate_design
 from legfem.inverse.predictor import onset_name
 from legfem.inverse.verdict import Diagnosis

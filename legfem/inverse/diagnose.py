@@ -22,11 +22,10 @@ from legfem.inverse.fit import LEAST_CHANCE, Fit, Identity
 from legfem.inverse.hidden import Limit
 from legfem.inverse.least_squares import sandwich
 from legfem.inverse.library import Library
-from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, variance_degrees
+from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, nuisance_effects, variance_degrees
 from legfem.inverse.location import MisfitAssessment, SetAside, score_tests, touched_part
 from legfem.inverse.map_fit import base_about_solution, equally_weighted, fit, ordinary_fit, refitted_about_solutions
 from legfem.inverse.mechanism import Mechanism, Occurrence, shown_mechanisms
-from legfem.inverse.nuisances import nuisance_effects
 from legfem.inverse.observations import Observations
 from legfem.inverse.predictive import held_out, misfit_of
 from legfem.inverse.predictor import LawName, Predictor, Responses, onset_name, values_of

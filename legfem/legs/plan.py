@@ -14,10 +14,9 @@ from legfem.inverse.channel_readings import PlannedChannel, StationChannel
 from legfem.inverse.errors import NuisanceEffect, error_model
 from legfem.inverse.library import Library
 from legfem.inverse.library_tasks import rounded
-from legfem.inverse.linearised import LinearisedProblem
+from legfem.inverse.linearised import LinearisedProblem, nuisance_effects
 from legfem.inverse.map_fit import fit
 from legfem.inverse.mechanism import shown_mechanisms
-from legfem.inverse.nuisances import nuisance_effects
 from legfem.inverse.observations import Observations, blank_observations
 from legfem.inverse.plan import (
     Candidate,

@@ -13,8 +13,8 @@ from legfem.inverse.errors import NuisanceEffect
 from legfem.inverse.library import NuisanceChanges
 from legfem.inverse.library_build import geometric_changes
 from legfem.inverse.library_tasks import STIFFENING, rounded
+from legfem.inverse.linearised import nuisance_effects
 from legfem.inverse.mechanism import Stiffness
-from legfem.inverse.nuisances import nuisance_effects
 from legfem.inverse.readings import GAIN, OFFSET, ZERO
 from legfem.inverse.settings import SearchRequest
 from legfem.inverse.station_test import StationTest

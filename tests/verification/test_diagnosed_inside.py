@@ -27,8 +27,8 @@ from legfem.inverse.errors import IMAGE_LEFT
 from legfem.inverse.library import Library
 from legfem.inverse.library_build import build_library
 from legfem.inverse.library_tasks import STIFFENING, middle_of
+from legfem.inverse.linearised import nuisance_effects
 from legfem.inverse.mechanism import prior_of, shown_mechanisms
-from legfem.inverse.nuisances import nuisance_effects
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.plan import Design, evaluate_design, prior_candidates
 from legfem.inverse.responses import SolvedResponses
