@@ -333,19 +333,16 @@ def _readings(
             held = segment.phase == HOLD
             along = since - segment.time[0] if held else np.maximum(at, 0.0)
             places = stations.time[here] - stations.protocol.time[number] if held else stations.displacement[here]
-            mine = np.flatnonzero(inside & (since >= begins) & (since < ends) & _near(along, places))
+            # Samples lie no further beyond the stations than these are apart.
+            apart = float(np.abs(np.diff(places)).max())
+            near = (along >= places.min() - apart) & (along <= places.max() + apart)
+            mine = np.flatnonzero(inside & (since >= begins) & (since < ends) & near)
             for samples in grouped(mine, segment.phase, at_places):
                 weights = np.zeros(len(stations.time))
                 weights[here] = _between(along[samples], places).mean(axis=0)
                 found.append((samples, weights))
         begins = ends
     return found
-
-
-def _near(along: FloatArray, places: FloatArray) -> NDArray[np.bool_]:
-    """Return which samples lie no further beyond the stations than these are apart."""
-    apart = float(np.abs(np.diff(places)).max())
-    return np.asarray((along >= places.min() - apart) & (along <= places.max() + apart))
 
 
 def _between(along: FloatArray, places: FloatArray) -> FloatArray:

@@ -202,7 +202,9 @@ def integrate_strength(
     log_likelihood = CubicSpline(z, [step.log_likelihood for step in steps])(fine)
     log_likelihood += np.log(fine[1] - fine[0])
     log_likelihood[[0, -1]] -= np.log(2.0)
-    total = float(logsumexp(log_likelihood + beside_strong(_log_prior(prior, fine), fine)))
+    widths, of_width = _widths(prior)
+    log_prior = logsumexp(norm.logpdf(fine[:, None] / widths) - np.log(widths), axis=-1, b=of_width)
+    total = float(logsumexp(log_likelihood + beside_strong(log_prior, fine)))
     log_shares = log_likelihood + beside_strong(norm.logpdf(fine), fine)
     shares = np.exp(log_shares - logsumexp(log_shares))
     hats = np.array([np.interp(fine, z, one) for one in np.eye(len(z))])
@@ -214,7 +216,6 @@ def integrate_strength(
     mean, covariance = moments_of(shares, means, covariances)
     strands = MixtureComponents(shares, means, np.sqrt(np.diagonal(covariances, axis1=1, axis2=2)))
     strong = 0.0 if possible is None else possible.strong
-    widths, of_width = _widths(prior)
     inside = strong + (1 - strong) * (of_width @ (norm.cdf(high / widths) - norm.cdf(low / widths)))
     found = mixed(total - float(np.log(inside)), hats @ shares, parts)
     return replace(found, mean=mean, covariance=covariance, components=strands)
@@ -300,13 +301,6 @@ def _widths(prior: Prior) -> tuple[FloatArray, FloatArray]:
     """Return a strength's widths and their shares: of a factor, which is measured, one alone."""
     known = WIDTHS if prior.scale == "linear" else {1.0: 1.0}
     return np.array(list(known)), np.array(list(known.values()))
-
-
-def _log_prior(prior: Prior, z: FloatArray) -> FloatArray:
-    """Return the logarithm of a strength's density at departures."""
-    widths, shares = _widths(prior)
-    each = norm.logpdf(np.asarray(z)[..., None] / widths) - np.log(widths)
-    return np.asarray(logsumexp(each, axis=-1, b=shares))
 
 
 def _whole(step: _Step, k: int, variance: float) -> Posterior:

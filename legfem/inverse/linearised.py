@@ -1,4 +1,9 @@
-"""Observations with their errors and a tabulated model, and a model fitted to them with its derivatives there."""
+"""Observations with their errors and a tabulated model, and a model fitted to them with its derivatives there.
+
+The effect of what isn't known exactly is the relative change of the force by one standard deviation of it, from a
+solution with another geometry, or from the exact derivative by an assumed number; of the correction for ends it is the
+error that comes with it.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -257,9 +262,6 @@ def nuisance_effects(
     stiffness: Stiffness = (1e-3, 0.0),
 ) -> list[NuisanceEffect]:
     """Return what one standard deviation of each thing that isn't known exactly does to the readings.
-
-    The effect is the relative change of the force by one, from a solution with another geometry, or from the exact
-    derivative by an assumed number; of the correction for ends it is the error that comes with it.
 
     Parameters
     ----------

@@ -4,6 +4,7 @@ import random
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from operator import methodcaller
 from pathlib import Path
 from typing import Any, Literal
 
@@ -244,7 +245,7 @@ class SearchRequest:
         solver = FullSolver(model, None, self.jobs, self.progress, sensitivities)
         kept = None if self.out is None else self.out / "solves"
         if kept is None or not kept.exists():
-            solver.start(_prepare, most=laws - 1)
+            solver.start(methodcaller("prepare"), most=laws - 1)
         self.progress.stage("meshing; on a machine's first run, compiling forms (some 20 s)")
         try:
             model.prepare()
@@ -254,10 +255,6 @@ class SearchRequest:
         if kept is not None:
             solver.store = Store(kept, Outcome, model.fingerprint())
         return solver
-
-
-def _prepare(model: Forward) -> None:
-    model.prepare()
 
 
 def free_of_model(laws: Mapping[LawName, IdentifiedLaw]) -> tuple[str, ...]:
