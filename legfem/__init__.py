@@ -21,7 +21,7 @@ if sys.version_info < (3, 12):  # noqa: UP036  (who has a checkout alone asked n
 
 if TYPE_CHECKING:
     from legfem.api.cohorts import Cohort, cohort
-    from legfem.api.diagnosis import DiagnosedLeg, PlannedTests, diagnose, plan
+    from legfem.api.diagnosis import Diagnosed, PlannedTests, diagnose, plan
     from legfem.api.identification import identify
     from legfem.api.loading import load_leg, load_sites, load_specimen, load_subject
     from legfem.api.results import Identification, read_result
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Cohort",
+    "Diagnosed",
     "DiagnosedFolder",
-    "DiagnosedLeg",
     "Identification",
     "InputError",
     "PlannedTests",

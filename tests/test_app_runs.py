@@ -232,7 +232,7 @@ def test_a_diagnosis_is_compared_by_its_verdict_and_what_it_makes_of_c10(workspa
     effects, bump, asked = CASES["named"]
     found, run = diagnosed(effects, bump=bump, asked=asked), pretended(workspace, "diagnose")
     subject = load_subject(write_subject(tmp_path))
-    write_document(run.results / "diagnosis.json", document(found, subject, 0, 1.0))
+    write_document(run.results / "diagnosis.json", document(found, subject, 1.0))
     (row,) = answers_of(run)
     low, high = found.shown_interval("deep.C10")
     ends = [number(end, (high - low) / 4) for end in (low, high)]

@@ -258,7 +258,7 @@ def test_a_diagnosis_is_a_row_with_its_verdict(study: Path, tmp_path: Path, monk
     asked = ("contact-onset", "force-drift")
 
     def diagnose(given, library, out):
-        return lf.DiagnosedLeg(given, diagnosed({"contact-onset.offset": 0.3}, asked=asked), 0, 1.0)
+        return lf.Diagnosed(given, diagnosed({"contact-onset.offset": 0.3}, asked=asked), 1.0)
 
     monkeypatch.setattr("legfem.api.cohorts.diagnose", diagnose)
     shutil.copytree(study / "P1", tmp_path / "study" / "P1")

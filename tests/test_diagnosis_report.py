@@ -242,10 +242,10 @@ def test_nothing_is_written_when_drawing_fails(found, subject, tmp_path, monkeyp
 def test_the_same_recordings_get_the_same_diagnosis(found, subject):
     effects, _, asked = CASES["ambiguous"]
     again = diagnosed_anew(effects, ramps(), 0.0, asked, 1)
-    one, other = (document(d, subject, 0, 1.0) for d in (found["ambiguous"], again))
+    one, other = (document(d, subject, 1.0) for d in (found["ambiguous"], again))
     assert one == other
     noisier = diagnosed(effects, asked=asked, seed=2)
-    assert document(noisier, subject, 0, 1.0) != one
+    assert document(noisier, subject, 1.0) != one
 
 
 def test_numbers_have_the_digits_that_their_errors_leave():

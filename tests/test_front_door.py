@@ -132,9 +132,7 @@ def test_an_identified_leg_can_be_read_drawn_and_written(tmp_path: Path) -> None
 
 
 def test_a_diagnosed_leg_can_be_read_drawn_and_written(subject, tmp_path: Path) -> None:
-    found = lf.DiagnosedLeg(
-        subject, diagnosed({"contact-onset.offset": 0.3}, asked=("contact-onset", "force-drift")), 0, 1.0
-    )
+    found = lf.Diagnosed(subject, diagnosed({"contact-onset.offset": 0.3}, asked=("contact-onset", "force-drift")), 1.0)
     assert found.verdict == found.diagnosis.verdict == "named"
     assert "Verdict: NAMED" in found.summary() and "Which physics" in found.summary()
     frame = found.to_frame()
@@ -176,7 +174,7 @@ def test_an_ambiguous_diagnosis_is_written_with_the_next_tests_ranked(subject, t
     asked = ("fascia-stiffness", "prestress", "force-drift")
     made = diagnosed({"fascia-stiffness.factor": 4.0}, asked=asked)
     best = DesignValue(Design("hold it", ()), {("fascia-stiffness", "prestress"): 0.9}, 0.9)
-    found = lf.DiagnosedLeg(subject, made, 0, 1.0, (best,))
+    found = lf.Diagnosed(subject, made, 1.0, (best,))
     report = found.write(tmp_path).read_text()
     assert "Hold it: 90 % chance of distinguishing the candidates" in " ".join(report.split())
     (first,) = json.loads((tmp_path / "diagnosis.json").read_text())["next_experiment_ranked"]

@@ -105,7 +105,7 @@ def test_a_leg_in_its_stocking_comes_back_with_its_pressures(tmp_path: Path) -> 
 def test_a_diagnosis_comes_back_with_its_verdict_and_explanations(verdict: str, tmp_path: Path) -> None:
     effects, bump, asked = CASES[verdict]
     found, subject = diagnosed(effects, bump=bump, asked=asked), load_subject(write_subject(tmp_path / "leg"))
-    write_document(tmp_path / "diagnosis.json", document(found, subject, 0, 1.0))
+    write_document(tmp_path / "diagnosis.json", document(found, subject, 1.0))
     back = lf.read_result(tmp_path)
     assert back.verdict == found.verdict and back.answer == answer_of(found, back.answer.doubts)
     assert [one.code for one in back.every_notice] == list(

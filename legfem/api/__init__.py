@@ -12,7 +12,7 @@ from legfem.api.loading import front, in_python_words
 
 _HOMES = {
     "cohorts": ("Cohort", "cohort"),
-    "diagnosis": ("DiagnosedLeg", "PlannedTests", "diagnose", "plan"),
+    "diagnosis": ("Diagnosed", "PlannedTests", "diagnose", "plan"),
     "identification": ("identify",),
     "loading": ("load_leg", "load_sites", "load_specimen", "load_subject"),
     "results": ("Identification", "read_result"),

@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from legfem.api.diagnosis import DiagnosedLeg, diagnose
+from legfem.api.diagnosis import Diagnosed, diagnose
 from legfem.api.identification import identify
 from legfem.api.loading import (
     Given,
@@ -61,7 +61,6 @@ from legfem.legs.subject import SitedLeg, Subject
 from legfem.report.answers import headline_of
 from legfem.report.cohort import ODD, cohort_web_page, write_cohort_page
 from legfem.report.cohort_statistics import forest_figure
-from legfem.report.diagnosis_document import document
 from legfem.report.page import PAGE, WebPage, command_line
 from legfem.report.render import brief
 from legfem.specimens.folder import SpecimenFolder
@@ -364,19 +363,18 @@ def _diagnosed(options: Options, member: Member, folder: Path) -> list[Row]:
     given = opened(member.folder)
     found = diagnose(given, library=options.library or None, out=folder, **options.given)
     report = found.write(folder)
-    if isinstance(found, DiagnosedLeg):
+    if isinstance(found, Diagnosed):
         row = _row(member, found.document(), "after repair", report)
+        assert isinstance(found.subject, Subject)
         return [replace(row, recordings=_recordings(given), shape=_shape(found.subject))]
-    assert isinstance(given, SpecimenFolder)
     rows = []
-    alone = len(given.specimens) == 1
+    alone = len(found.folder.specimens) == 1
     for one in found.specimens:
         part = "" if alone else one.id
         if one.diagnosis is None:
             rows.append(Row(member.name, part, problem=str(one.problem)))
             continue
-        content = document(one.diagnosis, one, found.seed, one.seconds)
-        rows.append(replace(_row(member, content, "after repair", report), part=part))
+        rows.append(replace(_row(member, found[one.id].document(), "after repair", report), part=part))
     return rows
 
 

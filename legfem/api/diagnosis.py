@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from legfem.api import loading
 from legfem.api.results import Result
-from legfem.common.documents import write_document
+from legfem.common.documents import json_types, write_document
 from legfem.common.errors import Doubt, log_doubts
 from legfem.common.progress import progress_on
 from legfem.common.units import kpa_to_mpa
@@ -30,7 +30,7 @@ from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import SitedLeg, Subject
 from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_curves import recording_figure
-from legfem.report.diagnosis_document import document, parameter_rows, versions
+from legfem.report.diagnosis_document import Recorded, document, parameter_rows, versions
 from legfem.report.folder import NUMBERS, REPORT, ReportFile, keep_another, made_in_place
 from legfem.report.page import WebPage, command_line
 from legfem.report.plan import RANKED, SHOWN, plan_document, plan_web_page
@@ -40,20 +40,22 @@ from legfem.report.results import write_diagnosis_report
 if TYPE_CHECKING:
     from legfem.api.specimens import DiagnosedFolder
     from legfem.specimens.folder import SpecimenFolder
+    from legfem.specimens.sizes import LeftOut
 
 DIAGNOSIS = "diagnosis.json"
 
 
 @dataclass(frozen=True, eq=False)
-class DiagnosedLeg(Result):
-    """Where model and recordings differ, and which physics was left out."""
+class Diagnosed(Result):
+    """Where model and recordings of a leg or a specimen differ, and which physics was left out."""
 
-    subject: Subject
+    subject: Recorded
     diagnosis: Diagnosis
-    seed: int
     seconds: float
     next_tests: tuple[DesignValue, ...] = ()
     """Tests that would tell what an ambiguous verdict leaves open, the most telling first."""
+    left_out: "tuple[LeftOut, ...] | None" = None
+    """Recordings of specimens that weren't used."""
 
     @property
     def verdict(self) -> str:
@@ -71,7 +73,9 @@ class DiagnosedLeg(Result):
 
     def document(self) -> dict[str, Any]:
         """Return what ``diagnosis.json`` holds."""
-        content = document(self.diagnosis, self.subject, self.seed, self.seconds)
+        content = document(self.diagnosis, self.subject, self.seconds)
+        if self.left_out is not None:
+            content["recordings_not_used"] = json_types(self.left_out)
         if self.next_tests:
             content["next_experiment_ranked"] = plan_document(self.next_tests, self.subject.id)["tests"]
         return content
@@ -106,7 +110,7 @@ def diagnose(
     progress: bool = False,
     site: str = "",
     prior: Sequence[str] = (),
-) -> DiagnosedLeg: ...
+) -> Diagnosed: ...
 @overload
 def diagnose(
     leg: "SpecimenFolder",
@@ -130,7 +134,7 @@ def diagnose(
     specimens: Sequence[str] = (),
     site: str = "",
     prior: Sequence[str] = (),
-) -> "DiagnosedLeg | DiagnosedFolder":
+) -> "Diagnosed | DiagnosedFolder":
     """Say where model and recordings differ, which physics was left out, and what adding it does.
 
     The first diagnosis of a leg solves its library of responses, which takes minutes. After an ambiguous verdict tests
@@ -161,7 +165,7 @@ def diagnose(
 
     Returns
     -------
-    DiagnosedLeg or DiagnosedFolder
+    Diagnosed or DiagnosedFolder
         With ``verdict`` (or ``verdicts`` by specimen), ``summary()``, ``plot()``, ``to_frame()``,
         ``document()``, ``write(folder)``.
     """
@@ -187,7 +191,7 @@ def diagnose(
     with progress_on(quiet=not progress) as shown:
         found = diagnoser.diagnose(subject, shown, seed)
         ranked = plan_after(found, subject, diagnoser, shown)
-    return DiagnosedLeg(subject, found, seed, time.perf_counter() - started, tuple(ranked))
+    return Diagnosed(subject, found, time.perf_counter() - started, tuple(ranked))
 
 
 PLAN = "plan.json"

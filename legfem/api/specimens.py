@@ -1,7 +1,7 @@
 """The front door's specimens: what identify and diagnose do with a folder of them."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,16 +10,15 @@ from matplotlib.figure import Figure
 
 from legfem.api import loading
 from legfem.api.asked import AskedParameters
+from legfem.api.diagnosis import DIAGNOSIS, Diagnosed
 from legfem.api.results import Identification, Result
+from legfem.common.documents import write_document
 from legfem.common.progress import Progress, progress_on
 from legfem.inverse.settings import SearchRequest
-from legfem.inverse.verdict import Diagnosis
-from legfem.report.diagnosis import diagnosis_web_page
-from legfem.report.diagnosis_curves import recording_figure
-from legfem.report.diagnosis_document import document, parameter_rows
-from legfem.report.page import WebPage, command_line
-from legfem.report.render import plain_page
-from legfem.report.specimen_results import specimens_page, write_specimen_diagnoses
+from legfem.report.diagnosis_document import parameter_rows
+from legfem.report.folder import REPORT, made_in_place
+from legfem.report.page import WebPage
+from legfem.report.specimen_results import specimens_document, specimens_page
 from legfem.specimens.diagnosis import DiagnosedSpecimen, diagnose_specimens
 from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.laws import ParameterRequest, laws_named, request_of_texts
@@ -61,35 +60,36 @@ class DiagnosedFolder(Result):
     folder: SpecimenFolder
     specimens: tuple[DiagnosedSpecimen, ...]
     """In the folder's order; one that couldn't be diagnosed has a problem instead."""
-    seed: int
-    _written: Mapping[Path, Path] = field(default_factory=dict)
-    """Reports by the folders that they were written into as each diagnosis was made."""
+    _written: Path | None = None
+    """The folder into which they were written as each diagnosis was made."""
 
-    def __getitem__(self, name: str) -> DiagnosedSpecimen:
-        """Return a specimen's by its name; raises KeyError for one that isn't there."""
+    def __getitem__(self, name: str) -> Diagnosed:
+        """Return a specimen's by its name; raises KeyError for one that isn't there, InputError for its problem."""
         found = {one.id: one for one in self.specimens}
         if name not in found:
             raise KeyError(f"{name!r} is not a specimen: there is {', '.join(found)}")
-        return found[name]
+        return _of_specimen(self.folder, found[name])
+
+    @property
+    def _each(self) -> list[Diagnosed]:
+        """Those that could be diagnosed; raises the first one's problem where there are none."""
+        every = [one for one in self.specimens if one.diagnosis is not None] or self.specimens[:1]
+        return [_of_specimen(self.folder, one) for one in every]
 
     @property
     def verdicts(self) -> dict[str, str]:
         """By specimen: ``consistent``, ``named``, ``ambiguous`` or ``unexplained``."""
-        return {one.id: one.diagnosis.verdict for one in self.specimens if one.diagnosis}
+        return {one.subject.id: one.verdict for one in self._each}
 
     def summary(self) -> str:
         """Return the report's text; of several specimens a table of all."""
         if len(self.specimens) == 1 and self.specimens[0].diagnosis is not None:
-            return plain_page(self._page(), [])
+            return self._each[0].summary()
         return specimens_page(self.specimens, self.folder)
 
     def document(self) -> dict[str, Any]:
         """Return what ``diagnosis.json`` holds, by specimen."""
-        return {
-            one.id: document(one.diagnosis, one, self.seed, one.seconds)
-            for one in self.specimens
-            if one.diagnosis is not None
-        }
+        return {one.subject.id: one.document() for one in self._each}
 
     def plot(self) -> Figure:
         """Return the first diagnosed specimen's recordings against the model.
@@ -99,36 +99,50 @@ class DiagnosedFolder(Result):
         InputError
             If none could be diagnosed.
         """
-        one, found = self._first
-        return recording_figure(found, 0, one.title, one.origin)
+        return self._each[0].plot()
 
     def write(self, folder: loading.Given) -> Path:
-        """Write what the command writes; return the report's path."""
-        out = Path(folder)
-        if out in self._written:
-            return self._written[out]
-        return write_specimen_diagnoses(self.specimens, self.folder, out, self.seed, command_line())[1]
+        """Write what the command writes; return the report's path.
 
-    @property
-    def _first(self) -> tuple[DiagnosedSpecimen, Diagnosis]:
-        for one in self.specimens:
-            if one.diagnosis is not None:
-                return one, one.diagnosis
-        raise next(one.problem for one in self.specimens if one.problem is not None)
+        Of one specimen that is a leg's; of several each has a folder of its name, and beside them stands a table of
+        all.
+        """
+        out = Path(folder)
+        if out == self._written:
+            return out / REPORT
+        for one in self._each:
+            one.write(_place(self.folder, one.subject.id, out))
+        return self._write_all(out)
+
+    def _write_all(self, out: Path) -> Path:
+        if self._each and len(self.folder.specimens) > 1:
+            write_document(out / DIAGNOSIS, specimens_document(self.specimens, self.folder))
+            with made_in_place(out) as hidden:
+                (hidden / REPORT).write_text(specimens_page(self.specimens, self.folder), encoding="utf-8")
+        return out / REPORT
 
     def _page(self) -> WebPage:
         """Return that of the first diagnosed specimen; each has one of its own."""
-        one, found = self._first
-        return diagnosis_web_page(found, one)
+        return self._each[0]._page()
 
     def to_frame(self) -> pd.DataFrame:
         """Return the parameters of every specimen: a row each, with value, 95 % interval and unit."""
         return pd.DataFrame(
-            {"specimen": one.id} | row
-            for one in self.specimens
-            if one.diagnosis
-            for row in parameter_rows(one.diagnosis)
+            {"specimen": one.subject.id} | row for one in self._each for row in parameter_rows(one.diagnosis)
         )
+
+
+def _of_specimen(folder: SpecimenFolder, one: DiagnosedSpecimen) -> Diagnosed:
+    if one.diagnosis is None:
+        assert one.problem is not None
+        raise one.problem
+    left = one.left_out if len(folder.specimens) > 1 else (*folder.left_out, *one.left_out)
+    return Diagnosed(one.diagnosis.subject, one.diagnosis, one.seconds, left_out=left)
+
+
+def _place(folder: SpecimenFolder, name: str, out: Path) -> Path:
+    """Return where a specimen's results go."""
+    return out if len(folder.specimens) == 1 else out / name.replace(" ", "_").replace("/", "_")
 
 
 def diagnose_folder(
@@ -142,13 +156,11 @@ def diagnose_folder(
 ) -> DiagnosedFolder:
     """Return what `legfem.diagnose` finds in specimens; see there."""
     made: list[DiagnosedSpecimen] = []
-
-    def each() -> Iterator[DiagnosedSpecimen]:
-        for one in diagnose_specimens(folder, names, responses, jobs, progress, seed):
-            made.append(one)
-            yield one
-
-    if out is None:
-        return DiagnosedFolder(folder, tuple(each()), seed)
-    report = write_specimen_diagnoses(each(), folder, out, seed, command_line())[1]
-    return DiagnosedFolder(folder, tuple(made), seed, {out: report})
+    for one in diagnose_specimens(folder, names, responses, jobs, progress, seed):
+        made.append(one)
+        if out is not None and one.diagnosis is not None:
+            _of_specimen(folder, one).write(_place(folder, one.id, out))
+    found = DiagnosedFolder(folder, tuple(made), out)
+    if out is not None:
+        found._write_all(out)
+    return found

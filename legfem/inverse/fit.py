@@ -15,6 +15,7 @@ from scipy.stats import chi2
 
 from legfem.common.documents import versions_of
 from legfem.common.units import FloatArray
+from legfem.data.recording import Origin
 from legfem.inverse.answer import Answer, Finding, Tone, Value
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, LawName, Values, key_of, model_values
 from legfem.inverse.comparison import Weighting
@@ -34,7 +35,7 @@ class Identity:
 
     id: str
     title: str
-    origin: str
+    origin: Origin
     """``measured``, ``reconstructed`` or ``simulated``."""
 
 

@@ -1,14 +1,14 @@
 """``diagnosis.json``: everything that was found, values by their fields' names."""
 
 from collections.abc import Iterator, Mapping
-from typing import Any, Protocol
+from typing import Any
 
 from legfem.common.documents import json_types, versions_of
-from legfem.data.recording import Origin
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, key_of
 from legfem.inverse.document import estimate_document, fitted_document
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.explanation import Explanation
+from legfem.inverse.fit import Identity
 from legfem.inverse.notice import FitNotice
 from legfem.inverse.predictive import HeldOut, checks_by_phase
 from legfem.inverse.stored import SCHEMAS
@@ -20,28 +20,11 @@ from legfem.report.diagnosis_sentences import next_experiments
 from legfem.report.further_channels import channel_misfits
 
 SCHEMA = SCHEMAS["diagnosis.json"]
+type Recorded = Subject | Identity
+"""Whose recordings they are: a leg's, or another body's that was pressed."""
 
 
-class Recorded(Protocol):
-    """Whose recordings they are: a subject, or another body that was pressed."""
-
-    @property
-    def id(self) -> str:
-        """Short name."""
-        ...
-
-    @property
-    def title(self) -> str:
-        """In words."""
-        ...
-
-    @property
-    def origin(self) -> Origin:
-        """Origin of the recordings."""
-        ...
-
-
-def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> dict[str, Any]:
+def document(found: Diagnosis, subject: Recorded, seconds: float) -> dict[str, Any]:
     """Return the diagnosis as JSON types, its values by their fields' names; what isn't finite is null."""
     notices, explained = notices_of(found, subject), found.explained
     kept = [one for one in explained.every if one.probability > _LEAST]
@@ -96,7 +79,7 @@ def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> 
             "untested": found.untested,
             "next_experiment": next_experiments(found),
             "full_solutions": found.solutions,
-            "seed": seed,
+            "seed": found.seed,
             "wall_s": seconds,
             "versions": versions(),
         }

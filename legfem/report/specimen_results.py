@@ -1,89 +1,35 @@
-"""Folders of specimens' diagnoses: each as a leg's, and a table of all."""
+"""Several specimens' diagnoses together: a table of all, and how their tests agree."""
 
-from collections.abc import Iterable
-from dataclasses import asdict
-from pathlib import Path
+from collections.abc import Sequence
 from typing import Any
 
-from legfem.common.documents import json_types, write_document
+from legfem.common.documents import json_types
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.report import diagnosis_document
 from legfem.report import diagnosis_numbers as tables
 from legfem.report.diagnosis_curves import model_name
-from legfem.report.folder import REPORT, keep_another, made_in_place
 from legfem.report.render import bullets, fill, table
-from legfem.report.results import write_diagnosis_report
 from legfem.specimens.agreement import agreement_document
 from legfem.specimens.diagnosis import DiagnosedSpecimen, tests_finding, thickness_finding
 from legfem.specimens.folder import SpecimenFolder
 
-DOCUMENT = "diagnosis.json"
 
-
-def write_specimen_diagnoses(
-    found: Iterable[DiagnosedSpecimen], folder: SpecimenFolder, out: Path, seed: int, command: str = ""
-) -> tuple[Path, Path]:
-    """Write every diagnosis as it comes; return the paths of the document and the report.
-
-    Of one specimen they are a leg's; of several each has a folder of its name, and beside them
-    stands a table of all.
-
-    Parameters
-    ----------
-    found
-        Diagnoses.
-    folder
-        Of the specimens.
-    out
-        Folder; made if missing.
-    seed
-        Of the draws behind p-values.
-    command
-        That was given, for who wants to repeat it.
-
-    Raises
-    ------
-    InputError
-        If no specimen could be diagnosed.
-    """
-    alone = len(folder.specimens) == 1
-    made = []
-    for one in found:
-        made.append(one)
-        if one.diagnosis is not None:
-            where = out if alone else out / one.id.replace(" ", "_").replace("/", "_")
-            content = diagnosis_document.document(one.diagnosis, one, seed, one.seconds)
-            left = one.left_out if not alone else (*folder.left_out, *one.left_out)
-            content["recordings_not_used"] = [asdict(each) for each in left]
-            keep_another(where, command, DOCUMENT)
-            write_document(where / DOCUMENT, content)
-            write_diagnosis_report(one.diagnosis, one, where, command=command)
-    problems = [one.problem for one in made if one.problem is not None]
-    if len(problems) == len(made):
-        raise problems[0]
-    if alone:
-        return out / DOCUMENT, out / REPORT
-    thickness = thickness_finding(made)
-    path = write_document(
-        out / DOCUMENT,
-        json_types(
-            {
-                "schema": diagnosis_document.SCHEMA,
-                "kind": "specimens",
-                "subject": folder.id,
-                "title": folder.title,
-                "origin": folder.origin,
-                "specimens": [_row(one) for one in made],
-                "goes_with_thickness": None if thickness is None else asdict(thickness),
-                "agreement_of_tests": agreement_document(tests_finding(made)),
-                "agreement_after": agreement_document(tests_finding(made, after=True)),
-                "recordings_not_used": [asdict(one) for one in folder.left_out],
-            }
-        ),
+def specimens_document(made: Sequence[DiagnosedSpecimen], folder: SpecimenFolder) -> dict[str, Any]:
+    """Return what ``diagnosis.json`` holds of several specimens, a row each."""
+    return json_types(
+        {
+            "schema": diagnosis_document.SCHEMA,
+            "kind": "specimens",
+            "subject": folder.id,
+            "title": folder.title,
+            "origin": folder.origin,
+            "specimens": [_row(one) for one in made],
+            "goes_with_thickness": thickness_finding(made),
+            "agreement_of_tests": agreement_document(tests_finding(made)),
+            "agreement_after": agreement_document(tests_finding(made, after=True)),
+            "recordings_not_used": folder.left_out,
+        }
     )
-    with made_in_place(out) as hidden:
-        (hidden / REPORT).write_text(specimens_page(made, folder), encoding="utf-8")
-    return path, out / REPORT
 
 
 def _row(one: DiagnosedSpecimen) -> dict[str, Any]:
@@ -103,13 +49,12 @@ def _row(one: DiagnosedSpecimen) -> dict[str, Any]:
             }
         },
         "parameters_of_base_model": diagnosis_document.diagnosed_parameters(found.base.estimates),
-        "recordings_not_used": [asdict(each) for each in one.left_out],
+        "recordings_not_used": one.left_out,
     }
 
 
-def specimens_page(made: Iterable[DiagnosedSpecimen], folder: SpecimenFolder) -> str:
+def specimens_page(made: Sequence[DiagnosedSpecimen], folder: SpecimenFolder) -> str:
     """Return the text of the report on all specimens: a table, and what wasn't used."""
-    made = list(made)
     thickness = thickness_finding(made)
     rows, missing = [], [f"{one.name}: {one.reason}" for one in folder.left_out]
     for one in made:

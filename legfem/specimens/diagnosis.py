@@ -11,7 +11,6 @@ from legfem.common.errors import InputError
 from legfem.common.progress import Progress
 from legfem.common.wording import Argument
 from legfem.data import Instrument
-from legfem.data.recording import Origin
 from legfem.inverse.accuracy import Accuracy
 from legfem.inverse.catalogue import DEEP_C10, RATIO
 from legfem.inverse.diagnose import DiagnosisInput, diagnose
@@ -47,14 +46,12 @@ _DRAWN = Accuracy(size_sd=1e-3)
 
 @dataclass(frozen=True, eq=False)
 class DiagnosedSpecimen:
-    """One specimen's diagnosis, a `legfem.report.diagnosis_document.Recorded`."""
+    """One specimen's diagnosis."""
 
     id: str
-    title: str
-    origin: Origin
     diagnosis: Diagnosis | None
     """None where there is none; the problem says why."""
-    left_out: tuple[LeftOut, ...]
+    left_out: tuple[LeftOut, ...] = ()
     """Its recordings that can't be used."""
     problem: InputError | None = None
     seconds: float = 0.0
@@ -136,10 +133,11 @@ def diagnose_specimens(
     for name in names or every:
         started = time.perf_counter()
         title = folder.title if len(every) == 1 else f"{folder.title}: {name}"
+        whose = Identity(name, title, folder.origin)
         own = folder.test_of(every[name][0])
-        found = DiagnosedSpecimen(name, title, folder.origin, None, (), test=every[name][0].test)
+        found = DiagnosedSpecimen(name, None, test=every[name][0].test)
         try:
-            diagnosis, left = _diagnosed(own, every[name], responses, jobs, progress, seed)
+            diagnosis, left = _diagnosed(own, whose, every[name], responses, jobs, progress, seed)
         except InputError as error:
             yield replace(found, problem=error)
         else:
@@ -155,6 +153,7 @@ def diagnose_specimens(
 
 def _diagnosed(
     folder: SpecimenFolder,
+    whose: Identity,
     recordings: Sequence[SpecimenRecording],
     responses: Path | None,
     jobs: int,
@@ -195,13 +194,10 @@ def _diagnosed(
     doubts = (*folder.doubts, *(one for one in stiff if one.field not in folder.confirmed))
     observed = replace(observed, notices=(*doubted(doubts), *observed.notices))
     accuracy = Accuracy() if folder.origin == "measured" else _DRAWN
-    subject = Identity(folder.id, folder.title, folder.origin)
     shown = [(one.course.instrument.force_sd, one.course.instrument.displacement_sd) for one in used]
     force_sd, displacement_sd = map(float, np.sqrt(np.mean(np.square(shown), axis=0)))
     instrument = folder.instrument or Instrument(force_sd, displacement_sd, stated=False)
-    given = DiagnosisInput(
-        observed, instrument, folder.base_law, library, every, subject, "specimens", accuracy=accuracy
-    )
+    given = DiagnosisInput(observed, instrument, folder.base_law, library, every, whose, "specimens", accuracy=accuracy)
     return diagnose(given, solved, progress, seed), tuple(left)
 
 
