@@ -77,7 +77,7 @@ def test_the_end_of_a_command_is_text_paths_or_json(tmp_path: Path, capsys: pyte
     (tmp_path / "report.html").touch()
 
     def printed(quiet: bool, as_json: bool) -> str:
-        print_outcome(["a text"], result, report, quiet, as_json)
+        print_outcome("a text", result, report, quiet, as_json)
         return capsys.readouterr().out
 
     assert printed(False, False).startswith("a text\n")

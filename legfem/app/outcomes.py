@@ -1,14 +1,13 @@
 """What runs found, as rows that can be compared, and as a table of numbers for other programs."""
 
 import io
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from legfem.app.runs import Run
+from legfem.app.runs import Run, read_json
 from legfem.common.documents import literal
 from legfem.common.errors import InputError
 from legfem.inverse.stored import StoredEstimate, StoredModel, StoredResult, read_result
@@ -95,7 +94,7 @@ def answers_of(run: Run) -> list[RunResult]:
         found = read_result(run.results)
     except InputError:
         # It has none yet, or a legfem of other days wrote it.
-        plan = _document(run, "plan.json")
+        plan = read_json(run.results / "plan.json")
         first = next(iter(plan.get("tests", ())), None)
         told = {} if first is None else {"origin": plan["origin"], "verdict": f"most telling: {first['test']}"}
         return [RunResult(*plain, **told)]
@@ -117,24 +116,15 @@ def _verdict(found: StoredResult, law: StoredModel) -> str:
     return ", ".join(filter(None, [known, *first]))
 
 
-def _document(run: Run, name: str) -> Mapping[str, Any]:
-    """Return one of a run's documents; empty where it isn't there, or is cut short."""
-    try:
-        found: Mapping[str, Any] = json.loads((run.results / name).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return found
-
-
 def sentence_of(run: Run) -> str:
     """Return what a run found, as its page's first lines; empty where there is none yet, or an older legfem's."""
     try:
         return headline_of(read_result(run.results).answer).said
     except InputError:
-        plan = _document(run, "plan.json")
+        plan = read_json(run.results / "plan.json")
         if "tests" in plan:
             return first_lines([one["test"] for one in plan["tests"]]).said
-        return str(_document(run, "cohort.json").get("answer", ""))
+        return str(read_json(run.results / "cohort.json").get("answer", ""))
 
 
 _HEADER = "run of command state law data verdict parameter value low high unit identifiability"

@@ -202,11 +202,16 @@ class Run:
         return self._read("run.json")
 
     def _read(self, name: str) -> dict[str, Any]:
-        try:
-            found: dict[str, Any] = json.loads((self.folder / name).read_text(encoding="utf-8"))
-        except (FileNotFoundError, ValueError):
-            return {}
-        return found
+        return read_json(self.folder / name)
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """Return a document that a process wrote; empty where it isn't there, or is cut short."""
+    try:
+        found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found
 
 
 def written(module: str, options: Sequence[str]) -> str:
@@ -333,11 +338,7 @@ def looked_at(workspace: Workspace, name: str) -> Run:
 
 def seen(run: Run) -> dict[str, Any] | None:
     """Return what a preview wrote; None where it wrote nothing."""
-    try:
-        found: dict[str, Any] = json.loads((run.results / "preview.json").read_text("utf-8"))
-    except (OSError, ValueError):
-        return None
-    return found
+    return read_json(run.results / "preview.json") or None
 
 
 def runs_of(workspace: Workspace, about: str = "") -> list[Run]:

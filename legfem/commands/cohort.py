@@ -97,7 +97,7 @@ def cohort(
             print(found.summary(), end="")
             return
         report = found.write(place)
-        print_outcome([found.summary()], place / DOCUMENT, report, quiet, as_json)
+        print_outcome(found.summary(), place / DOCUMENT, report, quiet, as_json)
         if not as_json:
             print(f"page:   {report.with_name(PAGE)}\ntable:  {report.with_name(CSV)}")
         if not any(row.done for row in found.rows):

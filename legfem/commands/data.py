@@ -73,13 +73,8 @@ def look(
         check_printable(*files)
         folder = out or Path("results") / "look"
         check_out_folder(folder)
-        named: dict[Quantity, str] = {}
-        if time is not None:
-            named["time"] = time
-        if displacement is not None:
-            named["displacement"] = displacement
-        if force is not None:
-            named["force"] = force
+        asked: dict[Quantity, str | None] = {"time": time, "displacement": displacement, "force": force}
+        named = {quantity: column for quantity, column in asked.items() if column is not None}
         names = [path.stem for path in files]
         if len(set(names)) < len(names):
             twice = next(path for path in files if names.count(path.stem) > 1)

@@ -1,6 +1,5 @@
 """Options that commands share, what they name, and what is printed at the end."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -53,18 +52,17 @@ def finish(found: "Result", folder: Path, numbers: str, quiet: bool, as_json: bo
         For people; all of ``report.txt`` without it.
     """
     report = found.write(folder)
-    texts = [report.read_text(encoding="utf-8") if text is None else text]
-    print_outcome(texts, folder / numbers, report, quiet, as_json)
+    print_outcome(text or report.read_text(encoding="utf-8"), folder / numbers, report, quiet, as_json)
 
 
-def print_outcome(texts: Sequence[str], result: Path, report: Path, quiet: bool, as_json: bool) -> None:
-    """Print texts for people unless quiet, and the paths; or the JSON document alone."""
+def print_outcome(text: str, result: Path, report: Path, quiet: bool, as_json: bool) -> None:
+    """Print a text for people unless quiet, and the paths; or the JSON document alone."""
     from legfem.report.page import PAGE
 
     if as_json:
         print(result.read_text(encoding="utf-8"), end="")
         return
-    for text in () if quiet else texts:
+    if not quiet:
         print(text)
     print(f"result: {result}\nreport: {report}")
     if (page := report.with_name(PAGE)).exists():

@@ -46,7 +46,7 @@ def stocking(
         found = stocking_in_full(leg, cells=cells, out=folder, progress=not quiet, comm=MPI.COMM_WORLD)
         report = found.write(folder)
         if first:
-            print_outcome([report.read_text(encoding="utf-8")], folder / "result.json", report, quiet, as_json)
+            print_outcome(report.read_text(encoding="utf-8"), folder / "result.json", report, quiet, as_json)
         if not found.best.details.equilibrium.converged:
             if first:
                 print(f"{leg.id}: no equilibrium with the stocking was found", file=sys.stderr)

@@ -1,7 +1,6 @@
 """Folders of results, of any kind: of an identification and of a diagnosis, with pages, figures, tables and fields."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -34,16 +33,6 @@ from legfem.report.style import LAW_NAMES, save
 from legfem.solve.settings import NewtonSettings, StepSettings
 
 type LegFits = Sequence[Fit[LegDetails]]
-type Drawn = list[ReportFile]
-
-
-@dataclass(frozen=True, eq=False)
-class _Solved:
-    """What one more solve of the best law gives to look at."""
-
-    note: str = ""
-    files: Drawn = field(default_factory=list)
-    pressed: PressedSection | None = None
 
 
 def write_report(
@@ -77,12 +66,12 @@ def write_report(
         keep_another(out, command, "result.json")
         write_document(out / "result.json", fit_document(fits, kind.document))
     with made_in_place(out, comm) as folder:
-        solved = _Solved(files=kind.fields(fits, folder))
+        files, pressed, note = kind.fields(fits, folder), None, ""
         if experiment is not None:
-            solved = _deformed_state(fits, experiment, folder)
+            files, pressed, note = _deformed_state(fits, experiment, folder)
         if comm.rank == 0:
-            page = page_of(fits, solved.pressed, command, solved.note)
-            entries = [*kind.files(fits, folder), *solved.files, RESULT]
+            page = page_of(fits, pressed, command, note)
+            entries = [*kind.files(fits, folder), *files, RESULT]
             write_page(page, folder, kind.explore, entries, estimates_frame(fits))
     return out / REPORT
 
@@ -101,15 +90,18 @@ def _under(best: Fit[LegDetails]) -> str:
     return f"the {LAW_NAMES[best.law]} law"
 
 
-def _deformed_state(fits: LegFits, experiment: PlaneStrainIndentation, folder: Path) -> _Solved:
-    """Solve the best law once more, and write what is to be seen of it."""
+def _deformed_state(
+    fits: LegFits, experiment: PlaneStrainIndentation, folder: Path
+) -> tuple[list[ReportFile], PressedSection | None, str]:
+    """Solve the best law once more, and write what is to be seen of it; return files, section and what was done."""
     best, shot = preferred(fits), _filmed(fits, experiment)
     solved = shot.solved.report
     if not shot.is_final:
-        return _Solved(
+        note = (
             f"The deformed state at {curve_of(best.tests[0]).displacement[-1]:g} mm could not be solved for again with "
             f"the same mesh ({solved.reason}): its picture and fields are left out."
         )
+        return [], None, note
     fields = ReportFile(
         write_fields(shot.fields, folder, solved.reached),
         "the pressed section for ParaView: displacement (mm), hydrostatic pressure and von Mises stress "
@@ -120,7 +112,7 @@ def _deformed_state(fits: LegFits, experiment: PlaneStrainIndentation, folder: P
         f"mm, in one full solve in addition to the search's {best.log.forward_solves} "
         f"({solved.factorisations} factorisations, {solved.seconds:.1f} s)."
     )
-    return _Solved(note, [fields], shot.section(_under(best)))
+    return [fields], shot.section(_under(best)), note
 
 
 _COARSER = 2.4
