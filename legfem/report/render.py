@@ -6,7 +6,7 @@ check boxes of the page's own legend, which a keyboard reaches.
 
 import re
 import textwrap
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -206,8 +206,8 @@ def write_tables(page: web.WebPage, folder: Path, estimates: "pd.DataFrame | Non
     """
     import pandas as pd
 
-    known = _frame(vars(one) for one in page.known)
-    first = known if estimates is None else _frame(row._asdict() for row in estimates.itertuples(index=False))
+    known = pd.DataFrame(map(vars, page.known)).map(literal)
+    first = known if estimates is None else estimates.map(literal)
     csv, workbook = folder / CSV, folder / WORKBOOK
     first.assign(subject=literal(page.subject), origin=page.origin).to_csv(csv, index=False)
     with pd.ExcelWriter(workbook) as writer:
@@ -216,12 +216,6 @@ def write_tables(page: web.WebPage, folder: Path, estimates: "pd.DataFrame | Non
         known.to_excel(writer, sheet_name="numbers", index=False)
     shows = "the numbers, with intervals and verdicts, for a spreadsheet"
     return ReportFile([csv, workbook], shows)
-
-
-def _frame(rows: Iterable[Mapping[str, Any]]) -> "pd.DataFrame":
-    import pandas as pd
-
-    return pd.DataFrame([{name: literal(value) for name, value in row.items()} for row in rows])
 
 
 PAGE_FILES = (REPORT, web.PAGE, MARKDOWN, CSV, WORKBOOK)
