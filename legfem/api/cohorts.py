@@ -218,8 +218,10 @@ def cohort(
     # A path is as good as its text, as in the command.
     texts = {name: str(value) if isinstance(value, Path) else value for name, value in given.items()}
     options = _options(do, {name: value for name, value in texts.items() if value not in (None, ())}, library)
-    if population:
-        _check_priors(options)
+    if population and prior:
+        problem = "would count twice: each leg's folder states it already"
+        remedy = Remedy("leave out ", Argument("prior"))
+        raise InputError(Argument("population"), ", ".join(prior), problem, remedy)
     with engine_named(on, jobs, scheduler) as engine:
         if engine is not None:
             members = find_members(Path(folder), do, layout, None if table is None else Path(table))
@@ -246,17 +248,6 @@ def _check_apart(out: Path, members: Members) -> None:
             str(out),
             "is where the study's own cohort.csv stands, or would",
             "name another folder, or one in it",
-        )
-
-
-def _check_priors(options: Options) -> None:
-    """Refuse priors of legs beside a fit of how people differ."""
-    if priors := options.given.get("prior"):
-        raise InputError(
-            Argument("population"),
-            ", ".join(priors),
-            "would count twice: each leg's folder states it already",
-            Remedy("leave out ", Argument("prior")),
         )
 
 

@@ -134,12 +134,17 @@ def occurrence_table(found: Diagnosis) -> WebTable | None:
 
 def places_table(places: Sequence[Place], found: Diagnosis) -> WebTable:
     """Return where the base model is wrong, by how much, against the noise; the gravest ones."""
-    kept = sorted(places, key=lambda place: -place.weight)[:PLACES_SHOWN]
+    observed, kept = found.observed, sorted(places, key=lambda place: -place.weight)[:PLACES_SHOWN]
     rows = []
     for place in places:
         if place in kept:
             displacement, time = ([f"{end:.1f}" for end in ends] for ends in (place.displacement, place.time))
             ends = None if len(place.stations) > 1 else 1
+            trials = ", ".join(observed.trials[k] for k in place.trials)
+            alike = observed.trials_of(place.protocol)
+            if len(place.trials) == len(alike) > 1:
+                rate = observed.protocols[place.protocol].protocol.segments[0].rate
+                trials = f"all {len(alike)} at {rate:.2g} mm/s"
             rows.append(
                 {
                     "phase": place.phase,
@@ -148,18 +153,10 @@ def places_table(places: Sequence[Place], found: Diagnosis) -> WebTable:
                     "size (N)": f"{-place.size:+.3f}",
                     "noise (N)": f"{place.noise:.3f}",
                     "p": "-" if place.p_value is None else short_probability(place.p_value),
-                    "trials": _trials_of(found, place),
+                    "trials": trials,
                 }
             )
     return WebTable.of("Intervals in which the model is wrong", rows)
-
-
-def _trials_of(found: Diagnosis, place: Place) -> str:
-    observed = found.observed
-    alike = observed.trials_of(place.protocol)
-    if len(place.trials) == len(alike) > 1:
-        return f"all {len(alike)} at {observed.protocols[place.protocol].protocol.segments[0].rate:.2g} mm/s"
-    return ", ".join(observed.trials[k] for k in place.trials)
 
 
 def evidence_table(found: Diagnosis) -> WebTable:

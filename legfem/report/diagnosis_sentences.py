@@ -100,15 +100,11 @@ def statements(model: Explanation) -> str:
 
 def missing_sentence(model: Explanation) -> str:
     """Return where what a model names isn't seen, though it would be."""
-    each = [
-        f"{plain(name)} is not seen in {_listed([part.part for part in parts])}"
-        for name, parts in model.missing.items()
-    ]
+    each = []
+    for name, parts in model.missing.items():
+        *first, last = (part.part for part in parts)
+        each.append(f"{plain(name)} is not seen in {f'{", ".join(first)} and ' if first else ''}{last}")
     return f"It is not that, or not alone: {' and '.join(each)}, where it would be."
-
-
-def _listed(parts: Sequence[str]) -> str:
-    return " and ".join([", ".join(parts[:-1]), parts[-1]] if len(parts) > 1 else parts)
 
 
 def kin_sentence(models: Sequence[Explanation]) -> str:

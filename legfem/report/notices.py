@@ -57,21 +57,19 @@ def words() -> Mapping[str, Mapping[str, Any]]:
     return tomllib.loads((RESOURCES / "notices.toml").read_text(encoding="utf-8"))
 
 
-def _clause(template: str, value: Any, name: str) -> str:
-    entries = value if value and isinstance(value, tuple | list) and isinstance(value[0], tuple | list) else None
-    if entries is None:
-        return _Formatter().vformat(template, (), {name: value})
-    return "; ".join(_Formatter().vformat(template, one, {}) for one in entries)
-
-
 def _filled(notice: Notice) -> dict[str, Any]:
     """Return a notice's parameters, those that have clauses or names of their own in words."""
     said, given = words()[notice.code], dict(notice.parameters)
     for name, values in said.get("named", {}).items():
         given[name] = values[given[name]]
     for name, template in said.get("clauses", {}).items():
-        without = said.get("without", {}).get(name, "")
-        given[name] = _clause(template, given[name], name) if given[name] else without
+        value = given[name]
+        if not value:
+            given[name] = said.get("without", {}).get(name, "")
+        elif isinstance(value, tuple | list) and isinstance(value[0], tuple | list):
+            given[name] = "; ".join(_Formatter().vformat(template, one, {}) for one in value)
+        else:
+            given[name] = _Formatter().vformat(template, (), {name: value})
     return given
 
 

@@ -79,17 +79,15 @@ def warned(lines: Sequence[str]) -> None:
 
 def command(text: str) -> TextElement:
     """Put a command with a button that copies it; return what shows it."""
+
+    def copy() -> None:
+        ui.clipboard.write(shown.text)
+        ui.notify("copied")
+
     with ui.element("div").classes("command"):
         shown = tag("code", text)
-        ui.button(icon="content_copy", on_click=lambda: _copied(shown.text)).props(
-            'flat dense aria-label="Copy the command"'
-        )
+        ui.button(icon="content_copy", on_click=copy).props('flat dense aria-label="Copy the command"')
     return shown
-
-
-def _copied(text: str) -> None:
-    ui.clipboard.write(text)
-    ui.notify("copied")
 
 
 def chip(state: RunState) -> TextElement:
