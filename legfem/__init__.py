@@ -21,7 +21,8 @@ if sys.version_info < (3, 12):  # noqa: UP036  (who has a checkout alone asked n
 
 if TYPE_CHECKING:
     from legfem.api.cohorts import Cohort, cohort
-    from legfem.api.diagnosis import Diagnosed, PlannedTests, diagnose, plan
+    from legfem.api.diagnosed import Diagnosed
+    from legfem.api.diagnosis import PlannedTests, diagnose, plan
     from legfem.api.identification import identify
     from legfem.api.loading import load_leg, load_sites, load_specimen, load_subject
     from legfem.api.results import Identification, read_result

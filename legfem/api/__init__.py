@@ -12,7 +12,8 @@ from legfem.api.loading import front, in_python_words
 
 _HOMES = {
     "cohorts": ("Cohort", "cohort"),
-    "diagnosis": ("Diagnosed", "PlannedTests", "diagnose", "plan"),
+    "diagnosed": ("Diagnosed",),
+    "diagnosis": ("PlannedTests", "diagnose", "plan"),
     "identification": ("identify",),
     "loading": ("load_leg", "load_sites", "load_specimen", "load_subject"),
     "results": ("Identification", "read_result"),

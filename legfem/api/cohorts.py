@@ -17,7 +17,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from legfem.api.diagnosis import Diagnosed, diagnose
+from legfem.api.diagnosed import Diagnosed
+from legfem.api.diagnosis import diagnose
 from legfem.api.identification import identify
 from legfem.api.loading import (
     Given,

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from legfem.api import loading
 from legfem.api.asked import AskedParameters
-from legfem.api.diagnosis import DIAGNOSIS, Diagnosed
+from legfem.api.diagnosed import DIAGNOSIS, Diagnosed
 from legfem.api.results import Identification, Result
 from legfem.common.documents import write_document
 from legfem.common.progress import Progress, progress_on
