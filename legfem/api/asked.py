@@ -48,7 +48,6 @@ class AskedParameters:
                 given[name] = one
             if isinstance(one, str) or one.role == "identified":
                 names.append(name)
-        loading.check_names("prior", prior)
         numbers, texts = (fix, ()) if isinstance(fix, Mapping) else ({}, fix)
         if not isinstance(texts, list | tuple) or not all(isinstance(one, str) for one in texts):
             raise loading.of_another_kind(

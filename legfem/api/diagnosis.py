@@ -119,9 +119,9 @@ def diagnose(
         loading.check_unused(
             "specimens", {"site": site != "", "correction": correction is not None, "prior": bool(prior)}
         )
-        loading.check_names("specimens", specimens)
         with progress_on(quiet=not progress) as shown:
-            return diagnose_folder(leg, specimens, responses, jobs, shown, seed, None if out is None else Path(out))
+            place = None if out is None else Path(out)
+            return diagnose_folder(leg, specimens or (), responses, jobs, shown, seed, place)
     loading.check_unused("a leg", {"specimens": bool(specimens)})
     subject = loading.one_of(leg, site)
     if prior:

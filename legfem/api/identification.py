@@ -122,7 +122,7 @@ def identify(
     SearchError
         If too few full solves reach the measured depth.
     """
-    wanted = AskedParameters.of(identify, prior, fix, c10_bounds, c20_bounds)
+    wanted = AskedParameters.of(identify, prior or (), fix, c10_bounds, c20_bounds)
     loading.check_finite("depth", depth)
     loading.check_whole("jobs", jobs, 1)
     if out is not None:
@@ -135,7 +135,6 @@ def identify(
     loading.check_seed(settings.seed)
     loading.check_one_of("weighting", settings.weighting, get_args(Weighting))
     request = SearchRequest(depth=depth, settings=settings, out=None if out is None else Path(out), jobs=jobs)
-    loading.check_names("leave_out", leave_out)
     loading.check_one_of("model", model, ("2d", "3d"))
     if not isinstance(correction, str | Path):
         raise loading.wrong("correction", repr(correction), "is not a correction", "give own, none, auto or a file")
@@ -153,7 +152,7 @@ def identify(
             "no_emulator": emulator is False,
         }
         loading.check_unused("specimens", legs_alone)
-        return identify_specimens(given, law, wanted, leave_out, request, progress)
+        return identify_specimens(given, law, wanted, leave_out or (), request, progress)
     loading.check_unused("a leg", {"leave_out": bool(leave_out)})
     loading.check_one_of("law", law, (*LAWS, "both"))
     return _of_leg(given, law, wanted, request, str(correction), model == "3d", mesh, progress, comm)

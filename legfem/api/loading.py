@@ -98,8 +98,8 @@ def _check_kind(name: str, value: object) -> None:
         raise wrong(name, repr(value), "is not a name" if name == "site" else f"is not a {name}", "give a text")
     if name in _PATHS and not isinstance(value, str | Path):
         raise of_another_kind(name, value, _PATHS[name])
-    if name in _LISTS:
-        check_names(name, value)
+    if name in _LISTS and not (isinstance(value, list | tuple) and all(isinstance(one, str) for one in value)):
+        raise of_another_kind(name, value, "a list of texts")
     if name in _PAIRS and not (
         isinstance(value, list | tuple) and len(value) == 2 and all(isinstance(one, Real) for one in value)
     ):
@@ -148,16 +148,8 @@ def check_one_of(name: str, value: object, known: tuple[str, ...]) -> None:
         raise wrong(name, repr(value), f"unknown {name}", f"give one of {', '.join(known)}")
 
 
-def check_names(name: str, given: object) -> None:
-    """Raise an InputError for what is no list of texts; a text is none."""
-    if not isinstance(given, list | tuple) or not all(isinstance(one, str) for one in given):
-        raise of_another_kind(name, given, "a list of texts")
-
-
-def check_folder(name: str, folder: object) -> None:
+def check_folder(name: str, folder: str | Path) -> None:
     """Raise an InputError for what is no folder in which something can be kept; nothing is made."""
-    if not isinstance(folder, str | Path):
-        raise of_another_kind(name, folder, "a folder's path")
     try:
         check_out_folder(Path(folder))
     except InputError as error:
@@ -246,8 +238,6 @@ def opened(
     InputError
         If there is no such folder or site, or what is given is none of these.
     """
-    if not isinstance(site, str):
-        raise wrong("site", repr(site), "is not a name", "give the name of one of the sites")
     if isinstance(given, str | Path):
         if (Path(given) / "specimen.toml").is_file() and not (Path(given) / SUBJECTS.file).exists():
             return load_specimen(given)
