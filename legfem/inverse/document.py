@@ -118,6 +118,7 @@ def _test(fit: Fit[Any], number: int) -> dict[str, Any]:
         "fitted": one.fitted,
         f"rms_{unit_suffix(first.channel.unit)}": first.rms,
         "r_squared": first.r_squared,
+        "farthest_at": first.farthest_at,
         "goodness": asdict(one.goodness),
         "by_itself": {key_of(name): _own(name, own) for name, own in one.by_itself.items()},
         "curve": _curve(first),

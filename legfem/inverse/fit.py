@@ -157,6 +157,11 @@ class ChannelFit:
         return float(np.sqrt(np.mean(self.residual**2)))
 
     @property
+    def farthest_at(self) -> float:
+        """Station at which model and recording are farthest apart: a displacement, mm, or a time, s."""
+        return float(self.channel.station[np.argmax(np.abs(self.residual))])
+
+    @property
     def r_squared(self) -> float:
         """Share of the readings' variance that is predicted."""
         return r_squared(float(np.sum(self.residual**2)), self.channel.values)

@@ -60,6 +60,8 @@ class StoredTest:
     curve: Mapping[str, Any]
     """Readings of the first channel, measured and predicted; names end with the unit."""
     by_itself: Mapping[str, StoredEstimate] = field(default_factory=dict)
+    farthest_at: Number = math.nan
+    """Station at which model and recording are farthest apart."""
 
 
 @dataclass(frozen=True)

@@ -208,6 +208,7 @@ def _site_table(chosen: LegFit) -> web.WebTable:
         {
             "site": one.name,
             "rms (N)": f"{one.force.rms:.3g}",
+            "farthest at (mm)": f"{one.force.farthest_at:.3g}",
             "chi-square": estimates.chance(one.goodness),
             **{
                 symbol_of(name): f"{estimates.own_value(one, name)} ({one.by_itself[name].departure:+.1f})"
