@@ -55,7 +55,7 @@ def test_they_are_those_of_the_leg_solved_anew(leg):
     assert got == pytest.approx(stiffness, rel=0.1, abs=2e-3 * middle.max())
     # Sectors sum to one, so that their pressures' slopes sum to that of the whole.
     whole = np.abs(at_veins(1.0, 0.05) - middle) / 0.05
-    sd = known_to(None, 1.0)
+    sd = known_to(np.zeros((2, 2)), 1.0)
     assert (sd > 0.9 * whole / math.sqrt(8)).all() and (sd < 1.1 * whole).all()
     both = known_to(np.diag([1.0, 0.0]), 1.0)
     np.testing.assert_allclose(both, np.hypot(got, sd), rtol=0.01)
@@ -82,4 +82,4 @@ def test_the_fabrics_error_is_in_the_intervals_of_a_leg_whose_stiffness_was_give
 
 
 def test_no_veins_have_no_errors(leg):
-    assert len(vein_pressure_sd(leg, None, None, (), {}, None, 0.01)) == 0
+    assert len(vein_pressure_sd(leg, None, None, (), {}, np.zeros((2, 2)), 0.01)) == 0

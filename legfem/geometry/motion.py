@@ -95,13 +95,11 @@ class CuttingPlane:
 
     def height(self, points: FloatArray) -> FloatArray:
         """Return the distances of points (..., 3) above the plane, mm."""
-        above: FloatArray = (points - self.point) @ self.normal
-        return above
+        return np.asarray((points - self.point) @ self.normal)
 
     def flat(self, points: FloatArray) -> FloatArray:
         """Return the coordinates (..., 2) of points (..., 3) in the plane, mm."""
-        within: FloatArray = points @ self.axes.T
-        return within
+        return np.asarray(points @ self.axes.T)
 
     def levels(self, low: FloatArray, high: FloatArray) -> tuple[float, float]:
         """Return the lowest and highest z of the plane over a rectangle of x and y, mm."""
@@ -191,8 +189,7 @@ class RigidTransform:
 
     def __call__(self, points: FloatArray) -> FloatArray:
         """Return moved points, (..., 3), mm."""
-        moved: FloatArray = points @ self.rotation.T + self.translation
-        return moved
+        return np.asarray(points @ self.rotation.T + self.translation)
 
     def inverse(self) -> "RigidTransform":
         """Return the inverse motion."""
@@ -209,28 +206,6 @@ _CLOSE = 1e-12
 """Step over the segment's length at which it ends."""
 
 
-def resliced(points: Mapping[str, FloatArray], levels: ArrayLike | None = None) -> LegShape:
-    """Make a shape of points that moved out of their levels.
-
-    Every line of corresponding points along the leg is cut by the levels' planes.
-
-    Parameters
-    ----------
-    points : mapping of str to (n_levels, n_points, 3) array
-        Part to its points now, mm; see `LegShape.points`.
-    levels : (m,) array, optional
-        Where to cut; by default as many as there were, between the highest of the lowest points and
-        the lowest of the highest.
-
-    Raises
-    ------
-    InputError
-        If the points of a line do not ascend, or a level is not reached by all of them.
-    """
-    z = _levels_to_cut(points, levels)
-    return LegShape(z, {part: _cut(xyz, z, part) for part, xyz in points.items()})
-
-
 def displaced(shape: LegShape, displacement: Mapping[str, FloatArray], levels: ArrayLike | None = None) -> LegShape:
     """Return a deformed shape.
 
@@ -241,7 +216,8 @@ def displaced(shape: LegShape, displacement: Mapping[str, FloatArray], levels: A
     displacement : mapping of str to (n_levels, n_points, 3) array
         Displacement of the points of `LegShape.points`, mm, by part; parts not named stay.
     levels : (m,) array, optional
-        Levels of the result, mm; see `resliced`.
+        Levels of the result, mm; by default as many as there were, between the highest of the lowest points
+        and the lowest of the highest.
     """
     points = {part: shape.points(part) + displacement.get(part, 0.0) for part in shape.contours}
     z = _levels_to_cut(points, levels)
@@ -253,9 +229,19 @@ def displaced(shape: LegShape, displacement: Mapping[str, FloatArray], levels: A
 def rigidly_moved(
     shape: LegShape, rotation: ArrayLike, translation: ArrayLike, levels: ArrayLike | None = None
 ) -> LegShape:
-    """Return the shape after x -> R x + t, R (3, 3) and t (3,) in mm; levels as for `resliced`."""
+    """Return the shape after x -> R x + t, R (3, 3) and t (3,) in mm; levels as for `displaced`.
+
+    Every line of corresponding points along the leg is cut by the levels' planes.
+
+    Raises
+    ------
+    InputError
+        If the points of a line do not ascend, or a level is not reached by all of them.
+    """
     turn, shift = np.asarray(rotation, dtype=np.float64), np.asarray(translation, dtype=np.float64)
-    return resliced({part: shape.points(part) @ turn.T + shift for part in shape.contours}, levels)
+    points = {part: shape.points(part) @ turn.T + shift for part in shape.contours}
+    z = _levels_to_cut(points, levels)
+    return LegShape(z, {part: _cut(xyz, z, part) for part, xyz in points.items()})
 
 
 def without_layer(shape: LegShape, thickness: float) -> LegShape:
@@ -275,7 +261,7 @@ def without_layer(shape: LegShape, thickness: float) -> LegShape:
 
 
 def _levels_to_cut(points: Mapping[str, FloatArray], levels: ArrayLike | None) -> FloatArray:
-    """Return the levels given, or those of `resliced`; all parts reach them."""
+    """Return the levels given, or those of `displaced`; all parts reach them."""
     for part, xyz in points.items():
         if not (np.diff(xyz[..., 2], axis=0) > 0).all():
             raise _folds_back(part)

@@ -48,8 +48,7 @@ class LegSection:
         """Return the contour of ``part``, one of `PARTS`; (n, 2), mm."""
         if part not in PARTS:
             raise KeyError(part)
-        contour: FloatArray = getattr(self, part)
-        return contour
+        return np.asarray(getattr(self, part))
 
     def polygon(self, part: str) -> Polygon:
         """Return the region within the contour of ``part``, in mm."""
@@ -186,8 +185,7 @@ def _tidy(points: FloatArray) -> FloatArray:
     kept = xy[step > 1e-9 * (1.0 + np.abs(xy).max(initial=0.0))]
     following = np.roll(kept, -1, axis=0)
     doubled_area = np.sum(kept[:, 0] * following[:, 1] - following[:, 0] * kept[:, 1])
-    turned: FloatArray = kept if doubled_area > 0 else kept[::-1]
-    return turned
+    return np.asarray(kept if doubled_area > 0 else kept[::-1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,8 +205,7 @@ class ClosedCurve:
     def tangent(self, s: ArrayLike) -> FloatArray:
         """Return the unit tangents at ``s`` (in turns); (..., 2)."""
         slope = np.asarray(self.spline(np.mod(s, 1.0), 1), dtype=np.float64)
-        unit: FloatArray = slope / np.linalg.norm(slope, axis=-1, keepdims=True)
-        return unit
+        return np.asarray(slope / np.linalg.norm(slope, axis=-1, keepdims=True))
 
     def evenly(self, n: int) -> FloatArray:
         """Return ``n`` points evenly spaced along the arc; (n, 2), mm."""
@@ -263,16 +260,14 @@ def resample_closed_curve(points: ArrayLike, spacing: float, smoothing: float = 
 
 def closed_lengths(contours: FloatArray) -> FloatArray:
     """Return the lengths of closed contours (..., n, 2) by their chords, (...)."""
-    length: FloatArray = np.linalg.norm(contours - np.roll(contours, 1, axis=-2), axis=-1).sum(-1)
-    return length
+    return np.asarray(np.linalg.norm(contours - np.roll(contours, 1, axis=-2), axis=-1).sum(-1))
 
 
 def outward_normals(contours: FloatArray) -> FloatArray:
     """Return the unit normals of counter-clockwise contours, (..., n_points, 2), by chords."""
     tangent = np.roll(contours, -1, axis=-2) - np.roll(contours, 1, axis=-2)
     outwards = np.stack([tangent[..., 1], -tangent[..., 0]], axis=-1)
-    unit: FloatArray = outwards / np.linalg.norm(outwards, axis=-1, keepdims=True)
-    return unit
+    return np.asarray(outwards / np.linalg.norm(outwards, axis=-1, keepdims=True))
 
 
 def each_at(splines: CubicSpline, at: FloatArray) -> FloatArray:

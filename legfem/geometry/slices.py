@@ -57,8 +57,7 @@ class SliceSet:
 
     def contours(self, name: str) -> FloatArray:
         """Return the ``outer`` or ``inner`` contours."""
-        contours: FloatArray = getattr(self, name)
-        return contours
+        return np.asarray(getattr(self, name))
 
 
 _HEIGHT_MM = 30.0

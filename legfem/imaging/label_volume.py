@@ -155,8 +155,7 @@ class LabelVolume:
     @property
     def levels(self) -> FloatArray:
         """Level z of every slice, mm."""
-        levels: FloatArray = self.origin[2] + self.spacing[2] * np.arange(self.labels.shape[2])
-        return levels
+        return np.asarray(self.origin[2] + self.spacing[2] * np.arange(self.labels.shape[2]))
 
 
 def volume_of_array(

@@ -50,12 +50,9 @@ def smoothed(
     InputError
         If the levels are not evenly spaced and ``along`` is not 0.
     """
-    contours = {}
-    for part, xy in shape.contours.items():
-        smooth = np.array(xy)
-        if parts is not None and part not in parts:
-            contours[part] = smooth
-            continue
+    contours = dict(shape.contours)
+    for part in contours if parts is None else parts:
+        smooth = contours[part]
         if around > 0:
             smooth = _around(smooth, around)
         if along > 0:
@@ -92,8 +89,7 @@ def _along(xy: FloatArray, levels: FloatArray, wavelength: float) -> FloatArray:
     difference = np.diff(np.eye(n), 2, axis=0)
     matrix = np.eye(n) + difference.T @ difference / cut**2
     banded = np.stack([np.pad(np.diagonal(matrix, k), (k, 0)) for k in (2, 1, 0)])
-    solved: FloatArray = solveh_banded(banded, xy.reshape(n, -1)).reshape(xy.shape)
-    return solved
+    return np.asarray(solveh_banded(banded, xy.reshape(n, -1)).reshape(xy.shape))
 
 
 _MESHED_CLEARANCE = 0.5

@@ -1,6 +1,6 @@
 """Many tasks on one process, several, or the ranks of an MPI job, which Ctrl-C ends; what leads the ranks.
 
-Of ranks the first one leads and works too, the others serve it. Either every rank does tasks of its own (`over_ranks`,
+Of ranks the first one leads and works too, the others serve it. Either every rank does tasks of its own (`Workers`,
 by mpi4py.futures), or all do one task together (`Together`).
 """
 
@@ -45,17 +45,6 @@ def with_context[Task, Outcome](work: Callable[..., Outcome], task: Task) -> Out
     if isinstance(shared[0], _Apart):
         shared[:] = [pickle.loads(shared[0].context)]
     return work(shared[0], task)
-
-
-@contextmanager
-def over_ranks(comm: "MPI.Intracomm", context: object) -> Iterator[Executor]:
-    """Yield an executor of all ranks but the first, which is to work along; they have a context for `with_context`."""
-    comm.bcast(_Apart(pickle.dumps(context)))
-    from mpi4py.futures import MPICommExecutor
-
-    first: Any = MPICommExecutor(comm, root=0)
-    with first as executor:
-        yield executor
 
 
 class Together[Context, Task, Outcome]:
@@ -249,8 +238,12 @@ class Workers[Context, Task, Outcome]:
     def places(self, tasks: Sequence[Task]) -> Iterator[tuple[int, Outcome]]:
         """Yield tasks' places in the list with their outcomes as they become known."""
         if self.comm is not None and self.comm.size > 1:
-            with over_ranks(self.comm, self.context) as executor:
-                yield from self._working_along(executor, self.comm.size - 1, tasks)
+            self.comm.bcast(_Apart(pickle.dumps(self.context)))
+            from mpi4py.futures import MPICommExecutor
+
+            ranks: Any = MPICommExecutor(self.comm, root=0)
+            with ranks as others:
+                yield from self._working_along(others, self.comm.size - 1, tasks)
         elif self.jobs == 1 or (len(tasks) < 2 and (self.along or self._executor is None)):
             for place, task in enumerate(tasks):
                 yield place, self._done_here(task)

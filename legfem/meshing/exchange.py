@@ -193,23 +193,19 @@ def _surface(mesh: NamedMesh, name: str, tag: int) -> Iterator[str]:
     yield f"*NSET, NSET={name}"
     yield from _wrapped(np.unique(np.concatenate(facets)) + 1)
     sought = {tuple(sorted(face)) for face in facets}
-    faces: list[tuple[str, str]] = []
-    # A surface between two regions is of the last one's elements alone.
-    order = np.argsort(-mesh.cells.tags, kind="stable")
-    taken: set[tuple[int, ...]] = set()
     members: dict[int, list[int]] = {}
-    for cell in order:
+    # A surface between two regions is of the last one's elements alone.
+    for cell in np.argsort(-mesh.cells.tags, kind="stable"):
         for side, corners in enumerate(_FACES[mesh.cells.kind], start=1):
             face = tuple(sorted(mesh.cells.nodes[cell, corners]))
-            if face in sought and face not in taken:
-                taken.add(face)
+            if face in sought:
+                sought.remove(face)
                 members.setdefault(side, []).append(int(cell) + 1)
-    for side, cells in sorted(members.items()):
+    for side in sorted(members):
         yield f"*ELSET, ELSET={name}_S{side}"
-        yield from _wrapped(sorted(cells))
-        faces.append((f"{name}_S{side}", f"S{side}"))
+        yield from _wrapped(sorted(members[side]))
     yield f"*SURFACE, TYPE=ELEMENT, NAME={name}"
-    yield from (f"{cells}, {side}" for cells, side in faces)
+    yield from (f"{name}_S{side}, S{side}" for side in sorted(members))
 
 
 def _wrapped(numbers: Iterable[int]) -> Iterator[str]:

@@ -216,11 +216,6 @@ class ContourMisfit:
         rotation = Rotation.from_rotvec(motion[3:]).as_matrix()
         return rigidly_moved(shape, rotation, middle - rotation @ middle + motion[:3])
 
-    @property
-    def rigid_sd(self) -> FloatArray:
-        """Standard deviations of the rigid motions (6,), mm and rad."""
-        return np.array([*self.accuracy.shift_sd, *self.accuracy.turn_sd])
-
     def whitened(self, values: FloatArray) -> FloatArray:
         """Return distances (n,) or derivatives (n, k) as m residuals of unit variance, (m,) or (m, k).
 

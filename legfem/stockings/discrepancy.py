@@ -11,8 +11,8 @@ the place as signature. All p-values are family-wise over the mechanisms, or ove
 The mechanism with the least p-value is put into the model, and the leg is solved anew.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -25,7 +25,7 @@ from legfem.stockings.contour_distances import ContourMisfit
 from legfem.stockings.equilibrium import PARAMETERS, Equilibrium, EquilibriumSolver
 from legfem.stockings.forward import StockingForward
 from legfem.stockings.nuisances import RIGID, SECTORS, angle_from_sector, sectors
-from legfem.stockings.scan_fit import BOUNDS, ScanComparison, ScanFit, by_name, distances_of
+from legfem.stockings.scan_fit import BOUNDS, NuisanceFit, ScanComparison, ScanFit, by_name, distances_of
 
 SIGNIFICANT = 0.025
 """Family-wise level of the mechanisms, and of the places: 5 % together where nothing is wrong."""
@@ -33,7 +33,6 @@ PLAUSIBLE = kpa_to_mpa(np.array([[1.3, 3.3], [8.1, 20.4]]))
 """C10 of muscle and fat (MPa) at which mechanisms are tested, at the least and at most: the second
 paper's means over and times 2.5. Where one is left out, the best fit may lie far off."""
 type Verdict = Literal["consistent", "named", "ambiguous", "unexplained"]
-type Projected = Callable[[FloatArray], FloatArray]
 REPAIRS = 5
 """Equilibria with the named mechanism in the model."""
 
@@ -176,24 +175,16 @@ def model_discrepancy(forward: StockingForward, comparison: ScanComparison, best
     slopes = np.column_stack([*stiffness, nuisances.at(at)])
     weights = np.concatenate([np.zeros(2), 1 / nuisances.sd])
     tested = _Tested(at, forward.at(values), distances, slopes, weights)
-    orthonormal = np.linalg.qr(np.vstack([misfit.whitened(slopes), np.diag(weights)]))[0]
-
-    def projected(values: FloatArray) -> FloatArray:
-        """Whiten distances or derivatives (n, ...), and project off what the fit can explain."""
-        white = misfit.whitened(values)
-        whole = np.concatenate([white, np.zeros((len(weights), *white.shape[1:]))])
-        return np.asarray(whole - orthonormal @ (orthonormal.T @ whole))
-
-    left = projected(tested.distances)
+    fitted = NuisanceFit(misfit.whitened(distances), np.vstack([misfit.whitened(slopes), np.diag(weights)]))
     signatures = {one: one.slopes(slopes, by) for one in _MECHANISMS}
-    scores = _scores(signatures, left, projected)
-    places = _places(misfit, tested.distances, left, projected)
+    scores = _scores(signatures, misfit, fitted)
+    places = _places(misfit, distances, fitted)
     strongest = scores[0]
     if strongest.p_value > SIGNIFICANT:
         verdict: Verdict = "unexplained" if places else "consistent"
         return ModelDiscrepancy(verdict, (), scores, places, best.rms, None, None)
     # Within 6 by BIC's measure, parameters counted, a mechanism explains the distances as well.
-    penalty = float(np.log(len(left) - len(weights)))
+    penalty = float(np.log(len(fitted.differences)))
     gains = {score.name: score.statistic - penalty * score.degrees for score in scores}
     alike = tuple(s.name for s in scores if s.p_value < SIGNIFICANT and gains[s.name] > gains[strongest.name] - 6.0)
     chosen = next(one for one in _MECHANISMS if one.name == strongest.name)
@@ -203,28 +194,23 @@ def model_discrepancy(forward: StockingForward, comparison: ScanComparison, best
 
 
 def _scores(
-    signatures: Mapping[_Mechanism, FloatArray], left: FloatArray, projected: Projected
+    signatures: Mapping[_Mechanism, FloatArray], misfit: ContourMisfit, fitted: NuisanceFit
 ) -> tuple[MechanismScore, ...]:
     found = []
     for mechanism, slopes in signatures.items():
-        signature = projected(slopes)
-        strengths, _, rank, _ = np.linalg.lstsq(signature, -left, rcond=1e-4)
+        signature = fitted.projected(misfit.whitened(slopes))
+        strengths, _, rank, _ = np.linalg.lstsq(signature, -fitted.left, rcond=1e-4)
         statistic = float(np.sum((signature @ strengths) ** 2))
         errors = np.sqrt(np.diag(np.linalg.pinv(signature.T @ signature, rcond=1e-8)))
         named = zip(mechanism.labels, zip(map(float, strengths), map(float, errors), strict=True), strict=True)
-        found.append((mechanism, statistic, int(rank), dict(named)))
-    raw = [float(chi2.sf(statistic, rank)) for _, statistic, rank, _ in found]
-    corrected = holm(raw)
-    scores = [
-        MechanismScore(mechanism.name, mechanism.statement, statistic, rank, float(p), strengths)
-        for (mechanism, statistic, rank, strengths), p in zip(found, corrected, strict=True)
-    ]
+        alone = float(chi2.sf(statistic, rank))
+        found.append(MechanismScore(mechanism.name, mechanism.statement, statistic, int(rank), alone, dict(named)))
+    corrected = holm([one.p_value for one in found])
+    scores = [replace(one, p_value=float(p)) for one, p in zip(found, corrected, strict=True)]
     return tuple(sorted(scores, key=lambda s: (s.p_value, s.degrees - s.statistic)))
 
 
-def _places(
-    misfit: ContourMisfit, distances: FloatArray, left: FloatArray, projected: Projected
-) -> tuple[DiscrepantPlace, ...]:
+def _places(misfit: ContourMisfit, distances: FloatArray, fitted: NuisanceFit) -> tuple[DiscrepantPlace, ...]:
     """Test sectors of both contours, in the lower slices, the upper ones, and all."""
     levels = misfit.target.levels
     half = len(levels) // 2
@@ -236,8 +222,8 @@ def _places(
                 box = np.zeros((2, *within.shape))
                 box[number, span] = within[span]
                 tests.append(("outer" if name == "outer" else "inner", span, sector, box.ravel()))
-    boxes = projected(np.stack([box for *_, box in tests], axis=1))
-    scores = (left @ boxes) ** 2 / np.sum(boxes**2, axis=0)
+    boxes = fitted.projected(misfit.whitened(np.stack([box for *_, box in tests], axis=1)))
+    scores = (fitted.left @ boxes) ** 2 / np.sum(boxes**2, axis=0)
     corrected = holm(chi2.sf(scores, 1))
     found = [
         DiscrepantPlace(

@@ -78,11 +78,6 @@ class LegModel3D(Picklable):
         meshed = mesh_solid_leg(self.shape, self.mesh, self.comm)
         return LegCompression(meshed, self.tissues, self.settings, mechanisms)
 
-    @property
-    def parameters(self) -> dict[str, float]:
-        """Every number of the model by full name."""
-        return self.compression.parameters
-
     def solve(
         self,
         values: Mapping[str, float] | None,
@@ -272,7 +267,8 @@ class EquilibriumSolver:
         stored = self._stored(asked)
         if stored is not None:
             self.states += len(stored.changes)
-            return self.restore(stored, parameters)
+            self.model.set_state(stored.state, stored.pressure, parameters)
+            return stored
         found = self._iterate(*asked, start)
         state = found.state
         small = len(state.unknown) * (1 + len(state.sensitivities)) <= _LARGEST
@@ -280,11 +276,6 @@ class EquilibriumSolver:
             numbers = {"changes": np.array(found.changes), "converged": np.array([float(found.converged)])}
             values = {"unknown": state.unknown, "pressure": found.pressure, **numbers, **state.sensitivities}
             self._store.put(asked, values)
-        return found
-
-    def restore(self, found: Equilibrium, parameters: Mapping[str, float] | None) -> Equilibrium:
-        """Bring the model back into an earlier equilibrium, and return that."""
-        self.model.set_state(found.state, found.pressure, parameters)
         return found
 
     def load(self, shape: LegShape) -> StockingLoad:

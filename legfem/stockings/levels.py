@@ -75,9 +75,8 @@ class MakersLevels:
         narrow = [k for k in range(1, widest) if around[k] <= min(around[k - 1], around[k + 1])]
         if narrow:
             heights.setdefault("B", (float(levels[min(narrow, key=lambda k: around[k])]), False))
-        order: tuple[Level, ...] = ("B", "B1", "C", "D")
         return {
-            name: heights[name] for name in order if name in heights and levels[0] <= heights[name][0] <= levels[-1]
+            name: heights[name] for name in PLACES if name in heights and levels[0] <= heights[name][0] <= levels[-1]
         }
 
 

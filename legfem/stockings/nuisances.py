@@ -116,8 +116,8 @@ class NuisanceSlopes:
         """Standard deviations of the priors: mm, rad, relative pressures, 1 a mode, relative tension."""
         accuracy = self._misfit.accuracy
         modes = sum(one.shape[-1] for one in self.modes.values())
-        tension = [accuracy.tension_sd] if self.of_tension else []
-        return np.concatenate([self._misfit.rigid_sd, np.full(SECTORS, accuracy.pressure_sd), np.ones(modes), tension])
+        rigid, tension = (*accuracy.shift_sd, *accuracy.turn_sd), [accuracy.tension_sd] if self.of_tension else []
+        return np.concatenate([rigid, np.full(SECTORS, accuracy.pressure_sd), np.ones(modes), tension])
 
     @property
     def of_tension(self) -> bool:

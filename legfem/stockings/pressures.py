@@ -268,7 +268,7 @@ def vein_pressure_sd(
     probe: PressureProbe,
     veins: Sequence[Vein],
     parameters: Mapping[str, float],
-    log_covariance: FloatArray | None,
+    log_covariance: FloatArray,
     pressure_sd: float,
     error: float = 0.0,
 ) -> FloatArray:
@@ -286,8 +286,8 @@ def vein_pressure_sd(
         Places.
     parameters
         C10 of muscle and fat by name (MPa).
-    log_covariance : (2, 2) or (3, 3) array or None
-        Covariance of the stiffnesses' logarithms, and of the error of the fabric's tension; None if
+    log_covariance : (2, 2) or (3, 3) array
+        Covariance of the stiffnesses' logarithms, and of the error of the fabric's tension; zeros if
         they were given, and count as exact.
     pressure_sd
         Relative standard deviation of the stocking's pressure in a sector of the girth.
@@ -316,11 +316,7 @@ def vein_pressure_sd(
     by_sector = np.array([slope(rate) for rate in rates])
     variance = pressure_sd**2 * np.sum(by_sector**2, axis=0)
     variance = variance + (MESH_ERROR * probe.at(points, near.state)) ** 2
-    if log_covariance is not None:
-        slopes = [parameters[name] * slope(near.state.sensitivities[name]) for name in PARAMETERS]
-        if len(log_covariance) > len(slopes):
-            # Bumps are of the pressure with the error in it.
-            slopes.append(by_sector.sum(axis=0) / (1 + error))
-        by_stiffness = np.array(slopes)
-        variance = variance + np.einsum("iv,ij,jv->v", by_stiffness, log_covariance, by_stiffness)
-    return np.asarray(np.sqrt(variance))
+    stiffnesses = [parameters[name] * slope(near.state.sensitivities[name]) for name in PARAMETERS]
+    # Bumps are of the pressure with the error in it.
+    slopes = np.array([*stiffnesses, by_sector.sum(axis=0) / (1 + error)])[: len(log_covariance)]
+    return np.asarray(np.sqrt(variance + np.einsum("iv,ij,jv->v", slopes, log_covariance, slopes)))

@@ -86,11 +86,6 @@ class Factor:
         """Unit as people write it."""
         return "1/MPa" if self.unit == "per_MPa" else self.unit
 
-    @property
-    def unit_scale(self) -> float:
-        """What one of ``unit`` is in the model's units."""
-        return UNITS[PARAMETERS[self.name]][self.unit]
-
     def value(self, coded: float) -> float:
         """Value of a coded level, in ``unit``."""
         share = (coded + 1) / 2
@@ -100,7 +95,7 @@ class Factor:
 
     def model_value(self, coded: float) -> float:
         """Value of a coded level, in the model's units."""
-        return self.value(coded) * self.unit_scale
+        return self.value(coded) * UNITS[PARAMETERS[self.name]][self.unit]
 
 
 def label_of(name: str) -> str:

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.inverse.outcome import Outcome
 from legfem.legs.subject import Subject
 from legfem.study.doe.design import OF_THE_GEOMETRY, Definition
 from legfem.study.doe.runs import Request, Workshop
@@ -137,11 +136,6 @@ def study_information(definition: Definition, subject: Subject, workshop: Worksh
     outcomes = workshop.do("sensitivities at the nominal point", information_requests(definition))
     if not all(one.complete for one in outcomes):
         return None
-    return information_of(definition, subject, outcomes)
-
-
-def information_of(definition: Definition, subject: Subject, outcomes: Sequence[Outcome]) -> Information:
-    """Information from the simulations that `information_requests` asks for."""
     point, length = nominal_point(definition), subject.indenter.length
     grid = np.arange(SPACING, definition.depth + 1e-9, SPACING)
     base, *others = (one.curve for one in outcomes)

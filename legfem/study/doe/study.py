@@ -141,14 +141,8 @@ def sobol_indices(
     emulator = MetricEmulator(coordinates(factors, learn[symbols].to_numpy(float)), learn[metric.name].to_numpy(float))
     at = coordinates(factors, test[symbols].to_numpy(float))
     found = sobol_of(lambda coded: emulator(coordinates(factors, coded)), symbols, seed)
-    return SobolIndices(
-        metric,
-        np.asarray(found["S1"]),
-        np.asarray(found["S1_conf"]),
-        np.asarray(found["ST"]),
-        np.asarray(found["ST_conf"]),
-        emulator_error(emulator, at, test[metric.name].to_numpy(float)),
-    )
+    error = emulator_error(emulator, at, test[metric.name].to_numpy(float))
+    return SobolIndices(metric, found["S1"], found["S1_conf"], found["ST"], found["ST_conf"], error)
 
 
 def coordinates(factors: tuple[Factor, ...], coded: FloatArray) -> FloatArray:

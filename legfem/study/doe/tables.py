@@ -38,12 +38,8 @@ def anova_cells(result: StudyResult) -> Cells:
     )
 
 
-def effects_cells(result: StudyResult) -> Cells:
-    """What a statistician looks at beside the t tests: Lenth's limits, curvature, normality."""
-    return row_cells(_effects_row(a) for a in result.analyses)
-
-
 def _effects_row(a: MetricAnalysis) -> dict[str, str]:
+    """What a statistician looks at beside the t tests: Lenth's limits, curvature, normality."""
     found, centre = a.lenth, a.centre
     size = np.abs(found.values) if found else np.zeros(0)
     return {
@@ -271,7 +267,7 @@ def _variance(result: StudyResult) -> list[web.Block]:
         web.WebTable("Analysis of variance of each metric", *anova_cells(result)),
         web.WebTable(
             "Effects without an error estimate (Lenth), curvature at the centre, normality",
-            *effects_cells(result),
+            *row_cells(map(_effects_row, result.analyses)),
             folded=True,
         ),
         web.Prose(
