@@ -89,6 +89,8 @@ IN_AIR_SD_MM = 1.0
 beside it: it looked at the same forces."""
 AT_TOUCH_SD_MM = 0.05
 """Least standard deviation of first contact where recordings begin at first touch."""
+FELT = 3.0
+"""Force over the load cell's white noise at which a touch shows."""
 _ONSETS_MM = (-4.0, 4.0)
 
 
@@ -374,8 +376,10 @@ def onset_prior(observed: Observations, trial: int) -> Prior:
     """Return what is known of a trial's first contact beforehand, after that counted from (mm)."""
     if observed.shows_air:
         return detected_onset(observed, trial)
-    # Nobody who begins at first touch sees it better than the load cell shows it.
-    sd = max(AT_TOUCH_SD_MM, observed.contacts[trial].displacement_error)
+    # Nobody who begins at first touch sees it better than the load cell shows it, which it does once it feels it.
+    slope = max(float(observed.stiffness[observed.trial == trial][0]), 1e-9)
+    felt = FELT * observed.white_sd / slope
+    sd = max(AT_TOUCH_SD_MM, min(observed.contacts[trial].displacement_error, felt))
     return Prior(0.0, sd, "linear", "the recording begins at first touch")
 
 
