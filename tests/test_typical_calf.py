@@ -54,7 +54,7 @@ def test_the_interval_carries_the_error_of_the_shape(tmp_path: Path):
     predicted = test.every_reading(curve, values)
     # Of a leg in 3D no outline is displaced, and the shape is a share of the force.
     (shape,) = (one for one in unknowns_at(test, subject, curve, values, None, law, {}) if one.source == "shape")
-    assert shape.effect.effect == pytest.approx(TYPICAL_FORCE_SD * predicted)
+    assert shape.effect == pytest.approx(TYPICAL_FORCE_SD * predicted)
 
 
 @pytest.mark.parametrize(

@@ -72,9 +72,13 @@ class DiagnosedFolder(Result):
 
     @property
     def _each(self) -> list[Diagnosed]:
-        """Those that could be diagnosed; raises the first one's problem where there are none."""
-        every = [one for one in self.specimens if one.diagnosis is not None] or self.specimens[:1]
-        return [_of_specimen(self.folder, one) for one in every]
+        """Those that could be diagnosed."""
+        return [_of_specimen(self.folder, one) for one in self.specimens if one.diagnosis is not None]
+
+    @property
+    def _first(self) -> Diagnosed:
+        """The first of them; raises the first specimen's problem where there are none."""
+        return next(iter(self._each), None) or _of_specimen(self.folder, self.specimens[0])
 
     @property
     def verdicts(self) -> dict[str, str]:
@@ -99,7 +103,7 @@ class DiagnosedFolder(Result):
         InputError
             If none could be diagnosed.
         """
-        return self._each[0].plot()
+        return self._first.plot()
 
     def write(self, folder: loading.Given) -> Path:
         """Write what the command writes; return the report's path.
@@ -110,7 +114,7 @@ class DiagnosedFolder(Result):
         out = Path(folder)
         if out == self._written:
             return out / REPORT
-        for one in self._each:
+        for one in self._each or [self._first]:
             one.write(_place(self.folder, one.subject.id, out))
         return self._write_all(out)
 
@@ -123,7 +127,7 @@ class DiagnosedFolder(Result):
 
     def _page(self) -> WebPage:
         """Return that of the first diagnosed specimen; each has one of its own."""
-        return self._each[0]._page()
+        return self._first._page()
 
     def to_frame(self) -> pd.DataFrame:
         """Return the parameters of every specimen: a row each, with value, 95 % interval and unit."""
