@@ -17,7 +17,7 @@ from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.inverse.catalogue import LAWS, LawName
 from legfem.inverse.parameter import Parameter
 from legfem.inverse.readings import INSTRUMENT
-from legfem.inverse.settings import IdentificationSettings, SearchRequest, Weighting
+from legfem.inverse.settings import AskedWeighting, IdentificationSettings, SearchRequest
 from legfem.legs.identification import as_leg, check_joint, identify_leg, nominal_of, searches_in_3d
 from legfem.legs.model_3d import check_has_ends
 from legfem.legs.problem import section_forward
@@ -48,7 +48,7 @@ def identify(
     model: Literal["2d", "3d"] = "2d",
     site: str = "",
     leave_out: Sequence[str] = (),
-    weighting: Weighting | None = None,
+    weighting: AskedWeighting | None = None,
     seed: int | None = None,
     emulator: bool | None = None,
     settings: IdentificationSettings | None = None,
@@ -133,7 +133,7 @@ def identify(
     stated = {name: value for name, value in direct.items() if value is not None}
     settings = replace(settings or IdentificationSettings(), **stated)
     loading.check_seed(settings.seed)
-    loading.check_one_of("weighting", settings.weighting, get_args(Weighting))
+    loading.check_one_of("weighting", settings.weighting, get_args(AskedWeighting))
     request = SearchRequest(depth=depth, settings=settings, out=None if out is None else Path(out), jobs=jobs)
     loading.check_one_of("model", model, ("2d", "3d"))
     if not isinstance(correction, str | Path):

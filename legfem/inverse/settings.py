@@ -162,7 +162,7 @@ class Genetic:
         return before - costs[-1] <= self.tolerance * before
 
 
-Weighting = Literal["paper", "covariance"]
+AskedWeighting = Literal["paper", "covariance"]
 
 
 @dataclass(frozen=True)
@@ -185,7 +185,7 @@ class IdentificationSettings:
         The search, with and without an emulator; see `legfem.inverse.settings`.
     """
 
-    weighting: Weighting | None = None
+    weighting: AskedWeighting | None = None
     seed: int = 1
     emulator: bool = True
     most_solves: int = 25

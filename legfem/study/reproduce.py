@@ -12,7 +12,7 @@ from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.document import fit_document
 from legfem.inverse.fit import Fit
-from legfem.inverse.settings import IdentificationSettings, SearchRequest, Weighting
+from legfem.inverse.settings import AskedWeighting, IdentificationSettings, SearchRequest
 from legfem.legs.correction_of_leg import correction_of, size_of
 from legfem.legs.details import LegDetails, LegDocument
 from legfem.legs.identification import fit_leg
@@ -40,7 +40,7 @@ PAPER = {
 
 
 def run(
-    seed: int, out: Path, jobs: int, corrected: bool = False, quiet: bool = False, weighting: Weighting = "paper"
+    seed: int, out: Path, jobs: int, corrected: bool = False, quiet: bool = False, weighting: AskedWeighting = "paper"
 ) -> dict[str, list[Fit[LegDetails]]]:
     """Identify the four subjects with both laws and write the tables.
 
