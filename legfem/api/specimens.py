@@ -119,7 +119,8 @@ class DiagnosedFolder(Result):
         return self._write_all(out)
 
     def _write_all(self, out: Path) -> Path:
-        if self._each and len(self.folder.specimens) > 1:
+        # Nothing is written where none could be diagnosed: asking for the first raises why.
+        if self._first and len(self.folder.specimens) > 1:
             write_document(out / DIAGNOSIS, specimens_document(self.specimens, self.folder))
             with made_in_place(out) as hidden:
                 (hidden / REPORT).write_text(specimens_page(self.specimens, self.folder), encoding="utf-8")
