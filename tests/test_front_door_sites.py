@@ -79,6 +79,7 @@ def test_the_figure_has_a_panel_a_site_with_all_laws(both) -> None:
         assert all(f"model, {LAW_NAMES[fit.law]}" in named for fit in both.fits)
 
 
+@pytest.mark.slow
 def test_an_instrument_known_by_a_prior_and_names_alone_are_taken(tmp_path, closed_form) -> None:
     found = lf.identify(sited_leg(tmp_path, 1.0), identify=["deep.C10"], mesh="coarse")
     assert [one.law for one in found.fits] == ["neo-hookean"], "names tell which law"

@@ -108,7 +108,8 @@ def test_failed_solves_among_three_parameters_are_values(tmp_path: Path) -> None
         assert one.shown.ci95[0] <= value <= one.shown.ci95[1]
 
 
-@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1])
 def test_the_reduced_polynomial_never_costs_more_with_a_third_parameter(tmp_path: Path, seed: int) -> None:
     subject = pressed_leg(tmp_path, 1.5, 0.0, seed, fat=2.3)
     prior = Prior(2e-3, 1e-3)

@@ -101,7 +101,9 @@ def identified(
     return fit_leg(subject, laws, request, [start], JointForward((section,)), models)
 
 
-@pytest.mark.parametrize("start", [table(0.3), table(0.0, trend=0.0), None])
+@pytest.mark.parametrize(
+    "start", [pytest.param(one, marks=pytest.mark.slow) for one in (table(0.3), table(0.0, trend=0.0))] + [None]
+)
 def test_c10_is_recovered_from_any_start_by_few_solves(start, tmp_path):
     solid = AnalyticSolid()
     (result,) = identified(recorded(tmp_path, 1.3), start, solid=solid)
