@@ -114,7 +114,7 @@ class DiagnosedFolder(Result):
         out = Path(folder)
         if out == self._written:
             return out / REPORT
-        for one in self._each or [self._first]:
+        for one in self._each:
             one.write(_place(self.folder, one.subject.id, out))
         return self._write_all(out)
 
