@@ -23,6 +23,7 @@ from legfem.geometry.slices import calf_levels
 from legfem.imaging.registration import Registration
 from legfem.inverse.document import SCHEMA, fit_document
 from legfem.inverse.elastography import ShearModulus
+from legfem.inverse.fit import Identity
 from legfem.inverse.intervals import quantile
 from legfem.inverse.notice import Notice
 from legfem.mechanics.materials import NeoHookean
@@ -34,7 +35,8 @@ from legfem.report.results import write_report
 from legfem.report.stocking_pressures import vein_interval
 from legfem.report.stocking_stiffness import stiffness_interval, verdict_sentence
 from legfem.report.words import Directions, angle_round, unwrapped
-from legfem.stockings.assessment import assessed, stiffness_estimates
+from legfem.stockings import identification
+from legfem.stockings.assessment import assessed, compared, noticed
 from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.details import StockingDocument
 from legfem.stockings.equilibrium import PARAMETERS, EquilibriumSolver, LegModel3D
@@ -52,8 +54,8 @@ ACCURACY = ContourAccuracy(correlation=16.0, around=90.0, along=120.0)
 
 
 @pytest.fixture(scope="module")
-def result():
-    """50 mm of the first leg, its scan in the stocking made by the model itself."""
+def searched():
+    """50 mm of the first leg, its scan in the stocking made by the model itself; and what its fit is made of."""
     bare = parametric_leg(read_legs(LEGS)["1"], n_points=90).at_levels(np.linspace(50.0, 100.0, 11))
     stocking = fitted_stocking(bare, "2")
     true = {"deep": NeoHookean(2.6e-3, 2.0), "superficial": NeoHookean(6e-3, 2.0)}
@@ -78,7 +80,20 @@ def result():
         slices,
         default_veins(bare, float(np.median(slices))),
     )
-    return identify_in_stocking(leg, StockingSettings(), Silent(), mesh=MESH)
+    made_of = []
+
+    def recorded(*given):
+        made_of.append(given)
+        return compared(*given)
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(identification, "compared", recorded)
+        return identify_in_stocking(leg, StockingSettings(), Silent(), mesh=MESH), made_of[0]
+
+
+@pytest.fixture(scope="module")
+def result(searched):
+    return searched[0]
 
 
 @pytest.fixture(scope="module")
@@ -94,18 +109,15 @@ def words_on(result) -> str:
 
 
 def changed(result, **details):
-    """The fit of a run that found something else."""
-    return assessed(replace(result.details, **details), result.log, {})
+    """The fit of a run with other details."""
+    leg = details.get("leg", result.details.leg)
+    subject = Identity(leg.id, leg.title, leg.origin)
+    return noticed(replace(result, subject=subject, details=replace(result.details, **details)))
 
 
 def document(result) -> dict:
     """What result.json says of the law."""
     return fit_document([result], StockingDocument())["laws"]["neo-hookean"]
-
-
-def estimates_of(best, result):
-    """Estimates of a search, muscle first."""
-    return tuple(stiffness_estimates(best, result.details.leg.accuracy, stiffness_priors()).values())
 
 
 def missing(result):
@@ -127,17 +139,17 @@ def test_what_the_veins_hold_stands_beside_the_tissues_pressure(result):
         assert borne["standing"] == pytest.approx(column - 1e3 * tissue, rel=1e-6)
 
 
-def widened(result, half_width: float):
-    """The result with other intervals, as wide as is said (over the value)."""
-    best = result.details.best
-    sd = math.asinh(half_width) / quantile(0)
-    covariance = np.diag([sd**2, sd**2])
-    return changed(result, best=replace(best, log_covariance=covariance, profile95=None))
+def widened(searched, half_width: float, **others):
+    """The result with other intervals, as wide as is said (over the value), and what else its fit is made of."""
+    fit, best, found, _ = searched[1]
+    best, found = others.get("best", best), others.get("found", found)
+    half = math.asinh(half_width)
+    return compared(fit, best, found, found.best.point[:, None] * np.exp([[-half, half]]))
 
 
 def test_a_scan_made_by_the_model_itself_is_met(result):
     """With the stiffness it was made with: no more than the linear solver's error is left."""
-    np.testing.assert_allclose(result.details.best.parameters, [2.6e-3, 6e-3], rtol=0.02)
+    np.testing.assert_allclose(list(result.details.best.stiffness.values()), [2.6e-3, 6e-3], rtol=0.02)
     assert result.details.best.rms < 0.01
     assert result.details.discrepancy is not None and result.details.discrepancy.verdict == "consistent"
 
@@ -148,7 +160,7 @@ def test_the_web_page_is_whole_and_shows_the_leg(result, folder):
     assert len(html.encode()) < 5_000_000
     assert "mmHg on average; at the deep veins the pressure is" in page.words
     assert "simulated data (the scans were computed" in page.words
-    for known in estimates_of(result.details.best, result):
+    for known in result.estimates.values():
         assert f"{mpa_to_kpa(known.value):.3g} kPa" in page.words
     for k, vein in enumerate(result.details.leg.veins):
         low, high = vein_interval(result.details, k)
@@ -193,7 +205,7 @@ def test_page_says_who_what_and_that_it_is_simulated(result, folder):
 
 def test_page_gives_stiffness_with_intervals_and_every_equilibrium(result, folder):
     text = " ".join((folder / "report.txt").read_text().split())
-    for known, tissue in zip(estimates_of(result.details.best, result), ("muscle", "fat"), strict=True):
+    for known, tissue in zip(result.estimates.values(), ("muscle", "fat"), strict=True):
         low, high = mpa_to_kpa(np.array(known.ci95))
         assert (
             f"C10 of the {tissue}: {mpa_to_kpa(known.value):.3g} kPa (95 % {low:.3g} to "
@@ -227,18 +239,17 @@ def test_page_gives_pressures_in_both_units(result, folder):
 @pytest.mark.parametrize(
     "half_width, verdict", [(0.05, "identifiable"), (0.3, "weakly identifiable"), (0.8, "not identifiable")]
 )
-def test_verdict_follows_the_interval(result, half_width, verdict):
-    other = widened(result, half_width)
-    for known in estimates_of(other.details.best, result):
+def test_verdict_follows_the_interval(searched, half_width, verdict):
+    other = widened(searched, half_width)
+    for known in other.estimates.values():
         assert known.relative_half_width == pytest.approx(half_width)
         assert known.identifiability == verdict
         assert verdict in verdict_sentence(known)
     assert f"both scans; {verdict}" in words_on(other)
 
 
-def test_an_open_interval_is_said_in_words_and_null(result):
-    best = replace(result.details.best, profile95=np.array([[2e-3, 4e-3], [1.5e-3, np.inf]]))
-    other = changed(result, best=best)
+def test_an_open_interval_is_said_in_words_and_null(searched):
+    other = compared(*searched[1][:3], np.array([[2e-3, 4e-3], [1.5e-3, np.inf]]))
     assert "(95 % at least 1.5); estimated, both scans; not identifiable" in words_on(other)
     found = document(other)["parameters"]["c10_superficial"]
     assert found["ci95"] == [pytest.approx(1.5), None] and "at least 1.5 kPa" in found["why"]
@@ -248,37 +259,34 @@ def test_an_open_interval_is_said_in_words_and_null(result):
 
 def test_intervals_are_the_profile_s(result):
     """A scan by the model itself: the profile is nearly as its curvature at the least."""
-    best = result.details.best
-    assert best.profile95 is not None
-    wald = replace(best, profile95=None).interval95
-    np.testing.assert_array_equal(best.interval95, best.profile95)
-    for value, (low, high) in zip(best.parameters, best.profile95, strict=True):
-        assert low < value < high
-    low, high = best.profile95[0]
-    left, right = wald[0]
-    assert np.log(high / low) == pytest.approx(np.log(right / left), rel=0.2)
+    for known in result.estimates.values():
+        assert known.ci95[0] < known.value < known.ci95[1]
+    low, high = result.estimates["deep.C10"].ci95
+    curved = 2 * quantile(0) * np.sqrt(result.details.best.log_covariance[0, 0])
+    assert np.log(high / low) == pytest.approx(curved, rel=0.2)
 
 
-def test_a_fit_that_misses_the_scan_is_weak_at_best_and_warned_of(result):
-    other = widened(result, 0.05)
-    missed = missing(other)
-    assert {k.identifiability for k in estimates_of(missed, result)} == {"weakly identifiable"}
-    other = changed(other, best=missed)
+def test_a_fit_that_misses_the_scan_is_weak_at_best_and_warned_of(searched):
+    result, missed = searched[0], missing(searched[0])
+    other = changed(widened(searched, 0.05, best=missed), best=missed)
+    assert {known.identifiability for known in other.estimates.values()} == {"weakly identifiable"}
     assert any("The model misses the scan" in text for text in sentences_of([other]))
     assert not any("misses the scan" in text for text in sentences_of([result]))
 
 
-def test_a_stiffness_at_a_bound_is_not_known(result):
-    best = widened(result, 0.05).details.best
-    at_bound = replace(best, parameters=np.array([best.parameters[0], 0.1]))
-    muscle, fat = estimates_of(at_bound, result)
+def test_a_stiffness_at_a_bound_is_not_known(searched):
+    found = searched[1][2]
+    at_bound = replace(found, best=replace(found.best, point=np.array([found.best.point[0], 0.1])))
+    muscle, fat = widened(searched, 0.05, found=at_bound).estimates.values()
     assert (muscle.identifiability, fat.identifiability, fat.at_bound) == ("identifiable", "not identifiable", "upper")
     assert "upper bound" in verdict_sentence(fat)
 
 
-def test_scans_that_add_nothing_to_what_was_known_do_not_identify(result):
+def test_scans_that_add_nothing_to_what_was_known_do_not_identify(searched):
     shear = ShearModulus("superficial", "across", 12e-3, 2e-4, "an article")
-    known = stiffness_estimates(result.details.best, result.details.leg.accuracy, stiffness_priors((shear,)))
+    fit, best, found, _ = searched[1]
+    law = replace(found.search.law, parameters=stiffness_priors((shear,)).parameters)
+    known = compared(fit, best, replace(found, search=replace(found.search, law=law)), None).estimates
     fat = known["superficial.C10"]
     assert fat.adds_nothing == (fat.identifiability == "not identifiable") is True
     assert "both scans add nothing to its prior" in fat.why and "beyond what was known" in verdict_sentence(fat)
@@ -295,7 +303,7 @@ def test_what_did_not_settle_or_was_not_found_is_warned_of(result):
     page = words_on(lost)
     assert "Hydrostatic pressure" not in page and "nan" not in page
     assert document(lost)["pressures"] is None
-    met = changed(result, best=None, misfit=None, discrepancy=None, problem="step too small")
+    met = assessed(replace(result.details, best=None, discrepancy=None, problem="step too small"), result.log, {})
     assert any("could be compared with its scan: step too small" in text for text in sentences_of([met]))
     assert not met.estimates and "Not identified: step too small" in words_on(met)
 
@@ -319,7 +327,7 @@ def test_document_has_every_number_with_its_unit(result):
     read = whole["laws"]["neo-hookean"]
     found = read["parameters"]["c10_superficial"]
     assert found["unit"] == "kPa" and found["ci95"][0] < found["value"] < found["ci95"][1]
-    assert found["value"] == pytest.approx(1e3 * result.details.best.parameters[1])
+    assert found["value"] == pytest.approx(1e3 * result.details.best.stiffness["superficial.C10"])
     assert read["solves"] == {"equilibria_to_identify": len(result.log.solves), "states": result.details.states}
     assert [s["cost_mm2"] for s in read["search"]["solves"]][-1] > 0 and len(result.log.solves) <= 9
     assert read["registration"]["residual_rms_mm"] == 0.11
@@ -346,13 +354,8 @@ def test_document_has_every_number_with_its_unit(result):
 
 
 def test_a_leg_without_a_scan_in_its_stocking_is_reported(result):
-    given = changed(
-        result,
-        leg=replace(result.details.leg, compressed=None, registration=None, known=True),
-        best=None,
-        misfit=None,
-        scan_load=None,
-    )
+    leg = replace(result.details.leg, compressed=None, registration=None, known=True)
+    given = assessed(replace(result.details, leg=leg, best=None, scan_load=None), result.log, {})
     page = words_on(given)
     assert "Not identified: the leg was not scanned in its stocking" in page
     read = document(given)

@@ -161,15 +161,16 @@ def test_two_sensors_of_4_percent_narrow_what_an_uncertain_fabric_leaves_open(tm
         sensors,
     )
     settings = StockingSettings()
-    found = {}
+    found, width = {}, {}
     for name, one in (("without", replace(leg, sensors=())), ("with", leg)):
         fit = identify_in_stocking(one, settings, Silent(), mesh=COARSE, folder=tmp_path / "kept")
         result, best = fit.details, fit.details.best
         assert best is not None and fit.log.converged and best.tension is not None
         found[name] = best
-        for planted, (low, high) in zip(PLANTED_KPA, 1e3 * best.interval95, strict=True):
+        intervals = np.array([known.shown.ci95 for known in fit.estimates.values()])
+        for planted, (low, high) in zip(PLANTED_KPA, intervals, strict=True):
             assert low < planted < high
-    width = {name: np.diff(np.log(best.interval95), axis=1)[:, 0] for name, best in found.items()}
+        width[name] = np.diff(np.log(intervals), axis=1)[:, 0]
     narrower = width["with"] / width["without"]
     tension = {name: (best.tension.value, best.tension.sd) for name, best in found.items()}
     print(f"intervals of muscle and fat: {narrower} of their width; tension {tension}")

@@ -117,6 +117,12 @@ class Optimum:
         Stiffnesses that were held, whose effect is told.
     plane : bool
         Whether the model is a section of a leg, which knows no ends.
+    missed : str
+        What it means where the law doesn't describe the data, in words.
+    data : str
+        What was measured, in words.
+    intervals : (p, 2) array, optional
+        95 % intervals, infinite or 0 at an open end; by profiles of the cost without them.
     """
 
     found: Found[Any]
@@ -125,6 +131,9 @@ class Optimum:
     law_fits: bool
     assumed: Mapping[str, float] = field(default_factory=dict)
     plane: bool = False
+    missed: str = _LAW_MISSES
+    data: str = "the recordings"
+    intervals: FloatArray | None = None
 
     @cached_property
     def spread(self) -> FloatArray:
@@ -170,7 +179,7 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
         FORCE: measured,
         DISPLACEMENT: misfit.if_deeper,
     }
-    moves = {name: _moves(linear, _TENTH * change) for name, change in tenths.items()}
+    moves = {name: _moves(linear, _TENTH * change) for name, change in tenths.items() if change.any()}
     shares = shares_of_error(linear.gain, optimum.covariances)
     told = shares_of_information(
         linear.prediction.jacobian(law.names),
@@ -183,7 +192,10 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
         if curvature[k, k] > 0:
             error = math.sqrt(spread[k, k])
             rise = cut_height(optimum.times, float(spread[k, k]), float(curvature[k, k]))
-            interval = profile_interval(residual, at, k, rise, bounds, optimum.times * error)
+            if optimum.intervals is None:
+                interval = profile_interval(residual, at, k, rise, bounds, optimum.times * error)
+            else:
+                interval = float(optimum.intervals[k, 0]), float(optimum.intervals[k, 1])
             if bounds[k, 0] < interval[0] and interval[1] < bounds[k, 1]:
                 # A tangent leaves a curved valley long before the sum of squares rises.
                 error = _half_width(parameter, float(at[k]), interval) / optimum.times
@@ -195,7 +207,7 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
         known = Estimated(parameter, float(at[k]), error, interval)
         own = {name: float(change[k]) for name, change in moves.items()}
         trade = trade_of(law.names, k, correlations)
-        why = reasons(known, "" if optimum.law_fits else _LAW_MISSES, trade, own)
+        why = reasons(known, "" if optimum.law_fits else optimum.missed, trade, own, optimum.data)
         if departure.by:
             why += f"; {departure.text}"
         source = main_source(shares[k])

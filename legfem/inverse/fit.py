@@ -78,18 +78,18 @@ UNTESTED = Goodness(0.0, 0, math.nan)
 class Cost:
     """Plain sum of squares at the optimum (Eq. 12), and what the search minimised."""
 
-    value: float
+    value: float = 0.0
     """Sum of squared differences, model less recording, over the first channel's readings and those of its unit."""
-    points: int
+    points: int = 0
     """Number of differences in the sum."""
-    per_length: float
+    per_length: float = math.nan
     """Sum with forces per unit length of the cylinder, (N/mm)2; NaN where there is none."""
-    r_squared: float
+    r_squared: float = math.nan
     """Share of the readings' variance that is predicted."""
-    minimised: str
+    minimised: str = "nothing"
     """What the search minimised, in words."""
-    minimised_value: float
-    minimised_unit: str
+    minimised_value: float = math.nan
+    minimised_unit: str = "1"
     definition: str = "sum over the displacement grid of (F_simulated - F_measured)^2, Eq. 12"
     reading_unit: str = "N"
     """Unit of the readings, whose square is that of the sum."""
@@ -209,31 +209,31 @@ class TestFit:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Fit[Details]:
-    """One law fitted to all tests of a problem."""
+    """One law fitted to all tests of a problem; defaults are those of a model that was compared with nothing."""
 
     kind: str
     """``leg``, ``specimens`` or ``stocking``."""
     subject: Identity
     law: LawName
-    estimates: Mapping[str, Estimate]
+    estimates: Mapping[str, Estimate] = field(default_factory=dict)
     """What was free, by full name (``deep.C10``)."""
-    correlations: FloatArray
+    correlations: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     """Correlations of the estimates' errors, (p, p), in their order."""
     values: Values
     """All that the optimum was solved with, free and held, in the model's units."""
     assumed: Values
     """What of model and instrument was held; finite numbers in the model's units."""
-    goodness: Goodness
+    goodness: Goodness = UNTESTED
     """Goodness of all differences with their covariance, and of priors."""
     cost: Cost
-    agreement: Goodness
+    agreement: Goodness = EXACT
     """Agreement of what the tests say by themselves, were the parameters the same at all; its Birge ratio widens the
     errors that tests have of their own, and so the intervals. `EXACT` of one test."""
-    tests: tuple[TestFit, ...]
+    tests: tuple[TestFit, ...] = ()
     log: SearchLog
-    neo_hookean_limit: bool
+    neo_hookean_limit: bool = False
     """Whether the optimum of a law with C20 is its neo-Hookean limit."""
-    weighting: Weighting
+    weighting: Weighting = "covariance"
     settings: Mapping[str, Any]
     """Numbers that the fit depends on, their units in the names."""
     versions: Mapping[str, str]

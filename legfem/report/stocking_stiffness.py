@@ -111,8 +111,7 @@ def stiffness_blocks(fit: StockingFit) -> list[Block]:
 
 
 def _goodness(details: StockingDetails, best: ScanFit) -> str:
-    leg, misfit = details.leg, details.misfit
-    assert misfit is not None
+    leg, misfit = details.leg, best.misfit
     bare = misfit.distances(leg.bare)
     shift = ", ".join(f"{value:.2f}" for value in best.rigid[:3])
     turn = ", ".join(f"{value:.2f}" for value in np.degrees(best.rigid[3:]))
@@ -121,7 +120,7 @@ def _goodness(details: StockingDetails, best: ScanFit) -> str:
         f"slices to within {best.rms:.3f} mm (root mean square). Errors of the contours alone would cause "
         f"{leg.accuracy.expected_rms:.3f} mm; the bare leg differs from the scan by "
         f"{float(np.sqrt(np.mean(bare**2))):.3f} mm. The weighted misfit is "
-        f"{best.chi_square:.2f}; it is 1 if the errors have the size and roughness that are assumed. To reach "
+        f"{best.weighted_misfit:.2f}; it is 1 if the errors have the size and roughness that are assumed. To reach "
         f"this, the fit moves the model by {shift} mm along x, y, z and turns it by {turn} degrees about them, within "
         "the error of the registration."
     )
@@ -132,9 +131,10 @@ _SLICE_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
 
 def contour_curves(details: StockingDetails) -> list[Curves]:
     """Distances of the best fit from the scan by slice, skin and hull apart; nothing where there is no fit."""
-    misfit, found, leg = details.misfit, details.best, details.leg
-    if misfit is None or found is None:
+    found, leg = details.best, details.leg
+    if found is None:
         return []
+    misfit = found.misfit
     shapes = [misfit.target.contours(name).shape[:2] for name in CONTOURS]
     fitted, bare = (
         np.split(misfit.distances(misfit.moved(shape, found.rigid)), [shapes[0][0] * shapes[0][1]])

@@ -18,7 +18,7 @@ from legfem.common.wording import Argument
 from legfem.inverse.catalogue import IdentifiedLaw, LawName, model_values
 from legfem.inverse.comparison import total_of
 from legfem.inverse.estimates import Optimum, estimates
-from legfem.inverse.fit import EXACT, ChannelFit, Fit, Goodness, Identity, TestFit, least_akaike, versions
+from legfem.inverse.fit import ChannelFit, Fit, Goodness, Identity, TestFit, least_akaike, versions
 from legfem.inverse.intervals import bound_of, quantile
 from legfem.inverse.notice import Notice, doubted
 from legfem.inverse.problem import cost_of, fit, goodness_of, log_of, search_settings
@@ -165,11 +165,9 @@ class SpecimenProblem:
             ),
             goodness=goodness,
             cost=cost_of(found),
-            agreement=EXACT,
             tests=(*tests, *left_out),
             log=log_of(found),
             neo_hookean_limit=found.neo_hookean_limit,
-            weighting="covariance",
             settings=search_settings(found.search),
             versions=versions(),
             details=SpecimenDetails(

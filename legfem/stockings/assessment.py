@@ -14,14 +14,13 @@ from typing import Any
 import numpy as np
 
 from legfem.common.documents import versions_of
-from legfem.common.units import mpa_to_mmhg, spans_of
+from legfem.common.units import FloatArray, mpa_to_mmhg, spans_of
 from legfem.geometry.slices import CONTOURS
 from legfem.inverse.catalogue import LawName
+from legfem.inverse.comparison import Covariances
 from legfem.inverse.elastography import disagreement
-from legfem.inverse.estimates import Estimate, correlations_of, reasons, trade_of
+from legfem.inverse.estimates import Optimum, estimates
 from legfem.inverse.fit import (
-    EXACT,
-    UNTESTED,
     ChannelFit,
     Computed,
     Cost,
@@ -29,21 +28,21 @@ from legfem.inverse.fit import (
     Goodness,
     Identity,
     TestFit,
+    at_limits,
     of_failed_solves,
     of_search,
     r_squared,
 )
-from legfem.inverse.intervals import Estimated
+from legfem.inverse.intervals import quantile
 from legfem.inverse.notice import Notice, doubted
-from legfem.inverse.parameter import Priors
+from legfem.inverse.problem import goodness_of
 from legfem.inverse.readings import Channel, Data, MeasuredTest
+from legfem.inverse.searches import Found
 from legfem.inverse.trial import SearchLog
-from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.details import StockingDetails, StockingFit
 from legfem.stockings.equilibrium import PARAMETERS, EquilibriumSettings
-from legfem.stockings.leg import ComparedSensor
-from legfem.stockings.levels import TISSUES
-from legfem.stockings.scan_fit import MISSED_BEYOND, ScanFit, by_name, stiffness_priors
+from legfem.stockings.leg import ComparedSensor, StockingLeg
+from legfem.stockings.scan_fit import MISSED_BEYOND, ScanComparison, ScanFit
 
 
 class StockingNotice(StrEnum):
@@ -54,7 +53,6 @@ class StockingNotice(StrEnum):
     UNSETTLED = "worn_state_unsettled"
     NOT_COMPARED = "no_state_compared"
     SCAN_MISSED = "scan_missed"
-    STIFFNESS_AT_BOUND = "stocking_stiffness_at_bound"
     REGISTRATION_UNSETTLED = "registration_unsettled"
     BONES_APART = "bones_apart"
     SLACK = "stocking_slack"
@@ -69,8 +67,15 @@ _CHANNELS = {"outer": "skin_displacement", "inner": "muscle_displacement"}
 _PRESSURE = "pressure_on_skin"
 
 
+_NO_COST = Cost(
+    definition="sum over the contours' points of the squared distance between model and scan, less what rigid "
+    "motions and errors of the pressure explain",
+    reading_unit="mm",
+)
+
+
 def assessed(details: StockingDetails, log: SearchLog, settings: Mapping[str, Any]) -> StockingFit:
-    """Result of a finished run.
+    """Result of a run that compared nothing.
 
     Parameters
     ----------
@@ -81,114 +86,95 @@ def assessed(details: StockingDetails, log: SearchLog, settings: Mapping[str, An
     settings
         Of the run, units in the names.
     """
-    leg, best = details.leg, details.best
-    priors = stiffness_priors(leg.elastography)
-    channels = () if best is None else tuple(_channels(best, details))
-    known = {} if best is None else stiffness_estimates(best, leg.accuracy, priors, log.converged)
-    held = {f"{name}.D1": float(law.D1) for name, law in leg.tissues.items()}
-    given = {} if best is not None else details.parameters
-    fit = Fit(
-        kind=KIND,
-        subject=Identity(leg.id, leg.title, leg.origin),
-        law=LAW,
-        estimates=MappingProxyType(known),
-        correlations=np.zeros((0, 0)) if best is None else correlations_of(best.log_covariance),
-        values=MappingProxyType({**held, **(details.parameters if best is None else by_name(best.parameters))}),
-        assumed=MappingProxyType({**held, **given}),
-        goodness=UNTESTED if best is None else Goodness.of(best.objective, best.residuals - len(PARAMETERS)),
-        cost=_cost(best, channels),
-        agreement=EXACT,
-        tests=() if best is None else (_scans(best, channels, priors),),
-        log=log,
-        neo_hookean_limit=False,
-        weighting="covariance",
-        settings=settings,
-        versions=versions_of("legfem", "dolfinx", "numpy", "scipy", "python"),
-        details=details,
-        computed=MappingProxyType(dict(_computed(details))),
+    leg = details.leg
+    given = MappingProxyType({f"{name}.D1": law.D1 for name, law in leg.tissues.items()} | details.parameters)
+    return noticed(
+        Fit(
+            kind=KIND,
+            subject=Identity(leg.id, leg.title, leg.origin),
+            law=LAW,
+            values=given,
+            assumed=given,
+            cost=_NO_COST,
+            log=log,
+            settings=settings,
+            versions=versions_of("legfem", "dolfinx", "numpy", "scipy", "python"),
+            details=details,
+            computed=MappingProxyType(dict(_computed(details))),
+        )
     )
-    return replace(fit, notices=(*doubted(leg.doubts), *stocking_notices(fit)))
 
 
-def stiffness_estimates(
-    found: ScanFit, accuracy: ContourAccuracy, priors: Priors, converged: bool = True
-) -> dict[str, Estimate]:
-    """Return the estimates by full name; each weakly identifiable at best where the fit isn't sound.
+def noticed(fit: StockingFit) -> StockingFit:
+    """Return a fit with its notices."""
+    return replace(fit, notices=(*doubted(fit.details.leg.doubts), *stocking_notices(fit)))
+
+
+def compared(
+    fit: StockingFit, best: ScanFit, found: Found[ScanComparison], intervals: FloatArray | None
+) -> StockingFit:
+    """Return the result of a run that compared nothing, with what a search found.
 
     Parameters
     ----------
+    fit
+        That result.
+    best
+        The best fit of both scans.
     found
-        The best fit.
-    accuracy
-        Errors of the contours.
-    priors
-        The stiffnesses with what was known of them (MPa).
-    converged
-        Whether the search had settled.
+        The finished search.
+    intervals : (2, 2) array, optional
+        95 % intervals of the stiffnesses, MPa.
     """
-    correlations = correlations_of(found.log_covariance)
-    errors = found.parameters * np.sqrt(np.diag(found.log_covariance))
-    missed = ""
-    if found.misses(accuracy):
-        missed = "the model misses the scan, so the interval doesn't hold"
-    elif not converged:
-        missed = "the search ended before it had settled"
-    estimates = {}
-    for k, parameter in enumerate(priors.parameters):
-        low, high = map(float, found.interval95[k])
-        known = Estimated(parameter, float(found.parameters[k]), float(errors[k]), (low, high))
-        why = reasons(known, missed, trade_of(PARAMETERS, k, correlations), data="both scans")
-        estimates[parameter.name] = Estimate(
-            parameter, known.value, known.standard_error, known.ci95, known.verdict(not missed), why
+    missed = "" if found.search.converged else "the search ended before it had settled"
+    missed = "the model misses the scan, so the interval doesn't hold" if best.misses else missed
+    covariance = found.search.misfit.covariance
+    errors: Covariances = {"recordings": covariance}
+    optimum = Optimum(found, errors, quantile(0), not missed, missed=missed, data="both scans", intervals=intervals)
+    channels = tuple(_channels(best, fit.details.leg))
+    left = np.concatenate([one.residual for one in channels[: len(CONTOURS)]])
+    measured = np.concatenate([one.channel.values for one in channels[: len(CONTOURS)]])
+    squares, nuisances = float(left @ left), len(best.nuisance)
+    differences = found.linear.residual[: len(covariance)]
+    goodness = Goodness.of(float(differences @ differences), len(covariance) - nuisances)
+    test = MeasuredTest("both scans", Data(tuple(one.channel for one in channels)))
+    return noticed(
+        replace(
+            fit,
+            estimates=MappingProxyType(estimates(optimum)),
+            correlations=optimum.correlations,
+            values=MappingProxyType({**fit.assumed, **found.best.values}),
+            assumed=MappingProxyType({name: fit.assumed[name] for name in fit.assumed if name not in PARAMETERS}),
+            goodness=goodness_of(found, covariance, nuisances),
+            cost=replace(
+                fit.cost,
+                value=squares,
+                points=len(left),
+                r_squared=r_squared(squares, measured),
+                minimised="the sum weighted with the inverse covariance (dimensionless), and the priors' squared departures",
+                minimised_value=found.best.objective,
+            ),
+            tests=(TestFit(test, channels, goodness),),
         )
-    return estimates
+    )
 
 
-def _channels(best: ScanFit, details: StockingDetails) -> Iterator[ChannelFit]:
+def _channels(best: ScanFit, leg: StockingLeg) -> Iterator[ChannelFit]:
     """Yield the contours' movement, measured and of the model, skin first; then the sensors' pressures."""
-    misfit, leg = details.misfit, details.leg
-    assert misfit is not None
+    misfit = best.misfit
     measured = -misfit.distances(leg.bare)
     sizes = [misfit.target.contours(name)[..., 0].size for name in CONTOURS]
     error = np.sqrt(2.0) * leg.accuracy.smoothed_sd
     for name, span in zip(CONTOURS, spans_of(sizes), strict=True):
-        contour, own = misfit.target.contours(name), span
-        height = np.repeat(misfit.target.levels, contour.shape[1])
-        values = measured[own]
+        values = measured[span]
+        height = np.repeat(misfit.target.levels, misfit.target.contours(name).shape[1])
         channel = Channel(_CHANNELS[name], "mm", height, "height_mm", values, np.full(len(values), error))
-        yield ChannelFit(channel, values + best.distances[own])
+        yield ChannelFit(channel, values + best.distances[span])
     if len(best.sensed):
         sensors = leg.sensors
         sd, read = np.array([(one.sd, one.pressure) for one in sensors]).T
         height = np.array([one.position[2] for one in sensors])
         yield ChannelFit(Channel(_PRESSURE, "MPa", height, "height_mm", read, sd), read + sd * best.sensed)
-
-
-def _scans(best: ScanFit, channels: tuple[ChannelFit, ...], priors: Priors) -> TestFit:
-    """Both scans beside the fit."""
-    departures = priors.residual(best.parameters)
-    goodness = Goodness.of(best.objective - float(departures @ departures), best.residuals - len(departures))
-    return TestFit(MeasuredTest("both scans", Data(tuple(one.channel for one in channels))), channels, goodness)
-
-
-def _cost(best: ScanFit | None, channels: tuple[ChannelFit, ...]) -> Cost:
-    """Plain sum of squared distances that are left."""
-    of_contours = channels[: len(CONTOURS)]
-    left = np.concatenate([np.zeros(0), *(one.residual for one in of_contours)])
-    squares = float(left @ left)
-    measured = np.concatenate([np.zeros(0), *(one.channel.values for one in of_contours)])
-    return Cost(
-        value=squares,
-        points=len(left),
-        per_length=np.nan,
-        r_squared=r_squared(squares, measured) if len(left) else np.nan,
-        minimised="the sum weighted with the inverse covariance (dimensionless), and the priors' squared departures",
-        minimised_value=np.nan if best is None else best.objective,
-        minimised_unit="1",
-        definition="sum over the contours' points of the squared distance between model and scan, less what rigid "
-        "motions and errors of the pressure explain",
-        reading_unit="mm",
-    )
 
 
 NO_SEARCH = SearchLog(names=PARAMETERS, converged=True, seed=0, wall_s=0.0)
@@ -235,6 +221,7 @@ def stocking_notices(fit: StockingFit) -> tuple[Notice, ...]:
         *of_search(fit.log),
         *of_failed_solves(fit.log, "an equilibrium with the stocking"),
         *_of_the_stiffness(fit),
+        *at_limits(fit),
         *_of_the_scans(details),
         *_of_the_load(details),
         *sensor_notices(details.sensors),
@@ -269,18 +256,15 @@ def _of_the_state(details: StockingDetails) -> Iterator[Notice]:
 
 
 def _of_the_stiffness(fit: StockingFit) -> Iterator[Notice]:
-    best, accuracy = fit.details.best, fit.details.leg.accuracy
+    best = fit.details.best
     if best is None:
         return
-    if best.misses(accuracy):
-        expected = accuracy.expected_rms
+    if best.misses:
+        expected = best.misfit.accuracy.expected_rms
         yield Notice.of(StockingNotice.SCAN_MISSED, rms=best.rms, times=MISSED_BEYOND, expected=expected)
     for name, known in fit.estimates.items():
         if (prior := known.parameter.prior) is not None:
             yield from disagreement(name, prior, known.value, known.standard_error, "the fit of both scans")
-    for name, known in fit.estimates.items():
-        if known.at_bound:
-            yield Notice.of(StockingNotice.STIFFNESS_AT_BOUND, tissue=TISSUES[name], bound=known.at_bound)
 
 
 def _of_the_scans(details: StockingDetails) -> Iterator[Notice]:

@@ -12,7 +12,6 @@ from legfem.geometry.slices import CONTOURS
 from legfem.inverse.answer import Answer, Finding, Tone
 from legfem.inverse.catalogue import key_of
 from legfem.inverse.fit import Fit, answer_of, preferred
-from legfem.stockings.contour_distances import ContourMisfit
 from legfem.stockings.discrepancy import ModelDiscrepancy
 from legfem.stockings.equilibrium import Equilibrium, LegModel3D
 from legfem.stockings.fabric import StockingLoad, stocking_load
@@ -50,10 +49,8 @@ class StockingDetails:
         Pressures in the level at mid calf.
     fat : FatPressures, optional
         Pressures in columns of fat all round the leg.
-    misfit : ContourMisfit, optional
-        The contours of the scan in the stocking; None where nothing was compared with it.
     best : ScanFit, optional
-        Best fit of both scans, likewise.
+        Best fit of both scans; None where nothing was compared.
     discrepancy : ModelDiscrepancy, optional
         Tests of what that leaves, likewise.
     problem : str
@@ -71,7 +68,6 @@ class StockingDetails:
     pressures: TissuePressures | None = None
     section: SectionPressures | None = None
     fat: FatPressures | None = None
-    misfit: ContourMisfit | None = None
     best: ScanFit | None = None
     discrepancy: ModelDiscrepancy | None = None
     problem: str = ""
@@ -81,7 +77,7 @@ class StockingDetails:
         found = self.pressures
         unsure = [TISSUES[n] for n, k in fit.estimates.items() if k.identifiability != "identifiable"]
         verdict = None if self.discrepancy is None else self.discrepancy.verdict
-        misses = self.best is not None and self.best.misses(self.leg.accuracy)
+        misses = self.best is not None and self.best.misses
         finding = Finding.MISFIT if verdict == "unexplained" or misses else Finding.FITS
         finding = Finding.NOT_COMPUTED if found is None else finding
         sound = verdict == "consistent" and not unsure and self.equilibrium.converged
@@ -163,9 +159,9 @@ class StockingDocument:
 
     def of_test(self, fit: StockingFit, number: int) -> dict[str, Any]:
         """Points of the contours that are compared, in the channels' order."""
-        misfit = fit.details.misfit
-        assert misfit is not None
-        contours = [misfit.target.contours(name).reshape(-1, 2) for name in CONTOURS]
+        best = fit.details.best
+        assert best is not None
+        contours = [best.misfit.target.contours(name).reshape(-1, 2) for name in CONTOURS]
         named = zip(fit.tests[number].channels, contours, strict=False)
         return {"points_mm": {one.channel.name: dict(zip("xy", points.T, strict=True)) for one, points in named}}
 
@@ -176,7 +172,7 @@ def _best_fit(best: ScanFit | None) -> dict[str, Any] | None:
     tension = best.tension
     return {
         "rms_distance_mm": best.rms,
-        "weighted_misfit": best.chi_square,
+        "weighted_misfit": best.weighted_misfit,
         "rigid_motion": {"shift_mm": best.rigid[:3].tolist(), "turn_rad": best.rigid[3:].tolist()},
         "tension_error": None
         if tension is None
@@ -186,9 +182,10 @@ def _best_fit(best: ScanFit | None) -> dict[str, Any] | None:
 
 
 def _contours(details: StockingDetails) -> dict[str, Any] | None:
-    misfit, accuracy = details.misfit, details.leg.accuracy
-    if misfit is None:
+    accuracy = details.leg.accuracy
+    if details.best is None:
         return None
+    misfit = details.best.misfit
     bare = misfit.distances(details.leg.bare)
     return {
         "levels_mm": misfit.target.levels.tolist(),

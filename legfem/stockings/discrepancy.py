@@ -166,7 +166,7 @@ def model_discrepancy(forward: StockingForward, comparison: ScanComparison, best
     best
         Its best fit.
     """
-    at = np.clip(best.parameters, *PLAUSIBLE)
+    at = np.clip([best.stiffness[name] for name in PARAMETERS], *PLAUSIBLE)
     values = {**by_name(at), **_NULLS}
     outcome = forward.solve(values, (*PARAMETERS, *_NULLS))
     misfit, nuisances = comparison.misfit, comparison.nuisances

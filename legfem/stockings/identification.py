@@ -27,7 +27,7 @@ from legfem.inverse.search import Search, SearchError
 from legfem.inverse.searches import Found
 from legfem.inverse.settings import Genetic, IdentificationSettings
 from legfem.meshing.leg_sizes import SolidMeshSettings, settings_for_cells
-from legfem.stockings.assessment import LAW, NO_SEARCH, assessed
+from legfem.stockings.assessment import LAW, NO_SEARCH, assessed, compared
 from legfem.stockings.contour_distances import ContourMisfit
 from legfem.stockings.details import StockingDetails, StockingFit
 from legfem.stockings.discrepancy import model_discrepancy
@@ -129,9 +129,8 @@ class ScanProblem:
 
     def assessed(self, found: Found[ScanComparison]) -> StockingFit:
         """Result of the finished search, with the leg in equilibrium with its stocking."""
-        best = ScanFit.of(self.scans, found.best.outcome, self.priors)
-        if found.search.converged:
-            best = replace(best, profile95=profile_intervals(found, best.log_covariance))
+        best = ScanFit.of(found)
+        intervals = profile_intervals(found, best.log_covariance) if found.search.converged else None
         self.progress.stage("where model and scan differ")
         discrepancy = model_discrepancy(self.forward, self.scans, best)
         self.progress.advance(discrepancy.verdict)
@@ -141,8 +140,8 @@ class ScanProblem:
         # What is emulated are differences in standard deviations, and no forces.
         log = replace(log, solves=solves, generations=(), emulator_error=np.nan)
         details = _dressed(self.leg, self.forward, self.progress, best)
-        details = replace(details, misfit=self.scans.misfit, best=best, discrepancy=discrepancy)
-        return assessed(details, log, search_settings(found.search))
+        details = replace(details, best=best, discrepancy=discrepancy)
+        return compared(assessed(details, log, search_settings(found.search)), best, found, intervals)
 
 
 MOST = 6
@@ -229,13 +228,15 @@ def identify_in_stocking(
         except SearchError as error:
             problem = str(error)
     if fit is None:
-        details = replace(_dressed(leg, forward, progress, None), problem=problem)
+        details = replace(_dressed(leg, forward, progress), problem=problem)
         fit = assessed(details, NO_SEARCH, {})
     cells = {"cells": settings.cells, **fit.settings}
     return replace(fit, log=replace(fit.log, wall_s=time.perf_counter() - started), settings=cells)
 
 
-def _dressed(leg: StockingLeg, forward: StockingForward, progress: Progress, best: ScanFit | None) -> StockingDetails:
+def _dressed(
+    leg: StockingLeg, forward: StockingForward, progress: Progress, best: ScanFit | None = None
+) -> StockingDetails:
     """Put a leg into equilibrium with its stocking at the stiffness that was found, or given, and probe it."""
     solver, tension = forward.solver, None
     model = solver.model
@@ -244,11 +245,11 @@ def _dressed(leg: StockingLeg, forward: StockingForward, progress: Progress, bes
         # The stiffness counts as exact, the fabric's tension as well as it is stated.
         covariance: FloatArray = np.diag([0.0, 0.0, leg.accuracy.tension_sd**2])
     else:
-        parameters, tension = by_name(best.parameters), best.tension
+        parameters, tension = dict(best.stiffness), best.tension
         covariance = best.log_covariance if tension is None else tension.log_covariance
     progress.stage("the leg in equilibrium with its stocking")
     error = 0.0 if tension is None else tension.value
-    found = solver.solve(parameters, start=None if best is None else forward.at(by_name(best.parameters)), error=error)
+    found = solver.solve(parameters, start=None if best is None else forward.at(best.stiffness), error=error)
     progress.advance(f"{len(found.changes)} states")
     borne = replace(found, load=found.load.times(1 + error))
     on_scan = None if leg.compressed is None else stocking_load(leg.compressed, leg.stocking)

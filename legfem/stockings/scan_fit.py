@@ -22,11 +22,11 @@ from legfem.geometry.motion import displaced
 from legfem.inverse.catalogue import Values
 from legfem.inverse.comparison import Comparison, Prediction
 from legfem.inverse.elastography import ShearModulus, elastography_priors
-from legfem.inverse.intervals import quantile
 from legfem.inverse.outcome import Outcome
 from legfem.inverse.parameter import Parameter, Priors
+from legfem.inverse.searches import Found
 from legfem.inverse.trial import Trial
-from legfem.stockings.contour_distances import ContourAccuracy, ContourMisfit
+from legfem.stockings.contour_distances import ContourMisfit
 from legfem.stockings.equilibrium import PARAMETERS, PROBE_STEP, SURFACES
 from legfem.stockings.forward import PRESSURE
 from legfem.stockings.leg import SensorArray
@@ -112,8 +112,12 @@ class NuisanceFit:
     @property
     def nuisance(self) -> FloatArray:
         """Best nuisances (k,), see `legfem.stockings.nuisances`."""
+        return self.following(self.differences)
+
+    def following(self, values: FloatArray) -> FloatArray:
+        """Return the best nuisances (k, ...) of differences (m + s, ...), or of derivatives of these."""
         orthonormal, triangle = self._factors
-        return -solve_triangular(triangle, orthonormal[: len(self.differences)].T @ self.differences)
+        return -solve_triangular(triangle, orthonormal[: len(values)].T @ values)
 
     @property
     def left(self) -> FloatArray:
@@ -266,110 +270,79 @@ class ScanComparison(Comparison):
 
 @dataclass(frozen=True, eq=False)
 class ScanFit:
-    """The best fit of both scans: what nuisances there are, and what is left.
+    """What is beside the estimates of the best fit of both scans: its nuisances, and what is left.
 
     Parameters
     ----------
-    parameters : (2,) array
-        C10 of muscle and fat (MPa).
+    stiffness : dict of str to float
+        C10 of muscle and fat by full name, MPa.
+    misfit : ContourMisfit
+        The contours of the scan in the stocking.
     shape : LegShape
-        The leg in its stocking at these.
+        The leg in its stocking at that stiffness.
     nuisance : (k,) array
         Best nuisances, see `legfem.stockings.nuisances`.
     distances : (n,) array
         Distances outside the scan (mm), less what rigid motions and errors of the pressure explain.
     sensed : (s,) array
         Model's pressures less the sensors' readings, over their standard deviations, likewise.
-    objective : float
-        Least sum of squares, priors included.
-    residuals : int
-        Number of residuals that are no nuisances.
+    weighted_misfit : float
+        Least sum of squares over the number of readings and priors: 1 where errors are as large as assumed.
     log_covariance : (2, 2) array
         Covariance of the stiffnesses' logarithms.
     tension : Tension, optional
         Error of the fabric's tension; None where it is taken as given.
-    profile95 : (2, 2) array, optional
-        95 % intervals of the stiffnesses by profile likelihood (MPa).
     """
 
-    parameters: FloatArray
+    stiffness: Values
+    misfit: ContourMisfit
     shape: LegShape
     nuisance: FloatArray
     distances: FloatArray
     sensed: FloatArray
-    objective: float
-    residuals: int
+    weighted_misfit: float
     log_covariance: FloatArray
     tension: Tension | None = None
-    profile95: FloatArray | None = None
 
     @classmethod
-    def of(cls, comparison: ScanComparison, outcome: Outcome, priors: Priors) -> "ScanFit":
-        """Fit the nuisances at an equilibrium with sensitivities by both stiffnesses.
-
-        Parameters
-        ----------
-        comparison
-            Of the leg.
-        outcome
-            The equilibrium.
-        priors
-            Priors of the stiffnesses (MPa).
-        """
-        parameters = np.array([outcome.values[name] for name in PARAMETERS])
-        distances, rates = distances_of(outcome, comparison.bare, comparison.misfit)
-        differences, by = comparison.differences(outcome, distances, rates)
-        fitted = comparison.fit_nuisances(differences, parameters)
-        slopes = comparison.with_nuisances(by, fitted, outcome.values) * parameters
-        departures, of_priors = priors.residual(parameters), priors.jacobian(parameters) * parameters
-        jacobian = np.vstack([fitted.projected(slopes), of_priors])
-        nuisances, nuisance = comparison.nuisances, fitted.nuisance
+    def of(cls, found: Found[ScanComparison]) -> "ScanFit":
+        """Fit the nuisances where a finished search ended."""
+        comparison, best, linear = found.search.misfit, found.best, found.linear
+        differences = linear.prediction.model_values[: -len(PARAMETERS)]
+        fitted = comparison.fit_nuisances(differences, best.point)
+        shape = shape_of(best.outcome, comparison.bare)
+        log_covariance = linear.errors(comparison.covariance) / np.outer(best.point, best.point)
         tension = None
-        if nuisances.of_tension:
-            empty = np.zeros((len(of_priors) + len(nuisance), 2))
-            empty[: len(of_priors)] = of_priors
-            count = len(differences)
-            basis = np.vstack([fitted.basis[:count], np.zeros((len(of_priors), len(nuisance))), fitted.basis[count:]])
-            every = np.hstack([np.vstack([slopes, empty]), basis])
-            picked = [0, 1, every.shape[1] - 1]
-            tension = Tension(float(nuisance[-1]), np.linalg.pinv(every.T @ every)[np.ix_(picked, picked)])
-        left = fitted.left
+        if comparison.nuisances.of_tension:
+            by = {name: rate[: len(differences)] for name, rate in linear.prediction.model_sensitivities.items()}
+            # By how much the tension follows the logarithms of the stiffnesses, and its variance at fixed ones.
+            follows = fitted.following(comparison.with_nuisances(by, fitted, best.values) * best.point)[-1]
+            alone = np.linalg.inv(fitted.basis.T @ fitted.basis)[-1, -1]
+            both = np.vstack([np.eye(len(PARAMETERS)), follows])
+            covariance = both @ log_covariance @ both.T
+            covariance[-1, -1] += alone
+            tension = Tension(float(fitted.nuisance[-1]), covariance)
         return cls(
-            parameters,
-            shape_of(outcome, comparison.bare),
-            nuisance,
-            comparison.unexplained(distances, nuisance, parameters),
-            left[len(differences) - len(comparison.sensors) : len(differences)],
-            float(left @ left + departures @ departures),
-            len(differences) + len(departures),
-            np.linalg.pinv(jacobian.T @ jacobian),
+            by_name(best.point),
+            comparison.misfit,
+            shape,
+            fitted.nuisance,
+            comparison.unexplained(comparison.misfit.distances(shape), fitted.nuisance, best.point),
+            fitted.left[len(differences) - len(comparison.sensors) : len(differences)],
+            best.objective / (len(differences) + len(found.search.law.priors)),
+            log_covariance,
             tension,
         )
-
-    @property
-    def interval95(self) -> FloatArray:
-        """95 % intervals (2, 2) of the stiffnesses, MPa; 0 or infinity at an open end.
-
-        By profile likelihood if there is one, else by the curvature at the best values.
-        """
-        if self.profile95 is not None:
-            return self.profile95
-        half = quantile(0) * np.sqrt(np.diag(self.log_covariance))
-        return self.parameters[:, None] * np.exp(np.stack([-half, half], axis=1))
 
     @property
     def rms(self) -> float:
         """Root-mean-square distance from the scan, mm."""
         return float(np.sqrt(np.mean(self.distances**2)))
 
-    def misses(self, accuracy: ContourAccuracy) -> bool:
-        """Tell whether the leg is farther from the scan than errors of the contours explain."""
-        return not self.rms <= MISSED_BEYOND * accuracy.expected_rms
-
     @property
-    def chi_square(self) -> float:
-        """Least sum of squares over `residuals`: 1 where errors are as large as assumed."""
-        return self.objective / self.residuals
+    def misses(self) -> bool:
+        """Whether the leg is farther from the scan than errors of the contours explain."""
+        return not self.rms <= MISSED_BEYOND * self.misfit.accuracy.expected_rms
 
     @property
     def rigid(self) -> FloatArray:

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from legfem.common.documents import write_atomically
 from legfem.common.progress import Silent
-from legfem.common.units import kpa_to_mpa, mpa_to_kpa
+from legfem.common.units import kpa_to_mpa
 from legfem.experiments.compression import CompressionSettings
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.motion import RigidTransform
@@ -159,18 +159,17 @@ def _recovery(fit: StockingFit, kind: str, seconds: float) -> Recovery:
     leg, best = fit.details.leg, fit.details.best
     assert best is not None and leg.registration is not None
     truth = TRUTHS[leg.id]
-    muscle, fat = map(float, mpa_to_kpa(best.parameters))
-    low, high = mpa_to_kpa(best.interval95).T
+    muscle, fat = (known.shown for known in fit.estimates.values())
     return Recovery(
         leg.id,
         kind,
         (truth.deep_kPa, truth.superficial_kPa),
-        (muscle, fat),
-        (float(low[0]), float(low[1])),
-        (float(high[0]), float(high[1])),
+        (muscle.value, fat.value),
+        (muscle.ci95[0], fat.ci95[0]),
+        (muscle.ci95[1], fat.ci95[1]),
         fit.log.forward_solves,
         best.rms,
-        best.chi_square,
+        best.weighted_misfit,
         leg.registration.residual,
         seconds,
     )
