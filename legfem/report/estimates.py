@@ -43,8 +43,10 @@ def interval_text(found: Estimate, named: str = "") -> str:
     """Return an estimate's 95 % interval, with a name before its numbers."""
     if found.undetermined:
         return "interval not determined"
-    shown = found.shown
-    return named + " to ".join(number(end, shown.standard_error) for end in shown.ci95)
+    # An end near nought keeps a digit of its own beside a wide interval's other.
+    error = found.shown.standard_error
+    low, high = (number(end, min(error, abs(end) / 2) or error) for end in found.shown.ci95)
+    return f"{named}{low} to {high}" if math.isfinite(found.ci95[1]) else f"{named}at least {low}"
 
 
 def words_of(name: str) -> str:
@@ -57,13 +59,14 @@ def words_of(name: str) -> str:
     return f"{field} of the {REGION_NAMES[tissue]}"
 
 
-def estimated(what: str, found: Estimate, recordings: int, isotropic: bool) -> Known:
-    """Return an estimate's row: what it is, in words, and from how many recordings it comes.
+def estimated(what: str, found: Estimate, data: int | str, isotropic: bool) -> Known:
+    """Return an estimate's row: what it is, in words, and from how many recordings, or what else, it comes.
 
     Of an isotropic tissue, C10 has the moduli beside it.
     """
     parameter, error, (low, high) = found.parameter, found.shown.standard_error, found.shown.ci95
-    source, remark = f"{recordings} recording{'s' * (recordings > 1)}", str(found.identifiability)
+    source = data if isinstance(data, str) else f"{data} recording{'s' * (data > 1)}"
+    remark = str(found.identifiability)
     if (prior := parameter.prior) is not None:
         unit, factor = readable_unit(parameter.unit)
         width = f"± {factor * prior.sd:.4g} {unit} (normal)"
@@ -79,6 +82,21 @@ def estimated(what: str, found: Estimate, recordings: int, isotropic: bool) -> K
         remark += f"; {moduli_of(found)}"
     how: Provenance = "estimated" if parameter.role == "identified" else "prior"
     return Known(what, value_text(found), how, source, interval_text(found), remark)
+
+
+def computed(fit: Fit[Any], source: str) -> list[Known]:
+    """Return the rows of what follows from a fit, where it is known."""
+    return [
+        Known(
+            one.name,
+            f"{number(one.value, one.standard_error)}{spaced(one.unit)}",
+            "computed",
+            source,
+            " to ".join(number(end, one.standard_error) for end in one.ci95 if math.isfinite(end)),
+        )
+        for one in fit.computed.values()
+        if math.isfinite(one.value)
+    ]
 
 
 _WIDENED = 8.0

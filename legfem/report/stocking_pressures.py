@@ -56,25 +56,13 @@ def place_in_fat(bare: LegShape, point: FloatArray) -> str:
 
 def pressure_blocks(details: StockingDetails) -> list[Block]:
     """Return the pressures on the skin and inside."""
-    load, within = details.equilibrium.load, details.pressures
-    by_level, unloaded = load.pressure.mean(axis=1), load.unloaded_skin
-    least = both_units(float(load.pressure.min()))
-    rows = [
-        ("mean over the skin", both_units(load.mean_pressure)),
-        ("least", least + (f"; {100 * unloaded.mean():.0f} % of the skin bears none" if unloaded.any() else "")),
-        ("greatest", f"{both_units(float(load.pressure.max()))}, {highest_place(details)}"),
-        ("mean at the lower end", both_units(float(by_level[0]))),
-        ("mean at the upper end", both_units(float(by_level[-1]))),
-        ("the fabric's strain", f"{100 * load.strain.min():.0f} to {100 * load.strain.max():.0f} %"),
-        ("the fabric's tension", f"{load.tension.min():.3g} to {load.tension.max():.3g} N/mm"),
-    ]
     note = (
         "By Laplace's law, from the fabric's tension and the curvature of the leg as it is "
         "compressed; the fabric spans hollows and presses on nothing there."
         if details.equilibrium.state.report.complete
         else "Of the bare leg's shape, since the leg in its stocking could not be computed."
     )
-    blocks: list[Block] = [Prose(note), WebTable("Pressure of the stocking on the skin", ["where", "pressure"], rows)]
+    blocks: list[Block] = [Prose(note), _bars(details)]
     if details.sensors:
         used = "They were compared, and nothing was identified from them."
         if details.best is not None:
@@ -86,7 +74,7 @@ def pressure_blocks(details: StockingDetails) -> list[Block]:
             )
         caption = f"Sensors between stocking and skin beside the model, averaged over their faces. {used}"
         blocks.append(WebTable(caption, ["sensor", "shown, and by the model"], sensor_rows(details)))
-    return blocks if within is None else [*blocks, *_inside(details, within)]
+    return blocks if details.pressures is None else [*blocks, *_inside(details, details.pressures)]
 
 
 def sensor_rows(details: StockingDetails) -> list[tuple[str, str]]:
@@ -135,7 +123,7 @@ def _inside(details: StockingDetails, found: TissuePressures) -> list[Block]:
         "The greatest pressure in the fat, where the pain receptors are, is the second paper's measure of discomfort. "
         f"It is {place_in_fat(details.leg.bare, found.greatest_in_fat_at)}."
     )
-    blocks: list[Block] = [Prose(note), _bars(details, found), *_postures(details), Prose(measure)]
+    blocks: list[Block] = [Prose(note), *_postures(details), Prose(measure)]
     if fat is not None:
         each = (fat.rank_correlation(fat.greatest, other) for other in (fat.thickness, fat.interface))
         thickness, interface = (
@@ -190,36 +178,34 @@ def _postures(details: StockingDetails) -> list[Block]:
     return [WebTable(said, ["vein", "pressure"], rows)]
 
 
-def _bars(details: StockingDetails, found: TissuePressures) -> Bars:
+def _bars(details: StockingDetails) -> Bars:
+    load, found = details.equilibrium.load, details.pressures
+    bare = f", {100 * load.unloaded_skin.mean():.0f} % of the skin bears none" if load.unloaded_skin.any() else ""
     bars = [
-        _bar("skin, mean", found.mean_interface),
-        _bar(f"skin, greatest ({highest_place(details)})", found.greatest_interface),
-        _bar("skin, least", float(details.equilibrium.load.pressure.min())),
-        _bar("fat, greatest", found.greatest_in_fat, f", {_share(found.greatest_in_fat, found)}"),
-        _bar("muscle, mean", found.mean_in_muscle),
+        _bar("skin, mean", load.mean_pressure),
+        _bar(f"skin, greatest ({highest_place(details)})", float(load.pressure.max())),
+        _bar("skin, least", float(load.pressure.min()), bare),
     ]
-    for k, (vein, pressure) in enumerate(zip(details.leg.veins, found.at_veins, strict=True)):
-        name, (low, high) = f"vein, {vein.name}", vein_interval(details, k)
-        known = (low, high) if np.isfinite(high) else None
-        spread = f", {low:.1f} to {high:.1f} mmHg" if known else ""
-        bars.append(
-            _bar(name, pressure, f"{spread}, {_share(pressure, found)}", known)
-            if np.isfinite(pressure)
-            else LabelledBar(name, 0.0, "not in the tissues: check the vein's position", known)
-        )
-    return Bars(
-        "Pressures in mmHg (kPa) with 95 % intervals: on the skin by Laplace's law, inside hydrostatic",
-        ("where", "pressure"),
-        bars,
-    )
+    if found is not None:
+        bars.append(_bar("fat, greatest", found.greatest_in_fat, _share(found.greatest_in_fat, found)))
+        bars.append(_bar("muscle, mean", found.mean_in_muscle))
+        for k, (vein, pressure) in enumerate(zip(details.leg.veins, found.at_veins, strict=True)):
+            low, high = vein_interval(details, k)
+            known = (low, high) if np.isfinite(high) else None
+            spread = f", {low:.1f} to {high:.1f} mmHg" if known else ""
+            bars.append(_bar(f"vein, {vein.name}", pressure, spread + _share(pressure, found), known))
+    caption = "Pressures in mmHg (kPa) with 95 % intervals: on the skin by Laplace's law, inside hydrostatic"
+    return Bars(caption, ("where", "pressure"), bars)
 
 
 def _bar(name: str, pressure: float, more: str = "", interval: tuple[float, float] | None = None) -> LabelledBar:
+    if not np.isfinite(pressure):
+        return LabelledBar(name, 0.0, "not in the tissues: check the vein's position", interval)
     return LabelledBar(name, mpa_to_mmhg(pressure), both_units(pressure) + more, interval)
 
 
 def _share(pressure: float, found: TissuePressures) -> str:
-    return f"{100 * pressure / found.mean_interface:.0f} % of the mean on the skin"
+    return f", {100 * pressure / found.mean_interface:.0f} % of the mean on the skin"
 
 
 def level_blocks(details: StockingDetails) -> list[Block]:

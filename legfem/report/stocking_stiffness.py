@@ -4,73 +4,25 @@ import numpy as np
 
 from legfem.common.units import mpa_to_kpa
 from legfem.geometry.slices import CONTOURS
-from legfem.inverse.estimates import Estimate
-from legfem.inverse.intervals import IDENTIFIABLE_WITHIN, WEAKLY_WITHIN
 from legfem.report import page as web
 from legfem.report.curves import Curves, Line
+from legfem.report.estimates import held_text, how_found, why_identifiable, words_of
 from legfem.report.page import Block, Prose, WebTable
 from legfem.report.style import FAINT
 from legfem.report.words import ROUND, Directions, capital, round_leg, short_probability, unwrapped
 from legfem.stockings.contour_distances import CONTOUR_NAMES
 from legfem.stockings.details import StockingDetails, StockingFit
 from legfem.stockings.discrepancy import ModelDiscrepancy
-from legfem.stockings.equilibrium import PARAMETERS
-from legfem.stockings.levels import TISSUES
 from legfem.stockings.scan_fit import ScanFit
 
 STIFFNESS = "Stiffness of muscle and fat"
 """Title of the chapter."""
 
 
-def stiffness_values(parameters: dict[str, float]) -> str:
-    """Return stiffnesses (MPa) by name, in kPa."""
-    return ", ".join(f"{TISSUES[name]} C10 = {mpa_to_kpa(value):.3g} kPa" for name, value in parameters.items())
-
-
-def stiffness_interval(interval: tuple[float, float]) -> str:
-    """Return a 95 % interval (MPa) in kPa, in words where it is open."""
-    low, high = (mpa_to_kpa(end) for end in interval)
-    if low > 0 and np.isfinite(high):
-        return f"{low:.3g} to {high:.3g}"
-    if low > 0:
-        return f"at least {low:.3g}"
-    return f"at most {high:.3g}" if np.isfinite(high) else "any"
-
-
-def verdict_sentence(known: Estimate) -> str:
-    """Return in plain words how well a stiffness is known."""
-    tissue = TISSUES[known.parameter.name]
-    half = f"± {100 * known.relative_half_width:.2g} %"
-    limit = {"identifiable": IDENTIFIABLE_WITHIN, "weakly identifiable": WEAKLY_WITHIN}
-    if known.at_bound:
-        return (
-            f"The stiffness of the {tissue} is not identifiable: the best value stands at the "
-            f"search's {known.at_bound} bound."
-        )
-    if known.adds_nothing:
-        return (
-            f"These scans say nothing of the stiffness of the {tissue} beyond what was known before them (not "
-            f"identifiable): its 95 % interval, {half}, is that of its prior."
-        )
-    if known.identifiability == "not identifiable":
-        return (
-            f"The stiffness of the {tissue} cannot be determined from these scans (not identifiable): its 95 % "
-            f"interval is {'wider than ± 100 %' if known.relative_half_width >= 1 else half}. Do not use the value "
-            "by itself."
-        )
-    if known.identifiability == "weakly identifiable" and known.relative_half_width <= IDENTIFIABLE_WITHIN:
-        return (
-            f"The stiffness of the {tissue} is weakly identifiable at best: its interval is narrow ({half}), but "
-            "the model does not describe the scans (see Warnings)."
-        )
-    called = f"the limit for this is ± {100 * limit[known.identifiability]:.0f} %"
-    return f"The stiffness of the {tissue} is {known.identifiability}: its 95 % interval is {half} ({called})."
-
-
 def stiffness_blocks(fit: StockingFit) -> list[Block]:
-    """Return the values, how well they are known, how well they fit, and every equilibrium of the search."""
+    """Return how well the values are known, how well they fit, and how they were searched for."""
     details, leg = fit.details, fit.details.leg
-    given = stiffness_values(details.parameters)
+    given = ", ".join(f"{words_of(name)} {held_text(name, value)}" for name, value in details.parameters.items())
     best = details.best
     if best is None:
         why = details.problem or "the leg was not scanned in its stocking"
@@ -86,27 +38,13 @@ def stiffness_blocks(fit: StockingFit) -> list[Block]:
         "The intervals include errors of the contours, of the registration, and of a pressure "
         f"that differs from place to place round the leg. {fabric}"
     )
-    solves = [
-        {
-            **{f"{TISSUES[name]} C10 (kPa)": f"{mpa_to_kpa(solve.values[name]):.4g}" for name in PARAMETERS},
-            "rms (mm)": f"{np.sqrt(solve.cost / fit.cost.points):.3f}" if solve.complete else "-",
-            "asked for by": solve.stage if solve.complete else f"no state found: {solve.reason}",
-        }
-        for solve in fit.log.solves
-    ]
-    bulk = ", ".join(f"{2 / D1:.3g}" for D1 in sorted({law.D1 for law in leg.tissues.values()}))
-    laws = (
-        "Both tissues are neo-Hookean, U = C10 (I1 - 3) + (J - 1)^2 / D1, with a given bulk "
-        f"modulus of {bulk} MPa; the initial shear modulus is 2 C10."
-    )
     used = f"The pressures below are not of these values but of those given: {given}."
     return [
-        *(Prose(verdict_sentence(known)) for known in fit.estimates.values()),
+        web.Bullets(why_identifiable(fit.estimates, fit.law)),
         Prose(errors),
         Prose(_goodness(details, best)),
-        WebTable.of("Every equilibrium", solves),
+        *how_found([fit]),
         *([Prose(used)] if leg.known else []),
-        Prose(laws),
     ]
 
 

@@ -151,7 +151,8 @@ def compared(
                 value=squares,
                 points=len(left),
                 r_squared=r_squared(squares, measured),
-                minimised="the sum weighted with the inverse covariance (dimensionless), and the priors' squared departures",
+                minimised="the sum weighted with the inverse covariance (dimensionless), and the priors' squared "
+                "departures",
                 minimised_value=found.best.objective,
             ),
             tests=(TestFit(test, channels, goodness),),

@@ -8,24 +8,23 @@ import numpy as np
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
-from legfem.common.units import mpa_to_kpa, mpa_to_mmhg
+from legfem.common.units import mpa_to_mmhg
 from legfem.fem.field_files import write_fields
 from legfem.fem.fields import fields_of
 from legfem.inverse.answer import Finding
 from legfem.inverse.document import KindDocument
+from legfem.report import estimates, stocking_pressures, stocking_stiffness
 from legfem.report import page as web
-from legfem.report import stocking_pressures, stocking_stiffness
 from legfem.report.curves import curves_figure
 from legfem.report.dressed_leg import dressed_leg
-from legfem.report.estimates import modulus_rows
+from legfem.report.estimates import held_text, modulus_rows, words_of
 from legfem.report.folder import ReportFile
 from legfem.report.kinds import ReportKind
 from legfem.report.stocking_figures import stocking_pressure_figure, stocking_section_figure
 from legfem.report.style import save
-from legfem.report.words import DataKind, capital, moduli_text
+from legfem.report.words import DataKind, capital
 from legfem.stockings.assessment import KIND
 from legfem.stockings.details import StockingDetails, StockingDocument, StockingFit
-from legfem.stockings.levels import TISSUES
 
 
 class StockingReport(ReportKind):
@@ -44,7 +43,7 @@ class StockingReport(ReportKind):
     def answers(self, chosen: StockingFit) -> list[tuple[str, str]]:
         """Return what is wrong, how sure it is, what it means and what to do."""
         details, found = chosen.details, chosen.details.pressures
-        parts = [stocking_stiffness.verdict_sentence(known) for known in chosen.estimates.values()]
+        parts = [estimates.how_sure(chosen.estimates, words_of)] if chosen.estimates else []
         comfort = "Unknown."
         if found is not None:
             parts += ["The pressures are those of the stiffness that was given."] if details.leg.known else []
@@ -71,7 +70,7 @@ class StockingReport(ReportKind):
         """Return the stiffness, the pressures, and what they rest on."""
         return [
             *_stiffness(fits[0]),
-            *_pressures(fits[0].details),
+            *estimates.computed(fits[0], "the model in equilibrium with its stocking"),
             *_stocking(fits[0].details),
             *_given(fits[0].details),
         ]
@@ -143,25 +142,12 @@ class StockingReport(ReportKind):
 
 
 def _stiffness(fit: StockingFit) -> list[web.Known]:
-    rows = []
-    for name, known in fit.estimates.items():
-        bound = f"; at the {known.at_bound} bound of the search" if known.at_bound else ""
-        c10 = mpa_to_kpa(known.value)
-        rows.append(
-            web.Known(
-                f"C10 of the {TISSUES[name]}",
-                f"{c10:.3g} kPa",
-                "estimated",
-                "both scans",
-                stocking_stiffness.stiffness_interval(known.ci95),
-                f"{known.identifiability}{bound}; {moduli_text(c10, c10 * known.relative_half_width / 2)}",
-            )
-        )
+    found = [estimates.estimated(words_of(name), known, "both scans", True) for name, known in fit.estimates.items()]
     given = fit.details.parameters if fit.details.leg.known else {}
-    for name, value in given.items():
-        used = f"C10 of the {TISSUES[name]}, used for the pressures"
-        rows.append(web.Known(used, f"{mpa_to_kpa(value):.3g} kPa", "assumed", "leg.toml"))
-    return rows
+    return found + [
+        web.Known(f"{words_of(name)}, used for the pressures", held_text(name, value), "assumed", "leg.toml")
+        for name, value in given.items()
+    ]
 
 
 def _given(details: StockingDetails) -> list[web.Known]:
@@ -170,11 +156,12 @@ def _given(details: StockingDetails) -> list[web.Known]:
     data: web.Provenance = leg.origin
     usual, both = "leg.toml, or legfem's usual", "both scans"
     rows = [
-        web.Known(f"D1 of the {TISSUES[f'{name}.C10']}", f"{law.D1:g} 1/MPa", "assumed", "leg.toml")
+        web.Known(words_of(f"{name}.D1"), held_text(f"{name}.D1", law.D1), "assumed", "leg.toml")
         for name, law in leg.tissues.items()
     ]
     if leg.compressed is not None:
-        error, over = f"{accuracy.sd:.2g} mm (sd)", f"correlated over {accuracy.correlation:g} mm"
+        error, over = f"{accuracy.sd:.2g} mm (sd)", f"correlated over {accuracy.correlation:g} mm; "
+        over += f"smoothing leaves {accuracy.smoothed_sd:.2g} mm"
         rows.append(web.Known("error of a scan's outline", error, "prior", usual, remark=over))
     error = f"{100 * accuracy.pressure_sd:g} % (sd)"
     rows.append(web.Known("error of the stocking's pressure round the leg", error, "prior", usual))
@@ -184,33 +171,8 @@ def _given(details: StockingDetails) -> list[web.Known]:
     for name, text in stocking_pressures.sensor_rows(details):
         rows.append(web.Known(f"pressure on the skin at the sensor {name!r}", text, data, "leg.toml"))
     rows += modulus_rows(leg.elastography, leg.origin)
-    if leg.registration is not None:
-        residual = f"{leg.registration.residual:.2f} mm (rms)"
-        rows.append(web.Known("bones of both scans, apart after registration", residual, data, both))
     rows.append(web.Known("length of leg that was modelled", f"{leg.bare.length:.0f} mm", data, "scan of the bare leg"))
     return rows
-
-
-def _pressures(details: StockingDetails) -> list[web.Known]:
-    found, both_units = details.pressures, stocking_pressures.both_units
-    if found is None:
-        return []
-    source = "the model in equilibrium with its stocking"
-    mean, low_by = both_units(found.mean_interface), stocking_pressures.low_in_fat(details)
-    rows = [web.Known("pressure on the skin, mean", mean, "computed", "Laplace's law on the dressed leg")]
-    for k, (vein, pressure) in enumerate(zip(details.leg.veins, found.at_veins, strict=True)):
-        if np.isfinite(pressure):
-            low, high = stocking_pressures.vein_interval(details, k)
-            interval = f"{low:.1f} to {high:.1f} mmHg" if np.isfinite(high) else ""
-            share = f"{100 * pressure / found.mean_interface:.0f} % of the mean on the skin"
-            name = f"pressure at the {vein.name} vein"
-            rows.append(web.Known(name, both_units(pressure), "computed", source, interval, share))
-    greatest, in_muscle = both_units(found.greatest_in_fat), both_units(found.mean_in_muscle)
-    return [
-        *rows,
-        web.Known("pressure in the fat, greatest", greatest, "computed", source, remark=low_by),
-        web.Known("pressure in the muscle, mean", in_muscle, "computed", source),
-    ]
 
 
 def _stocking(details: StockingDetails) -> list[web.Known]:
@@ -218,10 +180,12 @@ def _stocking(details: StockingDetails) -> list[web.Known]:
     low, high = stocking.unstretched.min(), stocking.unstretched.max()
     girths = f"{low:.0f} mm" if high - low < 0.5 else f"{low:.0f} to {high:.0f} mm"
     strain = f"{100 * load.strain.min():.0f} to {100 * load.strain.max():.0f} %"
+    tension = f"{load.tension.min():.3g} to {load.tension.max():.3g} N/mm"
     rows = [
         web.Known("stiffness of the fabric", f"{stocking.stiffness:g} N/mm per unit of strain", "assumed", "leg.toml"),
         web.Known("girth of the unstretched stocking", girths, "assumed", "leg.toml, or its class"),
         web.Known("strain of the worn fabric", strain, "computed", "the dressed leg's girth"),
+        web.Known("tension of the worn fabric", tension, "computed", "its strain"),
     ]
     if details.scan_load is not None:
         mean, source = f"{mpa_to_mmhg(details.scan_load.mean_pressure):.1f} mmHg (mean)", "scan in the stocking, "
@@ -292,14 +256,6 @@ def _scanned(details: StockingDetails) -> list[web.Block]:
         )
     elif leg.compressed is not None:
         lines.append("The two were given in one system of coordinates: nothing was registered.")
-    accuracy = leg.accuracy
-    if leg.compressed is not None:
-        lines.append(
-            f"Each scan's segmentation is taken to be {accuracy.sd:.2g} mm off (standard deviation, correlated over "
-            f"{accuracy.correlation:g} mm), which leaves {accuracy.smoothed_sd:.2g} mm in its contours, and the "
-            f"stocking's pressure to be {100 * accuracy.pressure_sd:g} % off over an eighth of the girth; the "
-            "intervals of the stiffness rest on that."
-        )
     return [web.Prose(line) for line in lines]
 
 
