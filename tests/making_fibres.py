@@ -27,7 +27,7 @@ RATIO = ratio_of("deep")
 
 
 def forward(sizes: Sizes, depth: float, tissue: SpecimenTissue = TISSUE) -> SpecimenForward:
-    return SpecimenForward.of_tissues((sizes,), (depth,), [tissue], SOFT)
+    return SpecimenForward(sizes, depth, (tissue,), SOFT)
 
 
 def pulled(ratio: float, direction: str, displacement: np.ndarray, c20: float = 0.0) -> np.ndarray:

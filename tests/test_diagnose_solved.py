@@ -10,7 +10,7 @@ from making_diagnosis import INSTRUMENT
 
 from legfem.common.progress import Silent
 from legfem.data import Recording, segment_all
-from legfem.inverse.body_models import Stopped
+from legfem.experiments.experiment import Solved
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.correction import read_correction
 from legfem.inverse.elastography import FibreRatio
@@ -196,7 +196,7 @@ class Stopping:
 
     def follow(self, protocol, deep, solution, sensitivities=(), placement=None):
         """Say that it stopped."""
-        return Stopped("the step became too small")
+        return Solved.nothing("the step became too small")
 
     def described(self, variant):
         """Return nothing in particular."""

@@ -20,7 +20,7 @@ from legfem.common.errors import InputError
 from legfem.data import Recording, write_recording
 from legfem.data.recording import RecordedChannel
 from legfem.experiments.bodies import BallOnLayer, PunchOnLayer
-from legfem.inverse.body_models import Stopped
+from legfem.inverse.outcome import JointForward
 from legfem.inverse.parse_parameters import ParameterTexts
 from legfem.inverse.readings import READINGS
 from legfem.mechanisms import Solution
@@ -90,9 +90,9 @@ def press(folder: Path, name: str, fat: float, muscle: float, depth: float = 2.0
 )
 def test_equal_layers_are_one_tissue_and_so_are_their_derivatives(whole) -> None:
     layered = Sizes(whole, (("muscle", 7.0), ("fat", 5.0)))
-    c10, depth = 5e-3, (1.2,)
-    one = SpecimenForward.of_tissues((Sizes(whole),), depth, [SpecimenTissue()], c10)
-    two = SpecimenForward.of_tissues((layered,), depth, OPEN, c10)
+    c10, depth = 5e-3, 1.2
+    one = SpecimenForward(Sizes(whole), depth, (SpecimenTissue(),), c10)
+    two = SpecimenForward(layered, depth, OPEN, c10)
     alone = one.solve({"deep.C10": c10}, ["deep.C10"]).curves[0]
     both = two.solve({"fat.C10": c10, "muscle.C10": c10}, ["fat.C10", "muscle.C10"]).curves[0]
     # Where a ball's contact is a few elements wide, its force rises in steps.
@@ -179,11 +179,12 @@ def test_a_diagnosis_solves_the_open_layer_on_the_stated_one() -> None:
     tissues = SpecimenTissue("muscle", None, POISSON), fat
     at, depth, c10 = np.linspace(0.4, 1.2, 5), 1.2, 3e-3
     models = SpecimenVariants(test, depth, tissues)
-    found = models.follow(
+    solved = models.follow(
         Protocol.ramp(depth, 1.0), {"deep.C10": c10, "deep.C20": 0.0}, Solution("plain"), ("deep.C10",)
     )
-    assert not isinstance(found, Stopped)
-    forward = SpecimenForward.of_tissues((test,), (depth,), [one.of_law("neo-hookean") for one in tissues], c10)
+    assert solved.report.complete
+    found = solved.path
+    forward = SpecimenForward(test, depth, tuple(one.of_law("neo-hookean") for one in tissues), c10)
     same = forward.solve({"muscle.C10": c10}, ["muscle.C10"]).curves[0]
     np.testing.assert_allclose(found.force_at(at), same(at), rtol=1e-5)
     slopes = found.sensitivity_at("deep.C10", at)
@@ -194,13 +195,13 @@ def test_a_diagnosis_solves_the_open_layer_on_the_stated_one() -> None:
         {"deep.C10": 2 * c10, "deep.C20": 0.0},
         Solution("plain", scaled={"superficial.C10": 2.0}),
     )
-    assert not isinstance(twice, Stopped)
-    np.testing.assert_allclose(twice.force_at(at), 2 * found.force_at(at), rtol=1e-9)
+    assert twice.report.complete
+    np.testing.assert_allclose(twice.path.force_at(at), 2 * found.force_at(at), rtol=1e-9)
     # Layers are seen under their own names, whichever is open.
     other = SpecimenVariants(test, depth, (replace(fat, name="muscle"), replace(tissues[0], name="fat")))
     same_way = other.follow(Protocol.ramp(depth, 1.0), {"deep.C10": c10, "deep.C20": 0.0}, Solution("plain"))
-    assert not isinstance(same_way, Stopped)
-    for path in (found, same_way):
+    assert same_way.report.complete
+    for path in (found, same_way.path):
         assert [float(path.channels[name][0]) for name in SEEN] == [5.0, 12.0]
         lost = [path.channels[name][0] - path.channels[name][-1] for name in SEEN]
         assert sum(lost) == pytest.approx(depth, rel=0.02)
@@ -320,8 +321,8 @@ def test_what_is_read_is_what_another_code_shows(seen_layers: Path) -> None:
     folder = lf.load_specimen(seen_layers)
     (one,) = folder.recordings
     truth = {"fat.C10": FAT, "muscle.C10": MUSCLE}
-    tissues = [tissue.of_law("neo-hookean") for tissue in folder.tissues]
-    model = SpecimenForward.of_tissues((one.sizes,), (1.02 * one.course.depth,), tissues, MUSCLE)
+    tissues = tuple(tissue.of_law("neo-hookean") for tissue in folder.tissues)
+    model = JointForward((SpecimenForward(one.sizes, 1.02 * one.course.depth, tissues, MUSCLE),))
     comparison = readings_of(comparison_of([one], model, folder, False), [folder.sizes_sd])
     instrument = np.array([number.null for number in READINGS.values()])
     found = comparison.predict(model.solve(truth, list(truth)), instrument)
@@ -382,6 +383,6 @@ def test_a_frame_at_the_end_of_a_press_counts(seen_layers: Path, tmp_path: Path)
     table.to_csv(tmp_path / "recordings" / "press.csv", index=False)
     folder = lf.load_specimen(tmp_path)
     (one,) = folder.recordings
-    model = SpecimenForward.of_tissues((one.sizes,), (one.course.depth,), folder.tissues, MUSCLE)
+    model = JointForward((SpecimenForward(one.sizes, one.course.depth, folder.tissues, MUSCLE),))
     (seen,) = readings_of(comparison_of([one], model, folder, False), [0.01]).beside
     assert [len(channel.values) for channel in seen.channels] == [1, 2]

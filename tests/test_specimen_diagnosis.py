@@ -16,7 +16,7 @@ from legfem.common.progress import Silent
 from legfem.data import Recording, write_recording
 from legfem.data.recording import RecordedChannel
 from legfem.experiments.bodies import BallOnLayer, CylinderBetweenPlates, CylinderOnBlock, UniaxialSpecimen
-from legfem.inverse.body_models import BodyModels, Stopped
+from legfem.inverse.body_models import BodyModels
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.mechanics.materials import ExponentialStiffening, NeoHookean
 from legfem.mechanisms import Solution
@@ -133,8 +133,9 @@ def test_one_solution_serves_every_stiffness(body, depth: float) -> None:
     at = np.linspace(0.3, 1.0, 5) * depth
     asked = ("deep.C10", "deep.C20", "size.height" if hasattr(body, "height") else "deep.D1")
     given = {"deep.C10": c10, "deep.C20": c20}
-    found = models.follow(Protocol.ramp(depth, 1.0), given, Solution("plain"), asked)
-    assert not isinstance(found, Stopped)
+    solved = models.follow(Protocol.ramp(depth, 1.0), given, Solution("plain"), asked)
+    assert solved.report.complete
+    found = solved.path
 
     def direct(first: float, second: float, of=body, channel: str = "") -> np.ndarray:
         law = specimen_law("reduced-polynomial", REFERENCE_MPA, None)
@@ -164,8 +165,9 @@ def test_a_return_between_plates_is_followed_to_its_end() -> None:
     """Flat faces come apart all at once: relaxation couldn't be sought in any recording that came back."""
     times, ways = (0.0, 4.0, 10.0, 14.0), (0.0, 1.5, 1.5, 0.0)
     models: BodyModels = SpecimenVariants(Sizes(CylinderBetweenPlates(12.0, 12.0, "bonded")), 1.5)
-    found = models.follow(Protocol(times, ways), {"deep.C10": 8e-3, "deep.C20": 0.0}, Solution("plain"))
-    assert not isinstance(found, Stopped)
+    solved = models.follow(Protocol(times, ways), {"deep.C10": 8e-3, "deep.C20": 0.0}, Solution("plain"))
+    assert solved.report.complete
+    found = solved.path
     up, down = (found.force_at([time])[0] for time in (2.0, 12.0))
     assert down == pytest.approx(up, rel=5e-3)
     assert 0.0 <= found.force_at([14.0])[0] < 5e-3 * found.force.max()

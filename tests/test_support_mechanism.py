@@ -9,7 +9,7 @@ import pytest
 from making_diagnosis import coarse_leg, observations, ramps
 
 from legfem.common.progress import Silent
-from legfem.inverse.body_models import Stopped
+from legfem.experiments.experiment import Solved
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.intervals import NUMERICAL_ERROR
 from legfem.inverse.library_build import build_library
@@ -44,11 +44,11 @@ def test_a_tangent_that_is_kept_changes_no_other_model(variants, name):
     forces = []
     for keeps in (False, True):
         settings = replace(variants.settings, newton=replace(variants.settings.newton, keeps_body=keeps))
-        path = replace(variants, settings=settings).follow(
+        solved = replace(variants, settings=settings).follow(
             Protocol.ramp(14.0, 1.0), {DEEP_C10: 1e-3, DEEP_C20: 0.0}, mechanism.solution({at: 0.78})
         )
-        assert not isinstance(path, Stopped)
-        forces.append(path.force_at(np.array([5.0, 14.0])))
+        assert solved.report.complete
+        forces.append(solved.path.force_at(np.array([5.0, 14.0])))
     np.testing.assert_allclose(forces[0], forces[1], rtol=1e-5)
 
 
@@ -108,7 +108,7 @@ def test_where_springs_stop_the_frame_is_left(variants, solved, monkeypatch):
 
     def stops(self, protocol, deep, solution, *others):
         if solution.variant == SUPPORT.variant:
-            return Stopped("it rolls away")
+            return Solved.nothing("it rolls away")
         return follow(self, protocol, deep, solution, *others)
 
     monkeypatch.setattr(LegVariants, "follow", stops)

@@ -62,6 +62,12 @@ class Solved:
     """All steps: holds, unloading and reloading too."""
     report: SolveReport
 
+    @classmethod
+    def nothing(cls, reason: str, sensitivities: Sequence[str] = ()) -> "Solved":
+        """Return the outcome of a test that breaks down before its first step."""
+        none, by = np.zeros(1), dict.fromkeys(sensitivities, np.zeros(1))
+        return cls({}, ForceCurve(none, none, by), Path(none, none, none, by), SolveReport(0.0, 0.0, False, reason))
+
 
 class cached_in_process[T](cached_property[T]):  # noqa: N801
     """A `cached_property` that is left out when its object is pickled: each process computes its own."""

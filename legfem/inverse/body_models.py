@@ -12,9 +12,9 @@ from legfem.inverse.mechanism import Solution, Stiffness
 from legfem.solve.protocol import Protocol as Motion
 
 if TYPE_CHECKING:
+    from legfem.experiments.experiment import Solved
     from legfem.experiments.plane_strain import LateralPlacement
     from legfem.meshing.section import MeshMotion
-    from legfem.solve.path import Path
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class BodyModels(Protocol):
         solution: Solution,
         sensitivities: Sequence[str] = (),
         placement: "LateralPlacement | None" = None,
-    ) -> "Path | Stopped":
+    ) -> "Solved":
         """Solve a protocol for a stiffness; see `legfem.legs.finite_element_models.LegVariants.follow`."""
         ...
 
@@ -73,13 +73,6 @@ class BodyModels(Protocol):
     def described(self, variant: str) -> str:
         """Return what tells a variant from others."""
         ...
-
-
-@dataclass(frozen=True)
-class Stopped:
-    """A solution that didn't follow its protocol to the end."""
-
-    why: str
 
 
 type Columns = dict[str, FloatArray]

@@ -11,7 +11,7 @@ from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import Values, stiffness_in_words
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
-from legfem.solve.path import ForceCurve, SolveReport
+from legfem.solve.path import ForceCurve, Path, SolveReport
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,8 +259,8 @@ def needed_for(chain: Chain) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for row in chain.values() for name in row))
 
 
-def through(chain: Chain, curve: ForceCurve) -> ForceCurve:
-    """Return a curve with derivatives by what is asked for, of one with those of `needed_for`."""
+def through[Course: (ForceCurve, Path)](chain: Chain, curve: Course) -> Course:
+    """Return a curve or path with derivatives by what is asked for, of one with those of `needed_for`."""
 
     def summed(by: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
         nothing = np.zeros_like(curve.displacement)

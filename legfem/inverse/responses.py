@@ -14,7 +14,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray
-from legfem.inverse.body_models import BodyModels, Columns, Displaced, PathRequest, Stopped, channels_of, derivative_of
+from legfem.inverse.body_models import BodyModels, Columns, Displaced, PathRequest, channels_of, derivative_of
 from legfem.inverse.emulator import At, GridSpline
 from legfem.inverse.mechanism import Solution, Stiffness, TissueMechanism, Values, null_of
 from legfem.inverse.observations import Observations
@@ -261,9 +261,10 @@ class SolvedResponses:
         deep = dict(zip(ELASTIC_DERIVATIVES, asked.stiffness, strict=True))
         moved = asked.moved
         variants = self.variants if moved is None else self.variants.moved_to(moved)
-        path = variants.follow(asked.protocol, deep, asked.solution, asked.derivatives, asked.placement)
-        if isinstance(path, Stopped):
+        solved = variants.follow(asked.protocol, deep, asked.solution, asked.derivatives, asked.placement)
+        if not solved.report.complete:
             return {"stopped": np.zeros(0)}
+        path = solved.path
         slopes = {name: path.sensitivity_at(name, asked.at) for name in asked.derivatives}
         found = {"force": path.force_at(asked.at), **slopes}
         since_touch = np.concatenate([[0.0], asked.at])

@@ -11,7 +11,7 @@ from mpi4py import MPI
 
 from legfem.channels import Sight
 from legfem.channels.kinds import planned_sights
-from legfem.experiments.experiment import Picklable, cached_in_process
+from legfem.experiments.experiment import Picklable, Solved, cached_in_process
 from legfem.experiments.indenter_pose import Ball, Cylinder, LegIndenter, Pose, Punch
 from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, fibres_of, membrane_of
 from legfem.experiments.plane_strain import LateralPlacement, PlaneStrainIndentation, PlaneStrainSettings, Tissues
@@ -19,7 +19,7 @@ from legfem.geometry.indenter import Indenter, Site
 from legfem.geometry.motion import without_layer
 from legfem.geometry.section import LegSection
 from legfem.inverse.accuracy import MATERIAL_LOG_SD
-from legfem.inverse.body_models import Displaced, Stopped
+from legfem.inverse.body_models import Displaced
 from legfem.inverse.observations import Observations
 from legfem.inverse.responses import SolvedResponses
 from legfem.legs.nuisances import displaced_geometries
@@ -29,7 +29,6 @@ from legfem.mechanics.materials import Hyperelastic, NeoHookean, ReducedPolynomi
 from legfem.mechanics.model import Term
 from legfem.mechanisms import Solution, TissueMechanism, mechanisms, shown_in
 from legfem.meshing.section import MeshMotion
-from legfem.solve.path import Path
 from legfem.solve.protocol import Protocol
 
 _CUT_OF_SLIP = 0.25
@@ -88,8 +87,8 @@ class LegVariants(Picklable):
         solution: Solution,
         sensitivities: Sequence[str] = (),
         placement: LateralPlacement | None = None,
-    ) -> Path | Stopped:
-        """Solve a protocol; say why where it isn't followed to its end.
+    ) -> Solved:
+        """Solve a protocol.
 
         Parameters
         ----------
@@ -107,10 +106,8 @@ class LegVariants(Picklable):
         model = self.model(solution.variant)
         values = solution.values(deep, model.model.parameters)
         at = placement or LateralPlacement()
-        solved = model.solve(
-            values, protocol, sensitivities, placement=replace(at, tilt_deg=at.tilt_deg + solution.tilt_deg)
-        )
-        return solved.path if solved.report.complete else Stopped(str(solved.report))
+        tilted = replace(at, tilt_deg=at.tilt_deg + solution.tilt_deg)
+        return model.solve(values, protocol, sensitivities, placement=tilted)
 
     def parameters(self, variant: str) -> dict[str, float]:
         """Return a model's parameters by full name (MPa, 1/MPa)."""

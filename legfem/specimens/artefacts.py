@@ -25,6 +25,7 @@ from legfem.channels.kinds.lateral_stretch import LATERAL_STRETCH
 from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import Values
 from legfem.inverse.estimates import Estimate
+from legfem.inverse.outcome import JointForward
 from legfem.inverse.readings import READINGS
 from legfem.specimens.channels import SpecimenReadings, readings_of
 from legfem.specimens.comparison import SpecimenComparison
@@ -97,7 +98,7 @@ class LateralFit:
         return f" ({given}a Poisson's ratio near {best:.3g}, of {low:.3g} to {high:.3g})"
 
 
-def lateral_fit(forces: SpecimenComparison, model: SpecimenForward, values: Values) -> LateralFit | None:
+def lateral_fit(forces: SpecimenComparison, model: JointForward[SpecimenForward], values: Values) -> LateralFit | None:
     """Return lateral stretches beside a model's; None where none were read, or the model has none.
 
     Parameters
@@ -114,13 +115,14 @@ def lateral_fit(forces: SpecimenComparison, model: SpecimenForward, values: Valu
     if not seen.beside:
         return None
     found = _compared(seen, model, values)
-    tissues = list(model.laws)
+    tissues = model.models[0].tissues
     if found is None or found.agrees or len(tissues) > 1:
         return found
-    stiffness = values.get(f"{tissues[0]}.C10", model.nominal[f"{tissues[0]}.C10"])
+    name = tissues[0].name
+    stiffness = values.get(f"{name}.C10", model.nominal[f"{name}.C10"])
     densities = {}
     for ratio in POISSON_RATIOS:
-        other = _compared(seen, model, {**values, f"{tissues[0]}.D1": 1 / (bulk_ratio(ratio) * stiffness)})
+        other = _compared(seen, model, {**values, f"{name}.D1": 1 / (bulk_ratio(ratio) * stiffness)})
         if other is not None:
             densities[ratio] = other.log_density
     best = max(densities, key=lambda ratio: densities[ratio])
@@ -128,7 +130,7 @@ def lateral_fit(forces: SpecimenComparison, model: SpecimenForward, values: Valu
     return replace(found, poisson_ratio=(best, min(likely), max(likely)))
 
 
-def _compared(seen: SpecimenReadings, model: SpecimenForward, values: Values) -> LateralFit | None:
+def _compared(seen: SpecimenReadings, model: JointForward[SpecimenForward], values: Values) -> LateralFit | None:
     outcome = model.solve(values, ())
     if not outcome.complete or not seen.reached_by(outcome):
         return None

@@ -17,7 +17,7 @@ from legfem.inverse.comparison import Covariances, Prediction
 from legfem.inverse.errors import COMMON_GAIN_SD, numerical_covariance
 from legfem.inverse.fibre_ratio import SHAPE_SD_OF_FIBRES
 from legfem.inverse.intervals import by_third, third_of
-from legfem.inverse.outcome import Outcome
+from legfem.inverse.outcome import JointForward, Outcome
 from legfem.inverse.readings import INSTRUMENT, READINGS, read_at_offsets, unit_spline
 from legfem.specimens.course import SLOW_SHARE, STATIONS, Course, relaxed
 from legfem.specimens.folder import SpecimenFolder
@@ -315,7 +315,7 @@ class SpecimenComparison:
 
 def comparison_of(
     recordings: Sequence[SpecimenRecording],
-    model: SpecimenForward,
+    model: JointForward[SpecimenForward],
     folder: SpecimenFolder,
     seeks: bool,
     known: Mapping[str, float] | None = None,
@@ -338,12 +338,12 @@ def comparison_of(
     slopes
         Of the recordings' forces at their stations, N/mm; their own without them.
     """
-    several = len({one.test for one in recordings}) > 1
+    several, tests = len({one.test for one in recordings}) > 1, [one.sizes for one in model.models]
     parts = tuple(
         Part(
             one,
             OnsetEffect.of(one.course, one.detected, slope, FACTOR_SD if several else 0.0),
-            model.tests.index(one.sizes),
+            tests.index(one.sizes),
             one.test + one.sizes.fibres_text,
         )
         for one, slope in zip(recordings, slopes or [None] * len(recordings), strict=True)
@@ -353,7 +353,8 @@ def comparison_of(
     shape_sd = SHAPE_SD_OF_LAYERS if bent else 0.0
     if seeks and not told:
         shape_sd = SHAPE_SD_OF_FIBRES
-    misfit = SpecimenComparison(parts, model.depths, folder.relaxes, shape_sd=shape_sd)
+    depths = tuple(one.depth for one in model.models)
+    misfit = SpecimenComparison(parts, depths, folder.relaxes, shape_sd=shape_sd)
     kinds = kinds_of(recordings)
     names = tuple(kinds)
     if folder.equally_stiff or (known is None and len(names) <= (len(misfit.recordings_of) if several else 1)):

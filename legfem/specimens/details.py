@@ -37,6 +37,7 @@ from legfem.inverse.fit import (
 )
 from legfem.inverse.intervals import identifiability, verdict_on
 from legfem.inverse.notice import Notice
+from legfem.inverse.outcome import JointForward
 from legfem.specimens.agreement import TestsAgreement, agreement_document
 from legfem.specimens.artefacts import LateralFit, SizeDependence
 from legfem.specimens.channels import SpecimenReadings
@@ -46,7 +47,7 @@ from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.kind import ShownAxes
 from legfem.specimens.model_discrepancy import LawMisfit
-from legfem.specimens.sizes import RESIZED, LeftOut, Sizes, SpecimenRecording
+from legfem.specimens.sizes import RESIZED, LeftOut, SpecimenRecording
 
 type _Fit = Fit[SpecimenDetails]
 
@@ -216,11 +217,11 @@ def alternatives_text(every: "Sequence[Weighed]", to_know: str) -> str:
 
 def size_covariance(
     comparison: SpecimenReadings,
-    model: SpecimenForward,
+    model: JointForward[SpecimenForward],
     values: Values,
     readings: FloatArray,
     predicted: FloatArray,
-    relative_sd: Mapping[Sizes, Mapping[str, float]],
+    relative_sd: Sequence[Mapping[str, float]],
 ) -> FloatArray:
     """Return the covariance (n, n) of predicted readings by the sizes' errors, each a specimen's own.
 
@@ -242,15 +243,16 @@ def size_covariance(
     specimens = np.array([parts[k].recording.specimen for k in comparison.part_of])
     numbers = np.array([parts[k].test for k in comparison.part_of])
     forces_alone = np.where(np.arange(len(predicted)) < len(comparison.forces), predicted, 0.0)
-    for number, sizes in enumerate(model.tests):
-        for name, sd in relative_sd[sizes].items():
+    for number, (test, errors) in enumerate(zip(model.models, relative_sd, strict=True)):
+        for name, sd in errors.items():
             if not sd:
                 continue
-            if name in sizes.kind.as_force:
+            if name in test.sizes.kind.as_force:
                 change = forces_alone
             else:
-                tests = tuple(sizes.larger(name) if one == sizes else one for one in model.tests)
-                outcome = replace(model, tests=tests).solve(values, ())
+                larger = replace(test, sizes=test.sizes.larger(name))
+                models = tuple(larger if one is test else one for one in model.models)
+                outcome = JointForward(models).solve(values, ())
                 if not outcome.complete or not comparison.reached_by(outcome):
                     continue
                 change = (comparison.predict(outcome, readings).values - predicted) / RESIZED

@@ -1,5 +1,6 @@
 """What of specimens' recordings can be modelled: every test is solved once, and the rest is left out or shortened."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import numpy as np
 from legfem.common.errors import Doubt, InputError
 from legfem.common.progress import Progress
 from legfem.inverse.notice import Notice
-from legfem.inverse.outcome import Outcome
+from legfem.inverse.outcome import Outcome, solve_test
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, finish
 from legfem.specimens.details import SpecimenNotice
@@ -53,10 +54,9 @@ def prepare(
     for one in folder.recordings:
         deepest[one.sizes] = max(deepest.get(one.sizes, 0.0), _BEYOND * deepest_of(one.course))
     usual = begin_at(folder.tissues, REFERENCE_MPA)
-    model = SpecimenForward.of_tissues(
-        tuple(deepest), tuple(deepest.values()), [one.of_law("neo-hookean") for one in folder.tissues], usual
-    )
-    outcomes = _solved_once(model, out, jobs, progress)
+    tissues = tuple(one.of_law("neo-hookean") for one in folder.tissues)
+    models = [SpecimenForward(sizes, depth, tissues, usual) for sizes, depth in deepest.items()]
+    outcomes = _solved_once(models, out, jobs, progress)
     used, left, notices = list[SpecimenRecording](), list(folder.left_out), list[Notice]()
     within = dict[Sizes, float]()
     for one in folder.recordings:
@@ -100,16 +100,18 @@ def prepare(
     )
 
 
-def _solved_once(model: SpecimenForward, out: Path | None, jobs: int, progress: Progress) -> dict[Sizes, Outcome]:
-    store = None if out is None else Store(out / "solves", Outcome, (model.laws, model.fibre_ratios, model.code))
-    with Workers(SpecimenForward.solve_one, model, jobs) as workers:
+def _solved_once(
+    models: Sequence[SpecimenForward], out: Path | None, jobs: int, progress: Progress
+) -> dict[Sizes, Outcome]:
+    store = None if out is None else Store(out / "solves", Outcome)
+    with Workers(solve_test, models, jobs) as workers:
         found = finish(
             workers,
-            range(len(model.tests)),
+            [(k, one.nominal, ()) for k, one in enumerate(models)],
             store,
             progress,
             "solving every test once; on a machine's first run, compiling",
-            lambda k, outcome: f"{type(model.tests[k]).__name__} to {outcome.curve.depth:.3g} mm",
-            lambda k: ("once", model.tests[k], model.depths[k]),
+            lambda task, outcome: f"{type(models[task[0]].sizes).__name__} to {outcome.curve.depth:.3g} mm",
+            lambda task: ("once", models[task[0]].fingerprint()),
         )
-    return dict(zip(model.tests, found, strict=True))
+    return dict(zip((one.sizes for one in models), found, strict=True))

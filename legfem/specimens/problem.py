@@ -21,6 +21,7 @@ from legfem.inverse.estimates import Optimum, estimates
 from legfem.inverse.fit import ChannelFit, Fit, Goodness, Identity, TestFit, least_akaike, versions
 from legfem.inverse.intervals import bound_of, quantile
 from legfem.inverse.notice import Notice, doubted
+from legfem.inverse.outcome import JointForward
 from legfem.inverse.problem import cost_of, fit, goodness_of, log_of, search_settings
 from legfem.inverse.readings import READINGS
 from legfem.inverse.search import Search
@@ -72,8 +73,8 @@ class SpecimenProblem:
     held_out: frozenset[str]
 
     @property
-    def forward(self) -> SpecimenForward:
-        """Model of the fitted recordings' tests."""
+    def forward(self) -> JointForward[SpecimenForward]:
+        """Models of the fitted recordings' tests."""
         return self._model([one for one in self.prepared.recordings if one.name not in self.held_out])
 
     @property
@@ -126,7 +127,7 @@ class SpecimenProblem:
         covariance = total_of(comparison.covariances_at(predicted, by_chance))
         covariances = dict(comparison.covariances_at(predicted, spread))
         if forces.own is None:
-            errors = {sizes: self._size_errors(sizes) for sizes in self.forward.tests}
+            errors = [self._size_errors(one.sizes) for one in self.forward.models]
             covariances["sizes"] = size_covariance(
                 comparison, self.forward, model_values(best.values), readings, predicted, errors
             )
@@ -152,7 +153,7 @@ class SpecimenProblem:
         face = face_fit(comparison, predicted)
         told += [Notice.of(SpecimenNotice.SIDE_SEEN, text=one.text) for one in (lateral, face) if one]
         why = why_ratio_undetermined(self.folder, fitted) if self._seeks_ratio else ""
-        values = self.forward.with_compressibility(best.values)
+        values = self.forward.models[0].with_compressibility(best.values)
         result = Fit(
             kind="specimens",
             subject=Identity(self.folder.id, self.folder.title, self.folder.origin),
@@ -236,11 +237,11 @@ class SpecimenProblem:
     def _seeks_ratio(self) -> bool:
         return seeks_ratio(self.law.names)
 
-    def _model(self, recordings: Sequence[SpecimenRecording]) -> SpecimenForward:
+    def _model(self, recordings: Sequence[SpecimenRecording]) -> JointForward[SpecimenForward]:
         depth_of = dict(zip(self.prepared.tests, self.prepared.depths, strict=True))
         tests = tuple(dict.fromkeys(one.sizes for one in recordings))
-        tissues = [one.of_law(self.law.name) for one in self.folder.tissues]
-        return SpecimenForward.of_tissues(tests, tuple(depth_of[sizes] for sizes in tests), tissues, self.prepared.c10)
+        tissues, c10 = tuple(one.of_law(self.law.name) for one in self.folder.tissues), self.prepared.c10
+        return JointForward(tuple(SpecimenForward(sizes, depth_of[sizes], tissues, c10) for sizes in tests))
 
     def _moved(self, now: SpecimenComparison, aheads: Sequence[float]) -> list[SpecimenRecording] | None:
         """Recordings from where a fit has their contacts; None where all stay."""

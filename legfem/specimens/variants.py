@@ -4,24 +4,23 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from legfem.channels.kinds import CHANNELS
 from legfem.common.units import FloatArray
+from legfem.experiments.experiment import Solved
 from legfem.inverse.accuracy import SIZE
-from legfem.inverse.body_models import Displaced, Stopped
-from legfem.mechanics.materials import Hyperelastic
-from legfem.mechanics.terms import Fibres
+from legfem.inverse.body_models import Displaced
+from legfem.inverse.catalogue import RATIO
 from legfem.mechanisms import Solution, shown_in
 from legfem.mechanisms.time_dependence import TIMES_S
 from legfem.solve.path import Path
 from legfem.solve.protocol import Protocol
 from legfem.specimens.course import borne
-from legfem.specimens.forward import experiment_of
-from legfem.specimens.kind import SpecimenTest
-from legfem.specimens.laws import ONE, REFERENCE_MPA, SpecimenTissue, specimen_law
+from legfem.specimens.forward import SpecimenForward
+from legfem.specimens.laws import ONE, REFERENCE_MPA, SpecimenTissue
 from legfem.specimens.sizes import RESIZED, Sizes
 
 if TYPE_CHECKING:
@@ -56,12 +55,8 @@ class SpecimenVariants:
     sizes: Sizes
     depth: float
     tissues: tuple[SpecimenTissue, ...] = (SpecimenTissue(),)
-    _models: dict[str, SpecimenTest] = field(default_factory=dict, init=False, repr=False)
-    _paths: dict[_Asked, Path | Stopped] = field(default_factory=dict, init=False, repr=False)
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Leave the finite-element models out: they can't leave their process."""
-        return {**self.__dict__, "_models": {}}
+    _models: dict[str, SpecimenForward] = field(default_factory=dict, init=False, repr=False)
+    _solved: dict[_Asked, Solved] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def measured(self) -> dict[str, float]:
@@ -70,9 +65,12 @@ class SpecimenVariants:
         return {SIZE + name: value for name, value in lengths.items() if name not in alike}
 
     @property
-    def _asked(self) -> SpecimenTissue:
-        """The tissue whose stiffness is asked for."""
-        return next(one for one in self.tissues if "C10" not in one.stated)
+    def _named(self) -> tuple[SpecimenTissue, ...]:
+        """Tissues as the model's terms know them; that whose stiffness is asked for is the deep one."""
+        asked = next(one for one in self.tissues if "C10" not in one.stated)
+        ratio = {name: value for name, value in asked.stated.items() if name == RATIO}
+        deep = replace(asked, name=ONE, law="reduced-polynomial", stated=ratio)
+        return tuple(deep if one is asked else replace(one, name=_STATED + one.name) for one in self.tissues)
 
     @property
     def _stated(self) -> dict[str, float]:
@@ -83,27 +81,7 @@ class SpecimenVariants:
             if one.name != ONE
             for key, value in one.at(REFERENCE_MPA).parameters.items()
             if math.isfinite(value)
-        } | {name: value for name, value in self._fibres.items() if not name.startswith(ONE)}
-
-    @property
-    def _fibres(self) -> dict[str, float]:
-        """Numbers of the fibres, by full name, at the stiffness `REFERENCE_MPA` or as stated."""
-        found = dict[str, float]()
-        for one in self._named:
-            if one.fibrous:
-                c10 = one.stated.get("C10", REFERENCE_MPA)
-                found |= Fibres.of_ratio(one.name, c10, one.fibre_ratio).parameters
-        return found
-
-    @property
-    def _named(self) -> list[SpecimenTissue]:
-        """Tissues as the model's terms know them."""
-        asked = self._asked
-        return [replace(one, name=ONE if one is asked else _STATED + one.name) for one in self.tissues]
-
-    @property
-    def _law(self) -> Hyperelastic:
-        return specimen_law("reduced-polynomial", REFERENCE_MPA, self._asked.poisson_ratio)
+        }
 
     @property
     def assumed(self) -> tuple[str, ...]:
@@ -127,33 +105,22 @@ class SpecimenVariants:
 
     def parameters(self, variant: str) -> dict[str, float]:
         """Return a model's parameters by full name, at the stiffness `REFERENCE_MPA`."""
-        return {**self.model(variant).parameters, **self.measured}
+        return {**self.model(variant).experiment.parameters, **self.measured}
 
     def described(self, variant: str) -> str:
         """Return what tells a model from others: its test and terms."""
-        return repr((self._sizes(variant), self._terms(variant), self.depth, self.tissues))
+        model = self.model(variant)
+        return repr((model.sizes, model.terms, self.depth, self.tissues))
 
-    def model(self, variant: str) -> SpecimenTest:
+    def model(self, variant: str) -> SpecimenForward:
         """Return a model by its name."""
         if variant not in self._models:
-            laws = {one.name: one.at(REFERENCE_MPA) for one in self._named} | {ONE: self._law}
-            fibrous = next((one.name for one in self._named if one.fibrous), ONE)
-            # Layers are called as the model's terms know them.
-            names = (one.name for one in self._named)
-            sizes = self._sizes(variant)
-            layers = tuple((name, thickness) for name, (_, thickness) in zip(names, sizes.layers, strict=False))
-            sizes = replace(sizes, layers=layers)
-            called = {one.name: tissue.name for one, tissue in zip(self._named, self.tissues, strict=True)}
-            model = experiment_of(sizes, laws, self.depth, fibrous, called)
-            self._models[variant] = model.with_terms(self._terms(variant))
+            free = any(m.tangential == "frictionless" for m in shown_in(variant))
+            sizes = (self.sizes.slipping or self.sizes) if free else self.sizes
+            base = SpecimenForward(sizes, self.depth, self._named, REFERENCE_MPA)
+            terms = tuple(term for m in shown_in(variant) for term in m.terms_of(base.laws[ONE]))
+            self._models[variant] = replace(base, terms=terms)
         return self._models[variant]
-
-    def _sizes(self, variant: str) -> Sizes:
-        free = any(m.tangential == "frictionless" for m in shown_in(variant))
-        return (self.sizes.slipping or self.sizes) if free else self.sizes
-
-    def _terms(self, variant: str) -> list[Any]:
-        return [term for m in shown_in(variant) for term in m.terms_of(self._law)]
 
     def follow(
         self,
@@ -162,14 +129,14 @@ class SpecimenVariants:
         solution: Solution,
         sensitivities: Sequence[str] = (),
         placement: "LateralPlacement | None" = None,
-    ) -> Path | Stopped:
+    ) -> Solved:
         """Solve a protocol, as `legfem.legs.finite_element_models.LegVariants.follow` does for a leg.
 
         Compressibility goes with 1 / C10, so that Poisson's ratio stays. Layers of stated stiffness
         are as much softer in the solution as the force is scaled up.
         """
         scale = deep[_C10] / REFERENCE_MPA
-        own = {_C10: REFERENCE_MPA, _C20: deep.get(_C20, 0.0) / scale, **self._fibres}
+        own = {_C10: REFERENCE_MPA, _C20: deep.get(_C20, 0.0) / scale}
         nominal = self.parameters(solution.variant)
         factors = dict(solution.scaled)
         beside = factors.pop(_BESIDE, 1.0) / scale
@@ -183,9 +150,10 @@ class SpecimenVariants:
         asked = {name for name in sensitivities if name not in (_C10, *self.measured)}
         if _C10 in sensitivities:
             asked |= {_C20, *others}
-        found = self._scaled(solution.variant, protocol, own, tuple(sorted(asked)))
-        if isinstance(found, Stopped):
-            return found
+        solved = self._scaled(solution.variant, protocol, own, tuple(sorted(asked)))
+        if not solved.report.complete:
+            return solved
+        found = solved.path
         # Euler's theorem: forces are homogeneous of the first degree in the stiffnesses, other channels of none.
         every = {**others, _C20: own[_C20]} if _C10 in sensitivities else {}
         force, nothing = scale * found.force, np.zeros(len(found.time))
@@ -200,12 +168,12 @@ class SpecimenVariants:
         for name in (name for name in sensitivities if name in self.measured):
             larger = replace(self, sizes=self.sizes.larger(name.removeprefix(SIZE)))
             changed, step = larger.follow(protocol, deep, solution), RESIZED * self.measured[name]
-            if isinstance(changed, Stopped):
+            if not changed.report.complete:
                 return changed
-            by[name] = (changed.force_at(found.time) - force) / step
-            for channel, course in changed.channels_at(found.time).items():
+            by[name] = (changed.path.force_at(found.time) - force) / step
+            for channel, course in changed.path.channels_at(found.time).items():
                 seen[channel][name] = (course - channels[channel]) / step
-        return replace(
+        path = replace(
             found,
             force=force,
             sensitivities={n: by[n] for n in sensitivities},
@@ -213,35 +181,23 @@ class SpecimenVariants:
             # What branches bear changes no strain.
             channel_sensitivities={c: {n: own.get(n, nothing) for n in sensitivities} for c, own in seen.items()},
         )
+        return replace(solved, path=path, curve=path.loading)
 
     def _scaled(
         self, variant: str, protocol: Protocol, values: Mapping[str, float], sensitivities: tuple[str, ...]
-    ) -> Path | Stopped:
+    ) -> Solved:
+        """Solve at the stiffness `REFERENCE_MPA`, unless that was done."""
         rounded = {name: float(f"{value:.12g}") for name, value in values.items()}
         asked = variant, protocol, tuple(sorted(rounded.items())), sensitivities
-        if asked not in self._paths:
-            self._paths[asked] = self._made(*asked)
-        return self._paths[asked]
-
-    def _made(
-        self, variant: str, protocol: Protocol, given: _Numbers, sensitivities: tuple[str, ...]
-    ) -> Path | Stopped:
-        values = dict(given)
-        model = self.model(variant)
-        known = model.parameters
-        try:
-            solved = model.solve(
-                {name: value for name, value in values.items() if name in known},
-                protocol,
-                [name for name in sensitivities if name in known],
-            )
-        except (ArithmeticError, RuntimeError, np.linalg.LinAlgError) as error:
-            return Stopped(" ".join(str(error).split()) or type(error).__name__)
-        if not solved.report.complete:
-            return Stopped(str(solved.report))
-        if self.sizes.kind.relaxes_as_a_whole:
-            return _relaxing(solved.path, values, sensitivities)
-        return solved.path
+        if asked not in self._solved:
+            model = self.model(variant)
+            known = model.experiment.parameters
+            given = {name: value for name, value in rounded.items() if name in known}
+            solved = model.follow(given, protocol, [name for name in sensitivities if name in known])
+            if solved.report.complete and self.sizes.kind.relaxes_as_a_whole:
+                solved = replace(solved, path=_relaxing(solved.path, rounded, sensitivities))
+            self._solved[asked] = solved
+        return self._solved[asked]
 
 
 def _along_c10(

@@ -17,7 +17,6 @@ from scipy.interpolate import CubicSpline
 
 from legfem.channels import Sight
 from legfem.common.units import FloatArray, kpa_to_mpa
-from legfem.inverse.body_models import Stopped
 from legfem.jobs.store import Store
 from legfem.legs.finite_element_models import LegVariants
 from legfem.legs.subject import Subject
@@ -180,12 +179,12 @@ class Truths:
                 rest = {key: value for key, value in v.items() if key != "strength"}
                 solution = _joined(solution, mechanism.solution({first: v["strength"], **rest}))
         variants = self._variants.setdefault(repr(settings.contact), self._made(settings))
-        path = variants.follow(protocol, deep, solution)
-        if isinstance(path, Stopped):
+        solved = variants.follow(protocol, deep, solution)
+        if not solved.report.complete:
             return ForceCourse([], [])
         parts = [np.linspace(a, b, _FINE)[:-1] for a, b in pairwise(protocol.time)]
         time = np.concatenate([*parts, [protocol.duration]])
-        return ForceCourse.of(time, path.force_at(time), path.channels_at(time))
+        return ForceCourse.of(time, solved.path.force_at(time), solved.path.channels_at(time))
 
     def _made(self, settings: Any) -> LegVariants:
         from legfem.legs.finite_element_models import tissues_of

@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from legfem.common.progress import Progress
+from legfem.experiments.experiment import Solved
 from legfem.experiments.leg_3d import IdealisedLegIndentation
 from legfem.inverse.accuracy import MATERIAL_LOG_SD
-from legfem.inverse.body_models import Displaced, Stopped
+from legfem.inverse.body_models import Displaced
 from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.library import Library
 from legfem.inverse.library_build import build_library
@@ -30,7 +31,6 @@ from legfem.study.correction.cases import CorrectionCase
 if TYPE_CHECKING:
     from legfem.experiments.plane_strain import LateralPlacement
     from legfem.meshing.section import MeshMotion
-    from legfem.solve.path import Path as SolvedPath
 
 NOT_OFFERED: Mapping[str, str] = {
     "contact-slip": "the idealised leg's contact is rough: its skin never slips",
@@ -76,7 +76,7 @@ class PlaneLegVariants:
         solution: Solution,
         sensitivities: Sequence[str] = (),
         placement: LateralPlacement | None = None,
-    ) -> SolvedPath | Stopped:
+    ) -> Solved:
         """Solve one loading at 1 mm/s; arguments are those of `Variants.follow`.
 
         It says why where it is asked about what this leg doesn't have or is known of it exactly.
@@ -87,16 +87,15 @@ class PlaneLegVariants:
             For a mechanism or protocol that this model doesn't have.
         """
         if placement is not None or self.moved is not None:
-            return Stopped("the idealised leg's geometry is known exactly")
+            return Solved.nothing("the idealised leg's geometry is known exactly")
         if set(sensitivities) & set(MATERIAL_LOG_SD):
-            return Stopped("the idealised leg has one tissue, whose compressibility is known")
+            return Solved.nothing("the idealised leg has one tissue, whose compressibility is known")
         depth = protocol.displacement[-1]
         if protocol != Protocol.ramp(depth, 1.0) or solution.variant not in ("elastic", "plain"):
             raise ValueError("the idealised leg in plane strain is elastic and is loaded once")
         if solution.parameters or solution.tilt_deg:
             raise ValueError(f"the idealised leg has no {solution}")
-        solved = self.model.solve(solution.values(deep, self.model.parameters), depth, sensitivities)
-        return solved.path if solved.report.complete else Stopped(str(solved.report))
+        return self.model.solve(solution.values(deep, self.model.parameters), depth, sensitivities)
 
     def parameters(self, variant: str) -> dict[str, float]:
         """Return the model's parameters by full name; none of tissues that it lacks."""
