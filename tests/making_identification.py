@@ -18,7 +18,6 @@ from legfem.inverse.outcome import FullSolver, JointForward, Outcome
 from legfem.inverse.parameter import Parameter
 from legfem.inverse.problem import fit_with
 from legfem.inverse.settings import IdentificationSettings, SearchRequest
-from legfem.jobs.store import Store
 from legfem.legs.details import LegDetails
 from legfem.legs.identification import as_leg
 from legfem.legs.loading import load_subject
@@ -128,6 +127,5 @@ def identify(
     settings = settings or IdentificationSettings()
     request = SearchRequest(parameters, fixed or {}, settings=settings)
     problem = leg_problem(as_leg(subject), laws, request, [correction], JointForward((model,)), unknown_geometry)
-    store = None if solves is None else Store(solves, Outcome, model.fingerprint())
-    with FullSolver(problem.forward, store, 1, Silent(), problem.sensitivities) as solver:
+    with FullSolver(problem.forward, solves, 1, Silent(), problem.sensitivities) as solver:
         return fit_with(problem, laws, solver, settings)

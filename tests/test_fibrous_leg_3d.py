@@ -9,12 +9,12 @@ import pytest
 from making_legs_3d import cone_folder
 from test_leg_film import COARSE
 
+from legfem.common.progress import Silent
 from legfem.experiments.leg_3d import FIBRE_PARAMETERS
 from legfem.inverse.catalogue import DEEP_RATIO
 from legfem.inverse.elastography import FibreRatio
 from legfem.inverse.fibre_correction import FIBRES
-from legfem.inverse.outcome import JointForward, solve_test
-from legfem.jobs.pool import Workers
+from legfem.inverse.outcome import FullSolver, JointForward
 from legfem.legs.loading import load_subject
 from legfem.legs.model_3d import LegModels
 from legfem.legs.solver_3d import fibre_errors
@@ -71,8 +71,8 @@ def test_derivatives_under_a_cylinder_across_the_leg_are_those_of_solves_beside(
 def test_two_processes_solve_two_sites_as_one_does(across):
     model, values, curve = across
     deeper = replace(model, depth=4.0)
-    with Workers(solve_test, (model, deeper), 2, along=True) as workers:
-        both = JointForward((model, deeper), workers).solve(values, tuple(values))
+    with FullSolver(JointForward((model, deeper)), None, 2, Silent(), tuple(values)) as solver:
+        (both,) = solver.solve([values])
     shallow, deep = both.curves
     np.testing.assert_allclose(shallow(curve.displacement), curve.force, rtol=1e-9)
     assert deep.depth == 4.0 and set(deep.sensitivities) == set(values)

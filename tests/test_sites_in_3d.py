@@ -161,7 +161,7 @@ def test_sites_are_solved_side_by_side_with_the_same_result(tmp_path):
     models = models_of(leg)
     together = identified(leg, models=models, jobs=2)
     here = sum(one.full.calls for one in models)
-    assert here <= together.log.forward_solves, "another process took one site of every two at least"
+    assert here < 2 * together.log.forward_solves, "another process took some of both sites' solves"
     for name in (DEEP_C10, DEEP_RATIO):
         one, other = together.estimates[name], alone.estimates[name]
         assert one.value == pytest.approx(other.value, rel=1e-9)

@@ -1,6 +1,7 @@
 """The seam to a forward model: values in, curves or a failure out; kept solves, processes, the chain rule."""
 
-from collections.abc import Callable, Mapping, Sequence
+import pathlib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
@@ -62,6 +63,8 @@ class Outcome:
     @classmethod
     def joined(cls, values: Values, every: Sequence["Outcome"]) -> "Outcome":
         """Return one outcome of several tests, each solved by itself with the same values."""
+        if len(every) == 1:
+            return every[0]
         return cls(
             values,
             tuple(one.curve for one in every),
@@ -106,40 +109,78 @@ class Forward(Protocol):
         ...
 
 
+@dataclass(eq=False)
+class JointForward[Model: Forward]:
+    """Tests of the same tissues, a `legfem.inverse.outcome.Forward`.
+
+    Parameters
+    ----------
+    models : tuple of Forward
+        One a test, each pressed as deep as its recordings go.
+    """
+
+    models: tuple[Model, ...]
+
+    @property
+    def nominal(self) -> Values:
+        """The tissues' values, which are the same in all tests (MPa, 1/MPa)."""
+        return self.models[0].nominal
+
+    def prepare(self) -> None:
+        """Compile and mesh now."""
+        for model in self.models:
+            model.prepare()
+
+    def solve(self, values: Values, sensitivities: Sequence[str]) -> Outcome:
+        """Solve every test in full."""
+        return Outcome.joined(values, [model.solve(values, sensitivities) for model in self.models])
+
+    def fingerprint(self) -> Mapping[str, Any]:
+        """Return what the tests' solves depend on."""
+        return {"model": "sites", "sites": [model.fingerprint() for model in self.models]}
+
+
+type TestTask = tuple[int, Values, Sequence[str]]
+"""A test's number, the tissues' values, and what its solve is differentiated by."""
+
+
+def solve_test[Model: Forward](models: Sequence[Model], task: TestTask) -> Outcome:
+    """Solve one of several tests in full."""
+    number, values, sensitivities = task
+    return models[number].solve(values, sensitivities)
+
+
 type Key = frozenset[tuple[str, float]]
 
 
 class FullSolver:
     """Solves points in full; a context manager, for its processes.
 
-    What it returns doesn't depend on the number of processes, nor on what an earlier run kept.
+    Each test of a `JointForward` is solved by itself, in whichever process is free, and kept as soon as it is done.
+    What is returned doesn't depend on the number of processes, nor on what an earlier run kept.
 
     Parameters
     ----------
     model : Forward
         Picklable if ``jobs`` is over 1.
-    store : Store, optional
-        Where every solve is kept as soon as it is done.
+    kept : Path, optional
+        Folder in which solves are kept.
     jobs : int
         Processes.
     progress : Progress
-        Told of every solve.
+        Told of every point.
     sensitivities : tuple of str
         The model's parameters that every solve differentiates the force by.
     """
 
     def __init__(
-        self,
-        model: Forward,
-        store: Store[Outcome] | None,
-        jobs: int,
-        progress: Progress,
-        sensitivities: tuple[str, ...],
+        self, model: Forward, kept: pathlib.Path | None, jobs: int, progress: Progress, sensitivities: tuple[str, ...]
     ) -> None:
-        self.model, self.store, self.jobs, self.progress = model, store, jobs, progress
-        self.sensitivities = sensitivities
+        self.model, self.progress, self.sensitivities = model, progress, sensitivities
         self.reused: set[Key] = set()
-        self._workers: Workers[Forward, _Task, Outcome] = Workers(_solve, model, jobs, along=True)
+        models = model.models if isinstance(model, JointForward) else (model,)
+        self._stores = [None if kept is None else Store(kept, Outcome, one.fingerprint()) for one in models]
+        self._workers: Workers[tuple[Forward, ...], TestTask, Outcome] = Workers(solve_test, models, jobs, along=True)
         self._known: dict[Key, Outcome] = {}
 
     def __enter__(self) -> "FullSolver":
@@ -150,45 +191,51 @@ class FullSolver:
         """End the processes; after an error without waiting for the solve in hand."""
         self._workers.__exit__(*raised)
 
-    def start(self, ready: Callable[[Any], None], most: int) -> None:
-        """Start up to ``most`` other processes, and get the model ready in each meanwhile."""
-        self._workers.start(ready, most)
+    def start(self, most: int) -> None:
+        """Start up to ``most`` other processes, which mesh and compile meanwhile."""
+        self._workers.start(_prepared, most)
 
     def solve(self, points: Sequence[Values]) -> list[Outcome]:
         """Return the outcomes of the model's values, in their order."""
-        distinct = {key_of_values(values): values for values in points}
-        wanted = [values for key, values in distinct.items() if not self._recall(key, values)]
-        tasks = [(dict(values), self.sensitivities) for values in wanted]
-        for _, outcome in self._workers.run(tasks):
-            if self.store:
-                self.store.put((outcome.values, self.sensitivities), outcome)
-            self._known[key_of_values(outcome.values)] = outcome
-            self._report(outcome, f"{outcome.seconds:.1f} s")
+        wanted = {key: values for values in points if (key := key_of_values(values)) not in self._known}
+        parts = {key: self._recalled(values) for key, values in wanted.items()}
+        for key, found in parts.items():
+            if len(found) == len(self._stores):
+                self.reused.add(key)
+                self._take(wanted[key], found, "kept from before")
+        tasks = [
+            (number, dict(values), self.sensitivities)
+            for key, values in wanted.items()
+            for number in range(len(self._stores))
+            if number not in parts[key]
+        ]
+        for (number, values, _), outcome in self._workers.run(tasks):
+            if store := self._stores[number]:
+                store.put((values, self.sensitivities), outcome)
+            found = parts[key_of_values(values)]
+            found[number] = outcome
+            if len(found) == len(self._stores):
+                self._take(values, found, "")
         return [self._known[key_of_values(values)] for values in points]
 
     def was_reused(self, values: Values) -> bool:
-        """Return whether an earlier run had kept a solve."""
+        """Return whether an earlier run had kept a point's solves."""
         return key_of_values(values) in self.reused
 
-    def _recall(self, key: Key, values: Values) -> bool:
-        if key in self._known:
-            return True
-        outcome = self.store.get((values, self.sensitivities)) if self.store else None
-        if outcome is None:
-            return False
-        self._known[key] = outcome
-        self.reused.add(key)
-        self._report(outcome, "kept from before")
-        return True
+    def _recalled(self, values: Values) -> dict[int, Outcome]:
+        """Return what is kept of a point, by the number of the test."""
+        each = enumerate(store.get((values, self.sensitivities)) if store else None for store in self._stores)
+        return {number: outcome for number, outcome in each if outcome is not None}
 
-    def _report(self, outcome: Outcome, how: str) -> None:
+    def _take(self, values: Values, parts: Mapping[int, Outcome], how: str) -> None:
+        """Join the outcomes of a point's tests, and tell of it."""
+        outcome = Outcome.joined(values, [parts[number] for number in sorted(parts)])
+        self._known[key_of_values(values)] = outcome
         reached = ", ".join(f"{curve.depth:.1f}" for curve in outcome.curves)
         where = f"stopped at {reached} mm" if reached else f"no state found: {outcome.reason}"
         end = "" if outcome.complete else f", {where}"
+        how = how or f"{outcome.seconds:.1f} s"
         self.progress.advance(f"{stiffness_in_words(outcome.values)} ({how}{end})")
-
-
-type _Task = tuple[Values, tuple[str, ...]]
 
 
 def key_of_values(values: Values) -> Key:
@@ -196,58 +243,9 @@ def key_of_values(values: Values) -> Key:
     return frozenset(values.items())
 
 
-def _solve(model: Forward, task: _Task) -> Outcome:
-    return model.solve(*task)
-
-
-@dataclass(eq=False)
-class JointForward[Model: Forward]:
-    """Sites of the same tissues, a `legfem.inverse.outcome.Forward`.
-
-    Parameters
-    ----------
-    models : tuple of Forward
-        One a site, each pressed as deep as its recordings go.
-    workers : Workers, optional
-        Processes that run `solve_test` on the same models, sites side by side. One site
-        after another without them.
-    """
-
-    models: tuple[Model, ...]
-    workers: Workers[tuple[Model, ...], "TestTask", Outcome] | None = None
-
-    @property
-    def nominal(self) -> Values:
-        """The tissues' values, which are the same at all sites (MPa, 1/MPa)."""
-        return self.models[0].nominal
-
-    def prepare(self) -> None:
-        """Compile and mesh now."""
-        for model in self.models:
-            model.prepare()
-
-    def solve(self, values: Values, sensitivities: Sequence[str]) -> Outcome:
-        """Solve every site in full."""
-        tasks = [(number, values, sensitivities) for number in range(len(self.models))]
-        if self.workers is None:
-            every = [solve_test(self.models, task) for task in tasks]
-        else:
-            every = list(self.workers.in_order(tasks))
-        return Outcome.joined(values, every)
-
-    def fingerprint(self) -> Mapping[str, Any]:
-        """Return what the sites' solves depend on."""
-        return {"model": "sites", "sites": [model.fingerprint() for model in self.models]}
-
-
-type TestTask = tuple[int, Values, Sequence[str]]
-"""A site's number, the tissues' values, and what its solve is differentiated by."""
-
-
-def solve_test[Model: Forward](models: Sequence[Model], task: TestTask) -> Outcome:
-    """Solve one of several sites in full."""
-    number, values, sensitivities = task
-    return models[number].solve(values, sensitivities)
+def _prepared(models: Sequence[Forward]) -> None:
+    for model in models:
+        model.prepare()
 
 
 type Chain = Mapping[str, Mapping[str, float]]

@@ -4,7 +4,6 @@ import random
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from operator import methodcaller
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,9 +13,8 @@ import pygad
 from legfem.common.progress import Progress, Silent
 from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import IdentifiedLaw, LawName, Values
-from legfem.inverse.outcome import Forward, FullSolver, Outcome
+from legfem.inverse.outcome import Forward, FullSolver
 from legfem.inverse.parameter import Parameter
-from legfem.jobs.store import Store
 
 type Cost = Callable[[FloatArray], FloatArray]
 """What is minimised: costs (n,) of genes (n, p), each from 0 to 1; infinite where not known."""
@@ -228,7 +226,9 @@ class SearchRequest:
     jobs: int = 1
     progress: Progress = field(default_factory=Silent)
 
-    def solver(self, model: Forward, sensitivities: tuple[str, ...], laws: int = 1) -> FullSolver:
+    def solver(
+        self, model: Forward, sensitivities: tuple[str, ...], laws: int = 1, folder: str = "solves"
+    ) -> FullSolver:
         """Make what solves a model, to be entered; the model is meshed and compiled here.
 
         That compiles once for all processes, and finds what can't be meshed before files are made.
@@ -241,19 +241,19 @@ class SearchRequest:
             Full names of the model's parameters that solves are differentiated by.
         laws
             Number of laws that are searched for side by side.
+        folder
+            Name of that in which solves are kept, if results are.
         """
-        solver = FullSolver(model, None, self.jobs, self.progress, sensitivities)
-        kept = None if self.out is None else self.out / "solves"
+        kept = None if self.out is None else self.out / folder
+        solver = FullSolver(model, kept, self.jobs, self.progress, sensitivities)
         if kept is None or not kept.exists():
-            solver.start(methodcaller("prepare"), most=laws - 1)
+            solver.start(most=laws - 1)
         self.progress.stage("meshing; on a machine's first run, compiling forms (some 20 s)")
         try:
             model.prepare()
         except BaseException:
             solver.__exit__(*sys.exc_info())
             raise
-        if kept is not None:
-            solver.store = Store(kept, Outcome, model.fingerprint())
         return solver
 
 

@@ -33,16 +33,15 @@ from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO, LawName, deep_stiffne
 from legfem.inverse.correction import FIRST_RATIO, TabulatedCorrection, confirmed_correction
 from legfem.inverse.fibre_ratio import check_in_plane
 from legfem.inverse.fit import Fit
-from legfem.inverse.outcome import Forward, FullSolver, JointForward, solve_test
+from legfem.inverse.outcome import Forward, FullSolver, JointForward
 from legfem.inverse.problem import fit, fit_with
 from legfem.inverse.searches import Searches
 from legfem.inverse.settings import IdentificationSettings, SearchRequest
-from legfem.jobs.pool import Workers
 from legfem.legs.correction_of_leg import AUTO, NONE, choose_correction
 from legfem.legs.details import CLOSE, Confirmation, LegDetails, PressedLeg, SpatialEvidence
 from legfem.legs.finite_element_models import tissues_of
 from legfem.legs.forward import PlaneStrainForward, laws_of, values_of
-from legfem.legs.model_3d import SOLVES, LegModels, check_has_ends, kept_forward, leg_models, start_of_ratio
+from legfem.legs.model_3d import SOLVES, LegModels, check_has_ends, leg_models, start_of_ratio
 from legfem.legs.notices import of_two_fidelities
 from legfem.legs.problem import LegProblem, leg_problem, pressed_depth, split_instrument
 from legfem.legs.site import measured_curve, site_test
@@ -242,14 +241,11 @@ def fit_in_3d(
     curves = tuple(measured_curve(site, request.depth) for site in leg.sites)
     tests = tuple(site_test(site, request.depth, model="3d") for site in leg.sites)
     models = models or leg_models(leg, [float(test.grid[-1]) for test in tests], request, settings, comm)
-    kept = tuple(map(kept_forward, models))
+    forward = JointForward(tuple(one.full for one in models))
     jobs = min(request.jobs, len(models)) if comm.size == 1 else 1
-    unknowns = laws_of(leg.sites[0], laws, kept[0].nominal, parameters, request.fixed)
-    problem = LegProblem(leg, tests, curves, JointForward(kept), unknowns, unknown_geometry, "covariance", own_errors)
-    with (
-        Workers(solve_test, kept, jobs, along=True) as workers,
-        replace(request, jobs=1).solver(JointForward(kept, workers), problem.sensitivities) as solver,
-    ):
+    unknowns = laws_of(leg.sites[0], laws, forward.nominal, parameters, request.fixed)
+    problem = LegProblem(leg, tests, curves, forward, unknowns, unknown_geometry, "covariance", own_errors)
+    with replace(request, jobs=jobs).solver(forward, problem.sensitivities, folder=SOLVES) as solver:
         few = replace(request.settings, most_solves=FIRST_SOLVES)
         start = Searches(unknowns, solver, few, problem.comparison).nearest(laws)
         errors = model_errors(leg, models, start, request.progress, jobs)

@@ -19,7 +19,7 @@ from legfem.inverse.fibre_ratio import USUAL_RATIO, moduli, slopes_at_ratio
 from legfem.inverse.outcome import Chain, Forward, Outcome, needed_for, through
 from legfem.inverse.settings import SearchRequest
 from legfem.jobs.pool import Together
-from legfem.jobs.store import Store, key_of
+from legfem.jobs.store import key_of
 from legfem.legs.details import LegCamera, LegFilm, PressedLeg
 from legfem.legs.finite_element_models import spatial_test, tissues_of
 from legfem.legs.forward import values_of
@@ -230,10 +230,6 @@ class LegModels:
         shorter = pressed(trimmed, larger)
         return cls(full, rough, shorter, leg, depth, kept, fibres)
 
-    def store_of(self, model: Forward) -> Store[Outcome] | None:
-        """Return where solves of one of the models are kept, if they are."""
-        return None if self.kept is None else Store(self.kept, Outcome, model.fingerprint())
-
     def pressed(self, outcome: Outcome) -> PressedLeg | None:
         """Return a full solve to be looked at; None where its states were not kept."""
         return self.full.pressed(outcome) if isinstance(self.full, SpatialForward) else None
@@ -265,45 +261,6 @@ def check_has_ends(subject: Subject) -> None:
         )
 
 
-@dataclass(eq=False)
-class KeptForward:
-    """A model of one site whose every solve is kept, so that a killed run loses only one.
-
-    Parameters
-    ----------
-    model
-        Of the site.
-    store
-        Where; nowhere without it.
-    """
-
-    model: Forward
-    store: Store[Outcome] | None
-
-    @property
-    def nominal(self) -> Values:
-        """All values of the model as assumed."""
-        return self.model.nominal
-
-    def prepare(self) -> None:
-        """Mesh and compile now."""
-        self.model.prepare()
-
-    def solve(self, values: Values, sensitivities: Sequence[str]) -> Outcome:
-        """Solve in full, or return what was kept."""
-
-        def made() -> Outcome:
-            return self.model.solve(values, sensitivities)
-
-        if self.store is None:
-            return made()
-        return self.store.get_or_make((values, sensitivities), made)
-
-    def fingerprint(self) -> Mapping[str, Any]:
-        """Return what a solve depends on."""
-        return self.model.fingerprint()
-
-
 def leg_models(
     leg: SitedLeg,
     depths: Sequence[float],
@@ -330,8 +287,3 @@ def seeks_ratio(subject: Subject, request: SearchRequest) -> bool:
     """Return whether the ratio of the muscle's fibres is among what is free, or held by request."""
     named = {one.name for one in request.parameters or ()} | set(request.fixed)
     return DEEP_RATIO in named or (subject.fibres is not None and subject.fibres.sd > 0)
-
-
-def kept_forward(models: LegModels) -> KeptForward:
-    """Return the full model of a site, its solves kept where its models say."""
-    return KeptForward(models.full, models.store_of(models.full))

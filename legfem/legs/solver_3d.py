@@ -118,7 +118,7 @@ class LegSolver:
         return outcome
 
     def _solver(self, model: Forward, sensitivities: tuple[str, ...] = ()) -> FullSolver:
-        return FullSolver(model, self.models.store_of(model), 1, self.progress, sensitivities)
+        return FullSolver(model, self.models.kept, 1, self.progress, sensitivities)
 
 
 FIBRE_ERRORS = (f"{FIBRES}ratio", f"{FIBRES}stiffness in tension")
