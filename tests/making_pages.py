@@ -38,7 +38,7 @@ from legfem.geometry.slices import calf_levels
 from legfem.inverse.catalogue import parameter_of
 from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.estimates import Estimate
-from legfem.inverse.fit import EXACT, ChannelFit, Cost, Fit, Goodness, Identity, TestFit
+from legfem.inverse.fit import EXACT, ChannelFit, Cost, Fit, Goodness, Identity
 from legfem.inverse.notice import Notice
 from legfem.inverse.outcome import Outcome
 from legfem.inverse.plan import DesignValue
@@ -63,7 +63,7 @@ from legfem.report.plan import plan_web_page
 from legfem.report.pressed_section import Film, pressed_section
 from legfem.report.render import rendered
 from legfem.solve.path import ForceCurve
-from legfem.specimens.details import SpecimenDetails, SpecimenNotice
+from legfem.specimens.details import RecordingFit, SpecimenDetails, SpecimenNotice
 from legfem.specimens.folder import load_specimen
 from legfem.specimens.model_discrepancy import LawMisfit
 from legfem.specimens.sizes import LeftOut
@@ -194,7 +194,7 @@ def specimens(folder: Path, p_value: float = 0.4) -> list[Fit[SpecimenDetails]]:
     )
     goodness = Goodness(30.0, 28, p_value)
     tests = tuple(
-        TestFit(one, (ChannelFit(one.data.channels[0], 1.01 * one.course.force),), goodness, k > 0)
+        RecordingFit(one, (ChannelFit(one.data.channels[0], 1.01 * one.course.force),), goodness, k > 0)
         for k, one in enumerate(given.recordings)
     )
     return [

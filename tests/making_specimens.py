@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from legfem.data import Recording, write_recording
 from legfem.inverse.fit import Fit
 from legfem.mechanics.materials import Hyperelastic, ReducedPolynomial
-from legfem.specimens.details import SampleFit, SpecimenDetails
+from legfem.specimens.details import RecordingFit, SpecimenDetails, compared
 
 LENGTH, AREA = 10.0, 100.0
 BAR = """\
@@ -32,9 +32,9 @@ BRANCHES = ((1.2, 0.3), (0.8, 4.0), (0.5, 60.0), (0.3, 400.0))
 """Ratios and times (s) of a tissue that relaxes; no log-normal spectrum."""
 
 
-def left_out(fit: Fit[SpecimenDetails]) -> list[SampleFit]:
+def left_out(fit: Fit[SpecimenDetails]) -> list[RecordingFit]:
     """Return the recordings that a fit was to predict, beside their prediction."""
-    return [SampleFit.of(one) for one in fit.tests if not one.fitted]
+    return [one for one in compared(fit) if not one.fitted]
 
 
 def compressed(law: Hyperelastic, displacement: np.ndarray, sign: float = -1.0) -> np.ndarray:

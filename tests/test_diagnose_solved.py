@@ -194,7 +194,7 @@ def test_the_library_stands_in_for_solutions(variants, observed, tmp_path):
 class Stopping:
     """A leg whose solutions never come to their end."""
 
-    def follow(self, protocol, deep, solution, sensitivities=(), placement=None):
+    def follow(self, protocol, deep, solution, sensitivities=(), geometry=None):
         """Say that it stopped."""
         return Solved.nothing("the step became too small")
 

@@ -79,7 +79,7 @@ class SeenOneSided(SolvedResponses):
     """Solutions in closed form: force falls and muscle thins with the offset, seen where it isn't negative."""
 
     def _solve(self, asked: PathRequest) -> dict[str, np.ndarray]:
-        at = 0.0 if asked.placement is None else asked.placement.offset_mm
+        at = 0.0 if asked.geometry is None else asked.geometry.placement.offset_mm
         muscle = {MUSCLE: -0.4 - 0.02 * at} if at >= 0 else {}
         return columns(1.0 - 0.01 * at, **{FAT: -0.05 + 0.001 * at}, **muscle)
 

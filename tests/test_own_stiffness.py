@@ -10,11 +10,11 @@ from making_specimens import BAR, PLANTED, compressed, ramp, record
 
 import legfem as lf
 from legfem.inverse.fit import Fit
-from legfem.specimens.details import SampleFit, compared, rms_percent
+from legfem.specimens.details import RecordingFit, compared, rms_percent
 from legfem.specimens.nuisances import OwnStiffness
 
 
-def left_out(fit: Fit) -> list[SampleFit]:
+def left_out(fit: Fit) -> list[RecordingFit]:
     """Return the recordings that a fit predicts."""
     return [one for one in compared(fit) if not one.fitted]
 

@@ -51,17 +51,13 @@ class BodyModels(Protocol):
         """Geometries other than the stated one, whose forces tell of what isn't known of it."""
         ...
 
-    def moved_to(self, moved: "MeshMotion") -> "BodyModels":
-        """Return the body with its mesh moved."""
-        ...
-
     def follow(
         self,
         protocol: Motion,
         deep: Mapping[str, float],
         solution: Solution,
         sensitivities: Sequence[str] = (),
-        placement: "LateralPlacement | None" = None,
+        geometry: Displaced | None = None,
     ) -> "Solved":
         """Solve a protocol for a stiffness; see `legfem.legs.finite_element_models.LegVariants.follow`."""
         ...
@@ -106,8 +102,8 @@ class PathRequest:
         Which model, and its parameters.
     derivatives
         Full names of parameters by which the force is differentiated.
-    moved, placement
-        Another geometry.
+    geometry
+        Another than the stated one.
     """
 
     protocol: Motion
@@ -115,11 +111,11 @@ class PathRequest:
     stiffness: Stiffness
     solution: Solution
     derivatives: tuple[str, ...] = ()
-    moved: "MeshMotion | None" = None
-    placement: "LateralPlacement | None" = None
+    geometry: Displaced | None = None
 
     def entry(self, terms: str) -> dict[str, Any]:
         """Return what its outcome is kept under; ``terms`` are those of its model."""
+        at = self.geometry
         return {
             "protocol": [list(self.protocol.time), list(self.protocol.displacement)],
             "at": np.round(self.at, 9).tolist(),
@@ -130,5 +126,5 @@ class PathRequest:
             "scaled": {k: float(v) for k, v in self.solution.scaled.items()},
             "tilt_deg": float(self.solution.tilt_deg),
             "derivatives": list(self.derivatives),
-            "geometry": repr((self.moved, self.placement)),
+            "geometry": repr((None, None) if at is None else (at.moved, at.placement)),
         }

@@ -63,8 +63,6 @@ class Outcome:
     @classmethod
     def joined(cls, values: Values, every: Sequence["Outcome"]) -> "Outcome":
         """Return one outcome of several tests, each solved by itself with the same values."""
-        if len(every) == 1:
-            return every[0]
         return cls(
             values,
             tuple(one.curve for one in every),
@@ -229,7 +227,8 @@ class FullSolver:
 
     def _take(self, values: Values, parts: Mapping[int, Outcome], how: str) -> None:
         """Join the outcomes of a point's tests, and tell of it."""
-        outcome = Outcome.joined(values, [parts[number] for number in sorted(parts)])
+        every = [parts[number] for number in sorted(parts)]
+        outcome = Outcome.joined(values, every) if isinstance(self.model, JointForward) else every[0]
         self._known[key_of_values(values)] = outcome
         reached = ", ".join(f"{curve.depth:.1f}" for curve in outcome.curves)
         where = f"stopped at {reached} mm" if reached else f"no state found: {outcome.reason}"

@@ -230,7 +230,7 @@ class SolvedResponses:
         before = self._solve(asked)
 
         def after(one: Displaced) -> Columns:
-            return self._solve(replace(asked, moved=one.moved, placement=one.placement))
+            return self._solve(replace(asked, geometry=one))
 
         found = _changes(before, after(geometry))
         if set(channels_of(before)) - set(found):
@@ -259,9 +259,7 @@ class SolvedResponses:
             raise NotKeptError
         self.solutions += 1
         deep = dict(zip(ELASTIC_DERIVATIVES, asked.stiffness, strict=True))
-        moved = asked.moved
-        variants = self.variants if moved is None else self.variants.moved_to(moved)
-        solved = variants.follow(asked.protocol, deep, asked.solution, asked.derivatives, asked.placement)
+        solved = self.variants.follow(asked.protocol, deep, asked.solution, asked.derivatives, asked.geometry)
         if not solved.report.complete:
             return {"stopped": np.zeros(0)}
         path = solved.path

@@ -76,17 +76,13 @@ class LegVariants(Picklable):
         """Geometries whose forces tell of outlines, aim and direction."""
         return tuple(displaced_geometries())
 
-    def moved_to(self, moved: MeshMotion) -> "LegVariants":
-        """Return the leg with its mesh moved."""
-        return replace(self, moved=moved)
-
     def follow(
         self,
         protocol: Protocol,
         deep: Mapping[str, float],
         solution: Solution,
         sensitivities: Sequence[str] = (),
-        placement: LateralPlacement | None = None,
+        geometry: Displaced | None = None,
     ) -> Solved:
         """Solve a protocol.
 
@@ -100,10 +96,11 @@ class LegVariants(Picklable):
             The mechanism.
         sensitivities
             Parameters to differentiate by.
-        placement
-            Where the cylinder stands; as stated without it.
+        geometry
+            Where mesh and cylinder are moved to; as stated without it.
         """
-        model = self.model(solution.variant)
+        moved, placement = (None, None) if geometry is None else (geometry.moved, geometry.placement)
+        model = (self if moved is None else replace(self, moved=moved)).model(solution.variant)
         values = solution.values(deep, model.model.parameters)
         at = placement or LateralPlacement()
         tilted = replace(at, tilt_deg=at.tilt_deg + solution.tilt_deg)

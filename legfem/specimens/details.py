@@ -10,6 +10,7 @@ the face, where a camera sees the side, weigh the alternatives beside the forces
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any
 
@@ -45,7 +46,6 @@ from legfem.specimens.course import Course
 from legfem.specimens.face import FaceFit
 from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.forward import SpecimenForward
-from legfem.specimens.kind import ShownAxes
 from legfem.specimens.model_discrepancy import LawMisfit
 from legfem.specimens.sizes import RESIZED, LeftOut, SpecimenRecording
 
@@ -321,73 +321,59 @@ def notices_about(
     return (*found, *of_failed_solves(log), *far_from_priors(fit.estimates), *of_recordings)
 
 
-def recording_of(one: TestFit) -> SpecimenRecording:
-    """Recording that a test's fit is of."""
-    assert isinstance(one.test, SpecimenRecording)
-    return one.test
-
-
 @dataclass(frozen=True, eq=False)
-class SampleFit:
-    """A recording's own samples beside a prediction at its stations."""
+class RecordingFit(TestFit):
+    """A recording beside the fit, which its own samples tell of too."""
 
-    name: str
-    specimen: str
-    fitted: bool
-    """Else it was left out, and is predicted."""
-    course: Course
-    predicted: FloatArray
-    """Force at the course's stations, (n,), N."""
-    axes: ShownAxes
-    test: str = ""
-    """Its test, where there are several."""
-
-    @classmethod
-    def of(cls, one: TestFit) -> "SampleFit":
-        """Samples of a test beside its fit."""
-        recording = recording_of(one)
-        own = recording.specimen, one.fitted, recording.course, one.force.predicted, recording.axes, recording.test
-        return cls(one.name, *own)
+    test: SpecimenRecording
 
     @property
-    def _differences(self) -> FloatArray:
-        samples = self.course.samples
-        inside = samples.time <= self.course.time[-1]
-        known = np.concatenate([[0.0], self.course.time])
-        at = np.interp(samples.time[inside], known, np.concatenate([[0.0], self.predicted]))
-        return np.asarray(at - samples.force[inside])
+    def course(self) -> Course:
+        """The recording's stations and samples after first contact."""
+        return self.test.course
+
+    @cached_property
+    def _samples(self) -> tuple[FloatArray, FloatArray]:
+        """Forces of the samples within the course, and those predicted there, N."""
+        course = self.course
+        inside = course.samples.time <= course.time[-1]
+        known, predicted = (np.concatenate([[0.0], one]) for one in (course.time, self.force.predicted))
+        return course.samples.force[inside], np.interp(course.samples.time[inside], known, predicted)
+
+    def _missed(self, scale: float = 1.0) -> FloatArray:
+        force, predicted = self._samples
+        return np.asarray(scale * predicted - force)
 
     @property
     def rmse(self) -> float:
         """Root mean square of the samples' differences, N."""
-        return float(np.sqrt(np.mean(self._differences**2)))
+        return float(np.sqrt(np.mean(self._missed() ** 2)))
 
     @property
     def r_squared(self) -> float:
         """Share of the samples' variance that is predicted."""
-        left = self._differences
-        return r_squared(float(np.sum(left**2)), self.course.samples.force[: len(left)])
+        return r_squared(float(np.sum(self._missed() ** 2)), self._samples[0])
 
     @property
     def scale(self) -> float:
         """Factor on the prediction that would fit best."""
-        force = self.course.force
-        return float(force @ self.predicted / (self.predicted @ self.predicted))
+        force, predicted = self.course.force, self.force.predicted
+        return float(force @ predicted / (predicted @ predicted))
 
     @property
     def shape_r_squared(self) -> float:
         """Share of the variance that is predicted with the stiffness that fits best."""
-        return replace(self, predicted=self.scale * self.predicted).r_squared
+        return r_squared(float(np.sum(self._missed(self.scale) ** 2)), self._samples[0])
 
 
-def compared(fit: Fit[SpecimenDetails]) -> list[SampleFit]:
-    """Samples of all recordings beside the fit: those that were fitted, then those left out."""
-    return [SampleFit.of(one) for one in fit.tests]
+def compared(fit: Fit[SpecimenDetails]) -> list[RecordingFit]:
+    """All recordings beside the fit: those that were fitted, then those left out."""
+    return [one for one in fit.tests if isinstance(one, RecordingFit)]
 
 
 def rms_percent(fit: Fit[SpecimenDetails]) -> float:
     """Root mean square of the fit's differences over each recording's greatest force, %."""
-    shares = [(SampleFit.of(one).rmse / recording_of(one).course.peak) ** 2 for one in fit.tests if one.fitted]
+    shares = [(one.rmse / one.course.peak) ** 2 for one in compared(fit) if one.fitted]
     return 100 * float(np.sqrt(np.mean(shares)))
 
 
@@ -421,16 +407,15 @@ class SpecimenDocument:
 
     def of_test(self, fit: Fit[SpecimenDetails], number: int) -> dict[str, Any]:
         """How a recording was driven, and its own samples beside the prediction."""
-        one = fit.tests[number]
-        recording, samples = recording_of(one), SampleFit.of(one)
-        course = recording.course
+        one = compared(fit)[number]
+        recording, course = one.test, one.course
         return {
             "specimen": recording.specimen,
             "rate_mm_per_s": course.rate if course.samples.timed else None,
             "depth_mm": course.depth,
             "displacement_mm": course.displacement,
-            "rmse_N": samples.rmse,
-            "r_squared": samples.r_squared,
-            "scale": samples.scale,
-            "r_squared_at_that_scale": samples.shape_r_squared,
+            "rmse_N": one.rmse,
+            "r_squared": one.r_squared,
+            "scale": one.scale,
+            "r_squared_at_that_scale": one.shape_r_squared,
         }

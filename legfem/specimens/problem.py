@@ -18,7 +18,7 @@ from legfem.common.wording import Argument
 from legfem.inverse.catalogue import IdentifiedLaw, LawName, model_values
 from legfem.inverse.comparison import total_of
 from legfem.inverse.estimates import Optimum, estimates
-from legfem.inverse.fit import ChannelFit, Fit, Goodness, Identity, TestFit, least_akaike, versions
+from legfem.inverse.fit import ChannelFit, Fit, Goodness, Identity, least_akaike, versions
 from legfem.inverse.intervals import bound_of, quantile
 from legfem.inverse.notice import Notice, doubted
 from legfem.inverse.outcome import JointForward
@@ -33,6 +33,7 @@ from legfem.specimens.channels import SpecimenReadings, readings_of
 from legfem.specimens.comparison import SpecimenComparison, comparison_of
 from legfem.specimens.course import QUICKENING, shows_quickening
 from legfem.specimens.details import (
+    RecordingFit,
     SpecimenDetails,
     SpecimenNotice,
     across_tests,
@@ -258,7 +259,7 @@ class SpecimenProblem:
 
     def _predicted(
         self, found: Found[SpecimenReadings], stiffness: dict[str, float], readings: FloatArray
-    ) -> tuple[list[TestFit], list[Notice]]:
+    ) -> tuple[list[RecordingFit], list[Notice]]:
         """Recordings that were left out beside the law, and what is to be said of them."""
         others = [one for one in self.prepared.recordings if one.name in self.held_out]
         missing = self.held_out - {one.name for one in others}
@@ -389,8 +390,8 @@ def _fitted(folder: SpecimenFolder, prepared: Prepared, held_out: frozenset[str]
 
 def _test_fit(
     one: SpecimenRecording, predicted: FloatArray, beside: Sequence[ChannelFit] = (), fitted: bool = True
-) -> TestFit:
+) -> RecordingFit:
     channel = one.data.channels[0]
     left = (predicted - channel.values) / channel.sd
     goodness = Goodness.of(float(left @ left), len(left))
-    return TestFit(one, (ChannelFit(channel, predicted), *beside), goodness, fitted)
+    return RecordingFit(one, (ChannelFit(channel, predicted), *beside), goodness, fitted)

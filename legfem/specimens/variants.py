@@ -4,7 +4,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,11 +21,6 @@ from legfem.specimens.course import borne
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.laws import ONE, REFERENCE_MPA, SpecimenTissue
 from legfem.specimens.sizes import RESIZED, Sizes
-
-if TYPE_CHECKING:
-    from legfem.experiments.plane_strain import LateralPlacement
-    from legfem.meshing.section import MeshMotion
-
 
 _C10, _C20 = "deep.C10", "deep.C20"
 _BESIDE = "superficial.C10"
@@ -93,16 +87,6 @@ class SpecimenVariants:
         """None: the sizes are numbers."""
         return ()
 
-    def moved_to(self, moved: "MeshMotion") -> "SpecimenVariants":
-        """Refuse: a specimen has no outline.
-
-        Raises
-        ------
-        ValueError
-            Always.
-        """
-        raise ValueError(f"a specimen can't be moved: {moved}")
-
     def parameters(self, variant: str) -> dict[str, float]:
         """Return a model's parameters by full name, at the stiffness `REFERENCE_MPA`."""
         return {**self.model(variant).experiment.parameters, **self.measured}
@@ -128,13 +112,14 @@ class SpecimenVariants:
         deep: Mapping[str, float],
         solution: Solution,
         sensitivities: Sequence[str] = (),
-        placement: "LateralPlacement | None" = None,
+        geometry: Displaced | None = None,
     ) -> Solved:
         """Solve a protocol, as `legfem.legs.finite_element_models.LegVariants.follow` does for a leg.
 
         Compressibility goes with 1 / C10, so that Poisson's ratio stays. Layers of stated stiffness
         are as much softer in the solution as the force is scaled up.
         """
+        assert geometry is None, "a specimen's sizes are numbers"
         scale = deep[_C10] / REFERENCE_MPA
         own = {_C10: REFERENCE_MPA, _C20: deep.get(_C20, 0.0) / scale}
         nominal = self.parameters(solution.variant)

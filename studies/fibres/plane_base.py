@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from legfem.common.progress import Progress
 from legfem.experiments.experiment import Solved
@@ -27,10 +27,6 @@ from legfem.mechanisms.muscle import Compressibility, StrainStiffening
 from legfem.solve.protocol import Protocol
 from legfem.specimens.mechanisms import mechanisms_on_a_rig
 from legfem.study.correction.cases import CorrectionCase
-
-if TYPE_CHECKING:
-    from legfem.experiments.plane_strain import LateralPlacement
-    from legfem.meshing.section import MeshMotion
 
 NOT_OFFERED: Mapping[str, str] = {
     "contact-slip": "the idealised leg's contact is rough: its skin never slips",
@@ -56,18 +52,11 @@ class PlaneLegVariants:
     ----------
     case
         Leg, cylinder, tissues and mesh.
-    moved
-        Where its mesh is moved to: it is known exactly, so that it can't be.
     """
 
     case: CorrectionCase
-    moved: MeshMotion | None = None
     displaced: ClassVar[tuple[Displaced, ...]] = ()
     assumed: ClassVar[tuple[str, ...]] = ()
-
-    def moved_to(self, moved: MeshMotion) -> PlaneLegVariants:
-        """Return the leg with its mesh moved, which stops every solution."""
-        return replace(self, moved=moved)
 
     def follow(
         self,
@@ -75,7 +64,7 @@ class PlaneLegVariants:
         deep: Mapping[str, float],
         solution: Solution,
         sensitivities: Sequence[str] = (),
-        placement: LateralPlacement | None = None,
+        geometry: Displaced | None = None,
     ) -> Solved:
         """Solve one loading at 1 mm/s; arguments are those of `Variants.follow`.
 
@@ -86,7 +75,7 @@ class PlaneLegVariants:
         ValueError
             For a mechanism or protocol that this model doesn't have.
         """
-        if placement is not None or self.moved is not None:
+        if geometry is not None:
             return Solved.nothing("the idealised leg's geometry is known exactly")
         if set(sensitivities) & set(MATERIAL_LOG_SD):
             return Solved.nothing("the idealised leg has one tissue, whose compressibility is known")

@@ -23,7 +23,7 @@ from legfem.report.specimen_sentences import SpecimenFit, followed, procedure, t
 from legfem.report.style import DATA_COLOUR, LAW_COLOURS, LAW_NAMES, save
 from legfem.report.words import DataKind, capital, fit_probability
 from legfem.specimens.artefacts import KNOW_THE_RIG
-from legfem.specimens.details import SampleFit, SpecimenDocument, compared
+from legfem.specimens.details import RecordingFit, SpecimenDocument, compared
 
 _MOST_CURVES = 6
 _DASHES: tuple[Dash, ...] = ("solid", "dashed", "dotdash", "dotted")
@@ -116,7 +116,7 @@ class SpecimenReport(ReportKind):
 
     def figure(self, fits: Sequence[SpecimenFit]) -> Figure:
         """Return recordings beside the laws, those with the poorest fit."""
-        what = f"Measured and simulated {compared(fits[0])[0].axes.load}"
+        what = f"Measured and simulated {compared(fits[0])[0].test.axes.load}"
         return curves_figure(curves_of(fits), what, fits[0].subject.title, fits[0].subject.origin)
 
     def files(self, fits: Sequence[SpecimenFit], folder: Path) -> list[ReportFile]:
@@ -178,11 +178,11 @@ def curves_of(results: Sequence[SpecimenFit]) -> list[Curves]:
     """Recordings beside the laws, over displacement and where one holds over time, those with the poorest fit first."""
     worst = sorted(compared(least_akaike(results)), key=lambda one: one.r_squared)
     # Of each of several tests one at least.
-    first = {one.test: one for one in reversed(worst)}.values()
+    first = {one.test.test: one for one in reversed(worst)}.values()
     worst = sorted(worst, key=lambda one: one not in first)[: max(_MOST_CURVES, len(first))]
     blocks = []
     for number, one in enumerate(worst):
-        axes = one.axes
+        axes = one.test.axes
         blocks.append(_curves(results, one, number, axes.ways * one.course.displacement, axes.way, axes.way_unit))
         if one.course.holds:
             blocks.append(_curves(results, one, number, one.course.time, "time", "s"))
@@ -199,7 +199,7 @@ def _recordings(results: Sequence[SpecimenFit]) -> list[web.Block]:
         LabelledBar(
             f"{one.name}{'' if one.fitted else ' (left out, predicted)'}",
             max(one.r_squared, 0.0),
-            f"{one.r_squared:.4f}, {one.axes.load_text(one.rmse)} of {one.axes.load_text(one.course.peak)}",
+            f"{one.r_squared:.4f}, {one.test.axes.load_text(one.rmse)} of {one.test.axes.load_text(one.course.peak)}",
         )
         for one in every
     ]
@@ -208,8 +208,8 @@ def _recordings(results: Sequence[SpecimenFit]) -> list[web.Block]:
     blocks += [*drawn(results), *_face_profile(results)]
     for result in results:
         samples, law = compared(result), LAW_NAMES[result.law]
-        for test in dict.fromkeys(one.test for one in samples):
-            blocks.append(_test_in_numbers([one for one in samples if one.test == test], law, test))
+        for test in dict.fromkeys(one.test.test for one in samples):
+            blocks.append(_test_in_numbers([one for one in samples if one.test.test == test], law, test))
         if result.details.stiffness:
             rows = [{"specimen": name, "times as stiff": f"{x:.3f}"} for name, x in result.details.stiffness.items()]
             caption = f"Stiffness of each specimen relative to a typical one, {law} law"
@@ -235,8 +235,8 @@ def _face_profile(fits: Sequence[SpecimenFit]) -> list[Curves]:
     return [Curves("face-profile", title, more, heights, label, "strain across (-)", "model − recorded (-)", lines)]
 
 
-def _test_in_numbers(samples: Sequence[SampleFit], law: str, test: str) -> web.WebTable:
-    axes = samples[0].axes
+def _test_in_numbers(samples: Sequence[RecordingFit], law: str, test: str) -> web.WebTable:
+    axes = samples[0].test.axes
     rows = [
         {
             "recording": one.name,
@@ -258,19 +258,19 @@ def _test_in_numbers(samples: Sequence[SampleFit], law: str, test: str) -> web.W
 
 
 def _curves(
-    results: Sequence[SpecimenFit], one: SampleFit, number: int, x: FloatArray, along: str, unit: str
+    results: Sequence[SpecimenFit], one: RecordingFit, number: int, x: FloatArray, along: str, unit: str
 ) -> Curves:
-    axes, when = one.axes, one.course.begun + one.course.time
+    axes, when = one.test.axes, one.course.begun + one.course.time
     lines = [Line("recorded", axes.loads * one.course.force, None, DATA_COLOUR, points=True)]
     for k, result in enumerate(results):
         same = next((r for r in compared(result) if r.name == one.name), None)
         if same is not None:
             # Each law has first contact, and so stations, of its own.
-            own, differs = same.course.begun + same.course.time, same.predicted - same.course.force
+            own, differs = same.course.begun + same.course.time, same.force.residual
             lines.append(
                 Line(
                     f"model, {LAW_NAMES[result.law]}",
-                    axes.loads * np.interp(when, own, same.predicted),
+                    axes.loads * np.interp(when, own, same.force.predicted),
                     axes.loads * np.interp(when, own, differs),
                     LAW_COLOURS[result.law],
                     _DASHES[k % 4],
