@@ -25,7 +25,6 @@ from legfem.inverse.parse_parameters import ParameterTexts
 from legfem.inverse.readings import READINGS
 from legfem.mechanisms import Solution
 from legfem.solve.protocol import Protocol
-from legfem.specimens.channels import readings_of
 from legfem.specimens.comparison import comparison_of
 from legfem.specimens.folder import tissue_asked_for
 from legfem.specimens.forward import SpecimenForward
@@ -323,7 +322,7 @@ def test_what_is_read_is_what_another_code_shows(seen_layers: Path) -> None:
     truth = {"fat.C10": FAT, "muscle.C10": MUSCLE}
     tissues = tuple(tissue.of_law("neo-hookean") for tissue in folder.tissues)
     model = JointForward((SpecimenForward(one.sizes, 1.02 * one.course.depth, tissues, MUSCLE),))
-    comparison = readings_of(comparison_of([one], model, folder, False), [folder.sizes_sd])
+    comparison = comparison_of([one], model, folder, False).with_channels([folder.sizes_sd])
     instrument = np.array([number.null for number in READINGS.values()])
     found = comparison.predict(model.solve(truth, list(truth)), instrument)
     np.testing.assert_allclose(found.values, comparison.read(found.model_values, instrument), atol=1e-9)
@@ -384,5 +383,5 @@ def test_a_frame_at_the_end_of_a_press_counts(seen_layers: Path, tmp_path: Path)
     folder = lf.load_specimen(tmp_path)
     (one,) = folder.recordings
     model = JointForward((SpecimenForward(one.sizes, one.course.depth, folder.tissues, MUSCLE),))
-    (seen,) = readings_of(comparison_of([one], model, folder, False), [0.01]).beside
+    (seen,) = comparison_of([one], model, folder, False).with_channels([0.01]).parts
     assert [len(channel.values) for channel in seen.channels] == [1, 2]

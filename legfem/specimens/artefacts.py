@@ -27,7 +27,6 @@ from legfem.inverse.catalogue import Values
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.outcome import JointForward
 from legfem.inverse.readings import READINGS
-from legfem.specimens.channels import SpecimenReadings, readings_of
 from legfem.specimens.comparison import SpecimenComparison
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.laws import bulk_ratio
@@ -98,21 +97,23 @@ class LateralFit:
         return f" ({given}a Poisson's ratio near {best:.3g}, of {low:.3g} to {high:.3g})"
 
 
-def lateral_fit(forces: SpecimenComparison, model: JointForward[SpecimenForward], values: Values) -> LateralFit | None:
+def lateral_fit(
+    comparison: SpecimenComparison, model: JointForward[SpecimenForward], values: Values
+) -> LateralFit | None:
     """Return lateral stretches beside a model's; None where none were read, or the model has none.
 
     Parameters
     ----------
-    forces
+    comparison
         Of the recordings that were fitted.
     model
         Of their tests.
     values
         Of the fit.
     """
-    sizes_sd = [0.0] * len(forces.parts)
-    seen = readings_of(forces, sizes_sd, lambda one: one.sizes.kind.beside & {LATERAL_STRETCH.name})
-    if not seen.beside:
+    sizes_sd = [0.0] * len(comparison.parts)
+    seen = comparison.with_channels(sizes_sd, lambda one: one.sizes.kind.beside & {LATERAL_STRETCH.name})
+    if not seen.every_channel:
         return None
     found = _compared(seen, model, values)
     tissues = model.models[0].tissues
@@ -130,20 +131,20 @@ def lateral_fit(forces: SpecimenComparison, model: JointForward[SpecimenForward]
     return replace(found, poisson_ratio=(best, min(likely), max(likely)))
 
 
-def _compared(seen: SpecimenReadings, model: JointForward[SpecimenForward], values: Values) -> LateralFit | None:
+def _compared(seen: SpecimenComparison, model: JointForward[SpecimenForward], values: Values) -> LateralFit | None:
     outcome = model.solve(values, ())
     if not outcome.complete or not seen.reached_by(outcome):
         return None
-    beside, first = seen.beside, len(seen.forces)
+    beside, first = [part for part in seen.parts if part.channels], len(seen.forces)
     predicted = seen.predict(outcome, np.array([number.null for number in READINGS.values()])).values[first:]
     left, strain = seen.measured[first:] - predicted, _SHAPE * (predicted - LATERAL_STRETCH.at_rest)
-    ends = np.cumsum([len(one) for one in beside])[:-1]
+    ends = np.cumsum([len(one.values) for one in beside])[:-1]
     of_shape = block_diag(*(np.outer(own, own) for own in np.split(strain, ends)))
     errors = seen.beside_errors - block_diag(*(one.errors[1] for one in beside)) + of_shape
     pairs = zip(seen.every_channel, np.split(left, ends), strict=True)
     farthest = float(np.mean([own[np.argmax(one.displacement)] for one, own in pairs]))
     density = float(multivariate_normal(cov=errors).logpdf(left))
-    sizes = beside[0].part.recording.sizes
+    sizes = beside[0].recording.sizes
     rms, error = (float(np.sqrt(np.mean(squares))) for squares in (left**2, np.diag(errors)))
     return LateralFit(len(left), rms, farthest, error, density, pressed=sizes.kind.presses(sizes.body))
 

@@ -41,7 +41,7 @@ from legfem.inverse.notice import Notice
 from legfem.inverse.outcome import JointForward
 from legfem.specimens.agreement import TestsAgreement, agreement_document
 from legfem.specimens.artefacts import LateralFit, SizeDependence
-from legfem.specimens.channels import SpecimenReadings
+from legfem.specimens.comparison import SpecimenComparison
 from legfem.specimens.course import Course
 from legfem.specimens.face import FaceFit
 from legfem.specimens.folder import SpecimenFolder
@@ -216,7 +216,7 @@ def alternatives_text(every: "Sequence[Weighed]", to_know: str) -> str:
 
 
 def size_covariance(
-    comparison: SpecimenReadings,
+    comparison: SpecimenComparison,
     model: JointForward[SpecimenForward],
     values: Values,
     readings: FloatArray,
@@ -239,7 +239,7 @@ def size_covariance(
         Relative errors of sizes by name, of every test.
     """
     found = np.zeros((len(predicted), len(predicted)))
-    parts = comparison.forces.parts
+    parts = comparison.parts
     specimens = np.array([parts[k].recording.specimen for k in comparison.part_of])
     numbers = np.array([parts[k].test for k in comparison.part_of])
     forces_alone = np.where(np.arange(len(predicted)) < len(comparison.forces), predicted, 0.0)

@@ -16,7 +16,7 @@ from legfem.channels.kinds.face_strain import ACROSS, ALONG, FACE_STRAIN
 from legfem.common.units import FloatArray
 from legfem.experiments.bodies import HomogeneousBody
 from legfem.inverse.channel_readings import ChannelReadings
-from legfem.specimens.channels import SpecimenReadings
+from legfem.specimens.comparison import SpecimenComparison
 from legfem.specimens.kinds import kind_of
 
 _MOST_RATIO = 0.5
@@ -76,7 +76,7 @@ class FaceFit:
         return f"{': '.join([found, '; and '.join(causes)]) if causes else found}."
 
 
-def face_fit(comparison: SpecimenReadings, predicted: FloatArray) -> FaceFit | None:
+def face_fit(comparison: SpecimenComparison, predicted: FloatArray) -> FaceFit | None:
     """Return how the face is strained beside predicted readings (n,); None where it wasn't seen."""
     here = comparison.channels.get(FACE_STRAIN.name)
     if here is None:
@@ -91,7 +91,7 @@ def face_fit(comparison: SpecimenReadings, predicted: FloatArray) -> FaceFit | N
     shares = np.linalg.solve(weighed.T @ design, weighed.T)
     (along, across), covariance = shares @ seen, shares @ errors @ shares.T
     of_ratio = np.array([-across / along, 1.0]) / along
-    body = comparison.forces.parts[comparison.part_of[here[0]]].recording.sizes.body
+    body = comparison.parts[comparison.part_of[here[0]]].recording.sizes.body
     logs = [np.log1p(share * model[ways == way].mean()) for share, way in ((across, ACROSS), (along, ALONG))]
     alike = isinstance(body, HomogeneousBody) and -logs[0] / logs[1] < _MOST_RATIO
     return FaceFit(

@@ -68,7 +68,7 @@ def misfit_of(
         (n, p), N: of the free parameters, each in units of its own size.
     """
     # Moved contacts are no misfit: the prior's pull on them is in what the densities compare, not in the size.
-    residual, left = comparison.expected_force - force, comparison.measured - force
+    residual, left = comparison.of_forces(comparison.expected) - force, comparison.forces - force
     parts = comparison.parts
     stations = [len(part.course.time) for part in parts]
     peak = np.repeat([part.course.peak for part in parts], stations)
@@ -102,7 +102,7 @@ def _shapes(comparison: SpecimenComparison, peak: FloatArray) -> Iterator[FloatA
     parts = comparison.parts
     share = np.concatenate([part.course.displacement / part.course.depth for part in parts])
     kinds = np.repeat([part.kind for part in parts], [len(part.course.time) for part in parts])
-    scale = peak * (_LEAST + (1 - _LEAST) * np.abs(comparison.measured) / peak)
+    scale = peak * (_LEAST + (1 - _LEAST) * np.abs(comparison.forces) / peak)
     alike = np.outer(scale, scale) * (kinds[:, None] == kinds)
     for length in LENGTHS:
         yield alike * np.exp(-0.5 * (np.subtract.outer(share, share) / length) ** 2)

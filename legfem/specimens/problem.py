@@ -29,7 +29,6 @@ from legfem.inverse.searches import Found
 from legfem.inverse.settings import SearchRequest, free_of_model
 from legfem.specimens.agreement import TestsAgreement, agreement_of_tests
 from legfem.specimens.artefacts import goes_with_thickness, lateral_fit
-from legfem.specimens.channels import SpecimenReadings, readings_of
 from legfem.specimens.comparison import SpecimenComparison, comparison_of
 from legfem.specimens.course import QUICKENING, shows_quickening
 from legfem.specimens.details import (
@@ -93,19 +92,19 @@ class SpecimenProblem:
         """Recordings count alike in the search, whatever they share."""
         return False
 
-    def comparison(self, law: IdentifiedLaw, near: Found[SpecimenReadings] | None = None) -> SpecimenReadings:
+    def comparison(self, law: IdentifiedLaw, near: Found[SpecimenComparison] | None = None) -> SpecimenComparison:
         """Forces beside the recordings, from where their contact seems to be: nothing after that is air."""
         fitted = _fitted(self.folder, self.prepared, self.held_out)
         return self._with_channels(comparison_of(fitted, self.forward, self.folder, self._seeks_ratio))
 
-    def _with_channels(self, forces: SpecimenComparison) -> SpecimenReadings:
-        return readings_of(forces, [self.folder.test_of(one).sizes_sd for one in forces.recordings])
+    def _with_channels(self, forces: SpecimenComparison) -> SpecimenComparison:
+        return forces.with_channels([self.folder.test_of(one).sizes_sd for one in forces.recordings])
 
-    def refined(self, search: Search[SpecimenReadings]) -> SpecimenReadings | None:
+    def refined(self, search: Search[SpecimenComparison]) -> SpecimenComparison | None:
         """Comparison with contacts moved to where a fit has them, and slopes of its forces; None where all stay."""
         assert search.best.prediction is not None
         now = search.misfit
-        moved = self._moved(now.forces, now.forces.aheads(now.of_forces(search.best.prediction.values)))
+        moved = self._moved(now, now.aheads(now.of_forces(search.best.prediction.values)))
         if moved is None:
             return None
         model = self.forward
@@ -114,20 +113,20 @@ class SpecimenProblem:
         slopes = by_itself.slopes(search.best.prediction.model_values, readings)
         return self._with_channels(comparison_of(moved, model, self.folder, self._seeks_ratio, slopes=slopes))
 
-    def assessed(self, found: Found[SpecimenReadings]) -> Fit[SpecimenDetails]:
+    def assessed(self, found: Found[SpecimenComparison]) -> Fit[SpecimenDetails]:
         """Fit of a finished search."""
         comparison, best, law = found.search.misfit, found.best, found.search.law
-        linear, forces = found.linear, comparison.forces
+        linear = found.linear
         predicted, readings = linear.prediction.values, law.readings(best.point)
         force = comparison.of_forces(predicted)
-        stiffness = forces.stiffness(linear.prediction, readings)
-        apart = 0 if forces.own is None else forces.own.degrees
+        stiffness = comparison.stiffness(linear.prediction, readings)
+        apart = 0 if comparison.own is None else comparison.own.degrees
         spread = float(np.sqrt(np.sum(np.log(list(stiffness.values())) ** 2) / apart)) if apart else 0.0
         # Typical specimens of several tests differ by chance, the more the fewer show how much they do.
         by_chance = spread * float(stdtrit(apart, 0.975)) / 1.96 if self.folder.tests and apart else 0.0
         covariance = total_of(comparison.covariances_at(predicted, by_chance))
         covariances = dict(comparison.covariances_at(predicted, spread))
-        if forces.own is None:
+        if comparison.own is None:
             errors = [self._size_errors(one.sizes) for one in self.forward.models]
             covariances["sizes"] = size_covariance(
                 comparison, self.forward, model_values(best.values), readings, predicted, errors
@@ -138,19 +137,19 @@ class SpecimenProblem:
         missed, agreement = self._missed(found, covariance)
         covariances["misfit"] = comparison.of_forces_alone(missed.covariance)
         goodness = goodness_of(found, covariance + comparison.thickness_errors, lost=apart)
-        fitted = forces.recordings
+        fitted = comparison.recordings
         optimum = Optimum(found, covariances, quantile(apart or len(fitted) - 1), goodness.fits)
         known = estimates(optimum)
-        thickness = goes_with_thickness(forces, force, stiffness)
+        thickness = goes_with_thickness(comparison, force, stiffness)
         if thickness is not None:
             moved = {name: thickness.over(one) for name, one in known.items() if name.endswith("C10")}
             known |= moved
         tests = [
             _test_fit(one, force[span], comparison.fits_of(k, predicted))
-            for k, (one, span) in enumerate(zip(fitted, forces.spans, strict=True))
+            for k, (one, span) in enumerate(zip(fitted, comparison.spans, strict=True))
         ]
         left_out, told = self._predicted(found, stiffness, readings)
-        lateral = lateral_fit(forces, self.forward, model_values(best.values))
+        lateral = lateral_fit(comparison, self.forward, model_values(best.values))
         face = face_fit(comparison, predicted)
         told += [Notice.of(SpecimenNotice.SIDE_SEEN, text=one.text) for one in (lateral, face) if one]
         why = why_ratio_undetermined(self.folder, fitted) if self._seeks_ratio else ""
@@ -175,7 +174,7 @@ class SpecimenProblem:
             details=SpecimenDetails(
                 self.folder,
                 self.prepared.left_out,
-                forces.gain_sd(force),
+                comparison.gain_sd(force),
                 MappingProxyType(stiffness),
                 spread,
                 missed,
@@ -193,7 +192,7 @@ class SpecimenProblem:
         return replace(result, notices=(*doubted(self._doubts()), *unused, *found_here))
 
     def _missed(
-        self, found: Found[SpecimenReadings], covariance: FloatArray
+        self, found: Found[SpecimenComparison], covariance: FloatArray
     ) -> tuple[LawMisfit, TestsAgreement | None]:
         """What the law misses of the forces, beyond errors of a covariance, and how several tests agree on it."""
         comparison, law, prediction = found.search.misfit, found.search.law, found.linear.prediction
@@ -201,15 +200,15 @@ class SpecimenProblem:
         scales = [max(abs(value), 1e-3 * one.bounds[1]) for value, one in pairs]
         own, of = len(comparison.forces), comparison.of_forces
         jacobian = of(prediction.jacobian(law.names)) * scales
-        covariance, force, tests = covariance[:own, :own], of(prediction.values), comparison.forces.readings_of
-        missed = misfit_of(comparison.forces, covariance, force, jacobian)
+        covariance, force, tests = covariance[:own, :own], of(prediction.values), comparison.forces_of
+        missed = misfit_of(comparison, covariance, force, jacobian)
         if len(tests) < 2:
             return missed, None
         # A stiffness at its bound has nothing to give way.
         bounds = [bound_of(value, one.bounds) for value, one in zip(found.best.point, law.parameters, strict=True)]
         jacobian = jacobian[:, [not bound for bound in bounds]]
         stiffness = np.array([name not in READINGS for name, bound in zip(law.names, bounds, strict=True) if not bound])
-        residual, covariance = comparison.forces.expected_force - force, covariance.copy()
+        residual, covariance = of(comparison.expected) - force, covariance.copy()
         best, scale = force.copy(), np.ones_like(force)
         for places in tests.values():
             best[places] += fitted_change(covariance[np.ix_(places, places)], residual[places], jacobian[places])
@@ -218,7 +217,7 @@ class SpecimenProblem:
         covariance *= np.outer(scale, scale)
         for name, places in tests.items():
             # With constants of its own: what tests differ by is no misfit of the law's.
-            at, alone = np.ix_(places, places), comparison.forces.of_test(name)
+            at, alone = np.ix_(places, places), comparison.of_test(name)
             covariance[at] += misfit_of(alone, covariance[at], best[places], jacobian[places]).covariance
         return missed, agreement_of_tests(residual, force, jacobian, jacobian[:, stiffness], covariance, tests)
 
@@ -258,7 +257,7 @@ class SpecimenProblem:
         return None if moved == recordings else moved
 
     def _predicted(
-        self, found: Found[SpecimenReadings], stiffness: dict[str, float], readings: FloatArray
+        self, found: Found[SpecimenComparison], stiffness: dict[str, float], readings: FloatArray
     ) -> tuple[list[RecordingFit], list[Notice]]:
         """Recordings that were left out beside the law, and what is to be said of them."""
         others = [one for one in self.prepared.recordings if one.name in self.held_out]
