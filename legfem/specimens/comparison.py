@@ -409,21 +409,23 @@ def comparison_of(
     shape_sd = SHAPE_SD_OF_LAYERS if bent else 0.0
     if seeks and not told:
         shape_sd = SHAPE_SD_OF_FIBRES
-    misfit = SpecimenComparison(parts, depths, shape_sd=shape_sd)
+    found = SpecimenComparison(parts, depths, shape_sd=shape_sd)
+    if folder.equally_stiff:
+        return found
+    return replace(found, own=_own_stiffness(found, known, seeks and told and not were_turned(recordings)))
+
+
+def _own_stiffness(
+    forces: SpecimenComparison, known: Mapping[str, float] | None, by_direction: bool
+) -> OwnStiffness | None:
+    """Return the specimens' stiffness beside typical ones of a test or of a direction of fibres; None of too few."""
+    recordings, several = forces.recordings, len(forces.recordings_of) > 1
     kinds = kinds_of(recordings)
     names = tuple(kinds)
-    if folder.equally_stiff or (known is None and len(names) <= (len(misfit.recordings_of) if several else 1)):
-        return misfit
-    stations = [len(part.course.time) for part in parts]
-    specimen = np.repeat([names.index(part.recording.specimen) for part in parts], stations)
-    apart = seeks and told and not were_turned(recordings)
-    test_of = {one.specimen: one.test for one in recordings}
-    own = OwnStiffness(
-        names,
-        specimen,
-        misfit.expected,
-        misfit.weighted,
-        known,
-        tuple(kind for (kind,) in kinds.values()) if apart else tuple(test_of.values()) if several else (),
-    )
-    return replace(misfit, own=own)
+    if known is None and len(names) <= len(forces.recordings_of):
+        return None
+    stations = [len(one.course.time) for one in recordings]
+    specimen = np.repeat([names.index(one.specimen) for one in recordings], stations)
+    tests = tuple({one.specimen: one.test for one in recordings}.values()) if several else ()
+    directions = tuple(kind for (kind,) in kinds.values()) if by_direction else ()
+    return OwnStiffness(names, specimen, forces.expected, forces.weighted, known, directions or tests)

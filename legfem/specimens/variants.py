@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 import numpy as np
 
@@ -26,8 +25,11 @@ _C10, _C20 = "deep.C10", "deep.C20"
 _BESIDE = "superficial.C10"
 """What mechanisms call the stiffness of tissues beside the one that is asked for."""
 _STATED = "stated_"
+_FORCE = "force"
 
 type _Numbers = tuple[tuple[str, float], ...]
+type _Course = tuple[FloatArray, dict[str, FloatArray]]
+"""A force or channel along a path (n,), and its derivatives."""
 type _Asked = tuple[str, Protocol, _Numbers, tuple[str, ...]]
 
 
@@ -121,51 +123,38 @@ class SpecimenVariants:
         """
         assert geometry is None, "a specimen's sizes are numbers"
         scale = deep[_C10] / REFERENCE_MPA
-        own = {_C10: REFERENCE_MPA, _C20: deep.get(_C20, 0.0) / scale}
-        nominal = self.parameters(solution.variant)
         factors = dict(solution.scaled)
-        beside = factors.pop(_BESIDE, 1.0) / scale
+        beside, nominal = factors.pop(_BESIDE, 1.0) / scale, self.parameters(solution.variant)
         others = {
             name: value / beside if name.endswith(".D1") else value * beside for name, value in self._stated.items()
         }
-        own |= others | {name: factor * nominal[name] for name, factor in factors.items()}
+        own = {_C10: REFERENCE_MPA, _C20: deep.get(_C20, 0.0) / scale, **others}
+        own |= {name: factor * nominal[name] for name, factor in factors.items()}
         own |= {
             name: value / scale if name.startswith("deep.C") else value for name, value in solution.parameters.items()
         }
         asked = {name for name in sensitivities if name not in (_C10, *self.measured)}
-        if _C10 in sensitivities:
-            asked |= {_C20, *others}
-        solved = self._scaled(solution.variant, protocol, own, tuple(sorted(asked)))
+        stiffnesses = {**others, _C20: own[_C20]} if _C10 in sensitivities else {}
+        solved = self._scaled(solution.variant, protocol, own, tuple(sorted({*asked, *stiffnesses})))
         if not solved.report.complete:
             return solved
-        found = solved.path
-        # Euler's theorem: forces are homogeneous of the first degree in the stiffnesses, other channels of none.
-        every = {**others, _C20: own[_C20]} if _C10 in sensitivities else {}
-        force, nothing = scale * found.force, np.zeros(len(found.time))
-        along = partial(_along_c10, stiffnesses=every, scale=scale, c10=deep[_C10])
-        by = along({name: scale * values for name, values in found.sensitivities.items()}, value=force)
-        seen, channels = {}, {}
-        for channel, course in found.channels.items():
-            times, degree = (scale, 1.0) if _is_load(channel) else (1.0, 0.0)
-            rates = {name: times * rate for name, rate in found.channel_sensitivities.get(channel, {}).items()}
-            channels[channel] = times * course
-            seen[channel] = along(rates, value=degree * channels[channel])
-        for name in (name for name in sensitivities if name in self.measured):
-            larger = replace(self, sizes=self.sizes.larger(name.removeprefix(SIZE)))
-            changed, step = larger.follow(protocol, deep, solution), RESIZED * self.measured[name]
+        found: dict[str, _Course] = {}
+        for name, (course, rates) in _courses_of(solved.path).items():
+            times, degree = (scale, 1.0) if _is_load(name) else (1.0, 0.0)
+            by = {one: times * rate for one, rate in rates.items()}
+            found[name] = times * course, _along_c10(by, stiffnesses, scale, deep[_C10], degree * times * course)
+        for size in self.measured.keys() & set(sensitivities):
+            larger = replace(self, sizes=self.sizes.larger(size.removeprefix(SIZE)))
+            changed, time = larger.follow(protocol, deep, solution), solved.path.time
             if not changed.report.complete:
                 return changed
-            by[name] = (changed.path.force_at(found.time) - force) / step
-            for channel, course in changed.path.channels_at(found.time).items():
-                seen[channel][name] = (course - channels[channel]) / step
-        path = replace(
-            found,
-            force=force,
-            sensitivities={n: by[n] for n in sensitivities},
-            channels=channels,
-            # What branches bear changes no strain.
-            channel_sensitivities={c: {n: own.get(n, nothing) for n in sensitivities} for c, own in seen.items()},
-        )
+            resized = {_FORCE: changed.path.force_at(time), **changed.path.channels_at(time)}
+            for name, (course, by) in found.items():
+                by[size] = (resized[name] - course) / (RESIZED * self.measured[size])
+        # What branches bear changes no strain.
+        nothing = np.zeros(len(solved.path.time))
+        kept = {name: (course, {n: by.get(n, nothing) for n in sensitivities}) for name, (course, by) in found.items()}
+        path = _with_courses(solved.path, kept)
         return replace(solved, path=path, curve=path.loading)
 
     def _scaled(
@@ -219,18 +208,30 @@ def _relaxing(path: Path, values: Mapping[str, float], sensitivities: Sequence[s
     def held(load: FloatArray) -> FloatArray:
         return np.hstack([np.zeros((len(names), 1)), borne(path.time[1:], load[1:])])
 
-    def relaxing(load: FloatArray, rates: Mapping[str, FloatArray]) -> tuple[FloatArray, dict[str, FloatArray]]:
+    def relaxing(load: FloatArray, rates: Mapping[str, FloatArray]) -> _Course:
         by_branch, by = held(load), {name: rate + ratios @ held(rate) for name, rate in rates.items()}
         own = zip(names, by_branch, strict=True)
         return load + ratios @ by_branch, by | {name: each for name, each in own if name in sensitivities}
 
-    force, by = relaxing(path.force, path.sensitivities)
-    channels, seen = dict(path.channels), dict(path.channel_sensitivities)
-    for name in filter(_is_load, path.channels):
-        channels[name], seen[name] = relaxing(channels[name], seen.get(name, {}))
-    return replace(path, force=force, sensitivities=by, channels=channels, channel_sensitivities=seen)
+    courses = _courses_of(path).items()
+    return _with_courses(path, {name: relaxing(*one) if _is_load(name) else one for name, one in courses})
+
+
+def _courses_of(path: Path) -> "dict[str, _Course]":
+    """Return force and channels along a path, each with its derivatives."""
+    force = {_FORCE: (path.force, dict(path.sensitivities))}
+    by = path.channel_sensitivities
+    return force | {name: (course, dict(by.get(name, {}))) for name, course in path.channels.items()}
+
+
+def _with_courses(path: Path, courses: "Mapping[str, _Course]") -> Path:
+    """Return a path with others in place of those of `_courses_of`."""
+    channels = {name: one for name, one in courses.items() if name != _FORCE}
+    force, by = courses[_FORCE]
+    seen = {name: rates for name, (_, rates) in channels.items()}
+    return Path(path.time, path.displacement, force, by, {n: course for n, (course, _) in channels.items()}, seen)
 
 
 def _is_load(course: str) -> bool:
-    """Whether a channel's course is a force or moment, in proportion to stiffnesses and relaxing with them."""
-    return CHANNELS[course.partition(":")[0]].follows_force
+    """Whether a course is one of a force or moment, in proportion to stiffnesses and relaxing with them."""
+    return course == _FORCE or CHANNELS[course.partition(":")[0]].follows_force
