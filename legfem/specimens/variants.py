@@ -141,7 +141,7 @@ class SpecimenVariants:
         found: dict[str, _Course] = {}
         for name, (course, rates) in _courses_of(solved.path).items():
             times, degree = (scale, 1.0) if _is_load(name) else (1.0, 0.0)
-            by = {one: times * rate for one, rate in rates.items()}
+            by = {one: np.asarray(times * rate) for one, rate in rates.items()}
             found[name] = times * course, _along_c10(by, stiffnesses, scale, deep[_C10], degree * times * course)
         for size in self.measured.keys() & set(sensitivities):
             larger = replace(self, sizes=self.sizes.larger(size.removeprefix(SIZE)))
@@ -149,8 +149,8 @@ class SpecimenVariants:
             if not changed.report.complete:
                 return changed
             resized = {_FORCE: changed.path.force_at(time), **changed.path.channels_at(time)}
-            for name, (course, by) in found.items():
-                by[size] = (resized[name] - course) / (RESIZED * self.measured[size])
+            for name, (course, rates) in found.items():
+                rates[size] = np.asarray((resized[name] - course) / (RESIZED * self.measured[size]))
         # What branches bear changes no strain.
         nothing = np.zeros(len(solved.path.time))
         kept = {name: (course, {n: by.get(n, nothing) for n in sensitivities}) for name, (course, by) in found.items()}
