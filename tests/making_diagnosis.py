@@ -21,7 +21,7 @@ from legfem.inverse.observations import Observations, observe
 from legfem.inverse.predictor import Predictor
 from legfem.inverse.stations import Stations
 from legfem.inverse.trial_noise import Noise
-from legfem.legs.finite_element_models import LegVariants, tissues_of
+from legfem.legs.finite_element_models import LegVariants, plane_strain_test
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
 from legfem.mechanisms import Mechanism, Stiffness, TissueMechanism, Values, mechanism_named
@@ -221,4 +221,4 @@ def coarse_leg() -> LegVariants:
     """Return subject 3's leg on a mesh coarse enough for tests."""
     subject = load_subject(SUBJECTS.find("3"), need_recordings=False)
     settings = PlaneStrainSettings(mesh=PlaneStrainSettings().mesh.refined(0.4))
-    return LegVariants(subject.section, subject.indenter, tissues_of(subject), settings)
+    return LegVariants(plane_strain_test(subject, settings))

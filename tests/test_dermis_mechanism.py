@@ -5,12 +5,13 @@ The membrane's closed forms, tangent and sensitivities are in tests/verification
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from making_diagnosis import coarse_leg, observations, ramps
 
 from legfem.common.progress import Silent
-from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.inverse.intervals import NUMERICAL_ERROR
 from legfem.inverse.library_build import build_library
 from legfem.inverse.library_tasks import CHANGES_AT, rounded
@@ -48,11 +49,7 @@ def test_beyond_it_adds_what_the_membrane_does(solved, variants):
     assert np.all(change > 0.02)
     deep = {"deep.C10": SOFT[0], "deep.C20": SOFT[1]}
     force = [
-        PlaneStrainIndentation(
-            variants.section, variants.indenter, variants.tissues, variants.settings, mechanisms=terms
-        )
-        .solve(deep, DEPTH)
-        .curve(solved.grid)
+        replace(variants.base, mechanisms=terms).solve(deep, DEPTH).curve(solved.grid)
         for terms in ([], [Dermis(STIFFNESS)])
     ]
     np.testing.assert_allclose(change, force[1] / force[0] - 1, rtol=5e-3)

@@ -39,12 +39,12 @@ CHANNELS_SEEN = ("fat_thickness", "lateral_force")
 @pytest.fixture(scope="module")
 def variants():
     from legfem.experiments.plane_strain import PlaneStrainSettings
-    from legfem.legs.finite_element_models import tissues_of
+    from legfem.legs.finite_element_models import plane_strain_test
 
     subject = load_subject(SUBJECTS.find("3"), need_recordings=False)
     settings = PlaneStrainSettings()
     coarse = PlaneStrainSettings(mesh=settings.mesh.refined(0.4))
-    return LegVariants(subject.section, subject.indenter, tissues_of(subject), coarse)
+    return LegVariants(plane_strain_test(subject, coarse))
 
 
 @pytest.fixture(scope="module")
@@ -140,8 +140,9 @@ def test_what_is_kept_is_recalled_and_nothing_is_made_for_it(variants, tmp_path)
 def test_slip_is_that_of_a_contact_as_stiff_as_the_tapes(variants, tmp_path):
     solved = responses_in(tmp_path, variants)
     softer = solved.elastic_change(mechanism_named("contact-slip").solution({"slip": 1.0}), SOFT)["force"]
-    contact = replace(variants.settings.contact, tangential="frictionless")
-    sliding = replace(variants, settings=replace(variants.settings, contact=contact))
+    settings = variants.base.settings
+    contact = replace(settings.contact, tangential="frictionless")
+    sliding = LegVariants(replace(variants.base, settings=replace(settings, contact=contact)))
     free = responses_in(tmp_path / "free", sliding).ramp(SOFT, PLAIN)
     change = free / solved.ramp(SOFT, PLAIN) - 1.0
     deep = solved.grid > 0.3 * DEPTH

@@ -43,8 +43,9 @@ def test_a_tangent_that_is_kept_changes_no_other_model(variants, name):
     at = mechanism.parameters[0].name
     forces = []
     for keeps in (False, True):
-        settings = replace(variants.settings, newton=replace(variants.settings.newton, keeps_body=keeps))
-        solved = replace(variants, settings=settings).follow(
+        settings = variants.base.settings
+        settings = replace(settings, newton=replace(settings.newton, keeps_body=keeps))
+        solved = LegVariants(replace(variants.base, settings=settings)).follow(
             Protocol.ramp(14.0, 1.0), {DEEP_C10: 1e-3, DEEP_C20: 0.0}, mechanism.solution({at: 0.78})
         )
         assert solved.report.complete

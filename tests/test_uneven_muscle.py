@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from making_diagnosis import coarse_leg, observations, ramps
 
 from legfem.common.errors import InputError
 from legfem.common.progress import Silent
-from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.inverse.library_build import build_library
 from legfem.inverse.library_tasks import rounded
 from legfem.inverse.responses import PLAIN, SolvedResponses
@@ -44,12 +45,9 @@ def test_an_excess_everywhere_is_a_stiffer_muscle(variants):
     excess = 0.4
 
     def force(values, *terms):
-        experiment = PlaneStrainIndentation(
-            variants.section, variants.indenter, variants.tissues, variants.settings, mechanisms=terms
-        )
-        return experiment.solve(values, DEPTH).curve(np.linspace(0.5, DEPTH, 12))
+        return replace(variants.base, mechanisms=terms).solve(values, DEPTH).curve(np.linspace(0.5, DEPTH, 12))
 
-    everywhere = UnevenStiffness("deep", variants.tissues.deep, ((0.0, 0.0),), (EVERYWHERE_MM,))
+    everywhere = UnevenStiffness("deep", variants.base.tissues.deep, ((0.0, 0.0),), (EVERYWHERE_MM,))
     uneven = force({**deep, EXCESS: excess}, everywhere)
     stiffer = force({name: (1 + excess) * value for name, value in deep.items()})
     np.testing.assert_allclose(uneven, stiffer, rtol=1e-3)
@@ -117,7 +115,7 @@ def test_a_lump_is_shared_out_among_its_neighbours_of_both_radii(mechanism):
 
 
 def test_a_lump_without_a_radius_is_refused(variants):
-    muscle = variants.tissues.deep
+    muscle = variants.base.tissues.deep
     with pytest.raises(InputError, match="radii"):
         UnevenStiffness("deep", muscle, ((0.0, 0.0), (1.0, 0.0)), (4.0, 0.0))
     with pytest.raises(InputError, match="radius"):

@@ -9,15 +9,13 @@ from typing import Any
 
 from mpi4py import MPI
 
-from legfem.channels import Sight
 from legfem.channels.kinds import planned_sights
 from legfem.experiments.experiment import Picklable, Solved, cached_in_process
 from legfem.experiments.indenter_pose import Ball, Cylinder, LegIndenter, Pose, Punch
 from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, fibres_of, membrane_of
 from legfem.experiments.plane_strain import LateralPlacement, PlaneStrainIndentation, PlaneStrainSettings, Tissues
-from legfem.geometry.indenter import Indenter, Site
+from legfem.geometry.indenter import Site
 from legfem.geometry.motion import without_layer
-from legfem.geometry.section import LegSection
 from legfem.inverse.accuracy import MATERIAL_LOG_SD
 from legfem.inverse.body_models import Displaced
 from legfem.inverse.observations import Observations
@@ -28,7 +26,6 @@ from legfem.legs.subject import Subject, TissueParameters
 from legfem.mechanics.materials import Hyperelastic, NeoHookean, ReducedPolynomial
 from legfem.mechanics.model import Term
 from legfem.mechanisms import Solution, TissueMechanism, mechanisms, shown_in
-from legfem.meshing.section import MeshMotion
 from legfem.solve.protocol import Protocol
 
 _CUT_OF_SLIP = 0.25
@@ -41,22 +38,11 @@ class LegVariants(Picklable):
 
     Parameters
     ----------
-    section, indenter, tissues
-        The leg and how it is pressed.
-    settings
-        Numerical.
-    moved
-        Where the leg's mesh is moved to; as it is without it.
-    sights
-        Places at which channels are read.
+    base
+        The leg as it is pressed, without any mechanism.
     """
 
-    section: LegSection
-    indenter: Indenter
-    tissues: Tissues
-    settings: PlaneStrainSettings
-    moved: MeshMotion | None = None
-    sights: tuple[Sight, ...] = ()
+    base: PlaneStrainIndentation
 
     @cached_in_process
     def _models(self) -> dict[str, PlaneStrainIndentation]:
@@ -100,7 +86,8 @@ class LegVariants(Picklable):
             Where mesh and cylinder are moved to; as stated without it.
         """
         moved, placement = (None, None) if geometry is None else (geometry.moved, geometry.placement)
-        model = (self if moved is None else replace(self, moved=moved)).model(solution.variant)
+        model = self.model(solution.variant)
+        model = model if moved is None else replace(model, moved=moved)
         values = solution.values(deep, model.model.parameters)
         at = placement or LateralPlacement()
         tilted = replace(at, tilt_deg=at.tilt_deg + solution.tilt_deg)
@@ -119,19 +106,12 @@ class LegVariants(Picklable):
     def model(self, variant: str) -> PlaneStrainIndentation:
         """Return a model by its name."""
         if variant not in self._models:
-            self._models[variant] = PlaneStrainIndentation(
-                self.section,
-                self.indenter,
-                self.tissues,
-                self._settings(variant),
-                mechanisms=self._terms(variant),
-                moved=self.moved,
-                sights=self.sights,
-            )
+            settings, terms = self._settings(variant), self._terms(variant)
+            self._models[variant] = replace(self.base, settings=settings, mechanisms=terms)
         return self._models[variant]
 
     def _settings(self, variant: str) -> PlaneStrainSettings:
-        settings = self.settings
+        settings = self.base.settings
         for mechanism in shown_in(variant):
             if mechanism.formulation is not None:
                 settings = replace(settings, formulation=mechanism.formulation)
@@ -152,7 +132,7 @@ class LegVariants(Picklable):
         return settings
 
     def _terms(self, variant: str) -> list[Any]:
-        return [term for m in shown_in(variant) for term in m.terms(self)]
+        return [term for m in shown_in(variant) for term in m.terms(self.base)]
 
 
 _DEPTH_STEP_MM = 1.0
@@ -186,21 +166,16 @@ def solved_responses(
     default = PlaneStrainSettings()
     newton = replace(default.newton, relative_tolerance=TOLERANCE, damped_tolerance=CREEPING)
     settings = replace(default, newton=newton)
-    tissues, site = tissues_of(subject), Site(subject.section, subject.indenter)
     # A plan weighs what could be seen, too: reading it costs no solution.
-    planned = planned_sights(site, [one.name for one in subject.sights])
+    planned = planned_sights(Site(subject.section, subject.indenter), [one.name for one in subject.sights])
 
     def on_mesh(coarsening: float, rougher: SolvedResponses | None = None) -> SolvedResponses:
-        own = replace(settings, mesh=settings.mesh.refined(1 / coarsening))
+        test = plane_strain_test(subject, replace(settings, mesh=settings.mesh.refined(1 / coarsening)))
         return SolvedResponses(
-            LegVariants(subject.section, subject.indenter, tissues, own, sights=(*subject.sights, *planned)),
+            LegVariants(replace(test, sights=(*subject.sights, *planned))),
             depth,
             folder,
-            {
-                **plane_strain_test(subject, own).fingerprint(),
-                "model": "plane strain with mechanisms",
-                "depth_mm": depth,
-            },
+            {**test.fingerprint(), "model": "plane strain with mechanisms", "depth_mm": depth},
             rougher=rougher,
         )
 

@@ -187,9 +187,9 @@ class Truths:
         return ForceCourse.of(time, solved.path.force_at(time), solved.path.channels_at(time))
 
     def _made(self, settings: Any) -> LegVariants:
-        from legfem.legs.finite_element_models import tissues_of
+        from legfem.legs.finite_element_models import plane_strain_test
 
-        return LegVariants(self.leg.section, self.leg.indenter, tissues_of(self.leg), settings, sights=self.sights)
+        return LegVariants(replace(plane_strain_test(self.leg, settings), sights=self.sights))
 
     def _by_other_code(self, case: SealedCase, effects: dict[str, dict[str, float]], protocol: Protocol) -> ForceCourse:
         from studies.making.plane_leg import OtherCode

@@ -19,7 +19,7 @@ from legfem.common.progress import Silent
 from legfem.common.units import FloatArray
 from legfem.data import Recording, segment_all
 from legfem.data.recording import RecordedChannel
-from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
+from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.geometry.indenter import Site
 from legfem.geometry.section import across
 from legfem.inverse.diagnose import DiagnosisInput, diagnose
@@ -34,7 +34,7 @@ from legfem.inverse.plan import Design, evaluate_design, prior_candidates
 from legfem.inverse.responses import SolvedResponses
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.diagnosis import WITHOUT_ENDS
-from legfem.legs.finite_element_models import LegVariants, tissues_of
+from legfem.legs.finite_element_models import LegVariants, plane_strain_test
 from legfem.legs.loading import load_subject
 from legfem.legs.nuisances import ShapeAccuracy
 from legfem.legs.plan import with_channels
@@ -127,7 +127,7 @@ def tracked(
 def library_of(observed: Observations) -> Library:
     """Tables at the places of an image."""
     places = (Sight(INSIDE.name, observed.channels[0].places),)
-    variants = LegVariants(SUBJECT.section, SUBJECT.indenter, tissues_of(SUBJECT), SETTINGS, sights=places)
+    variants = LegVariants(replace(plane_strain_test(SUBJECT, SETTINGS), sights=places))
     solved = SolvedResponses(variants, DEPTH + 1.0, None, {})
     asked = [one for one in map(mechanism_named, ASKED) if isinstance(one, TissueMechanism)]
     middle = middle_of(observed, solved, STIFFENING[LAW])
@@ -276,9 +276,8 @@ def test_what_is_left_beside_an_image_s_steps_is_as_stated():
     draws = [(rng.uniform(-2, 2, 2), float(rng.uniform(-3, 3))) for _ in range(20)]
     truly = [middle + shift + (points - middle) @ turn_of(turn).T for shift, turn in draws]
     leg = Pressed.of(np.concatenate([points, *truly]), {})
-    own = PlaneStrainIndentation(
-        SUBJECT.section, SUBJECT.indenter, tissues_of(SUBJECT), SETTINGS, sights=(sight(points),)
-    ).solve({"deep.C10": 1e-3 * C10_KPA, "deep.C20": 0.0}, DEPTH)
+    pressed = replace(plane_strain_test(SUBJECT, SETTINGS), sights=(sight(points),))
+    own = pressed.solve({"deep.C10": 1e-3 * C10_KPA, "deep.C20": 0.0}, DEPTH)
     depths = np.arange(1.5, DEPTH + 0.1, 1.5)
     steps = np.array(
         [

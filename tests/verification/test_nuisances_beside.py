@@ -16,7 +16,7 @@ from legfem.geometry.section import across
 from legfem.inverse.library import ChannelTables, Library, NuisanceChanges, Table, pair_strength
 from legfem.inverse.mechanism import Solution, TissueMechanism
 from legfem.inverse.responses import PLAIN, SolvedResponses
-from legfem.legs.finite_element_models import COARSER, LegVariants, tissues_of
+from legfem.legs.finite_element_models import COARSER, LegVariants, plane_strain_test
 from legfem.legs.loading import load_subject
 from legfem.legs.nuisances import AIM_SD_MM, displaced_geometries
 from legfem.legs.schema import SUBJECTS
@@ -49,7 +49,7 @@ def test_an_aim_does_to_a_film_beside_stiff_fat_what_another_code_says():
     subject = load_subject(SUBJECTS.find("3"), need_recordings=False)
     settings = PlaneStrainSettings()
     settings = replace(settings, mesh=settings.mesh.refined(1 / COARSER))
-    models = LegVariants(subject.section, subject.indenter, tissues_of(subject), settings, sights=(SENSELS,))
+    models = LegVariants(replace(plane_strain_test(subject, settings), sights=(SENSELS,)))
     solved = SolvedResponses(models, DEPTH, None, {})
     aim = next(geometry for geometry in displaced_geometries() if geometry.name == "aim")
     fat = mechanism_named("superficial-stiffness")
