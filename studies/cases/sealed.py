@@ -21,6 +21,7 @@ from legfem.inverse.library_build import build_library
 from legfem.inverse.library_tasks import STIFFENING, rounded
 from legfem.inverse.mechanism import Mechanism, TissueMechanism, shown_mechanisms
 from legfem.inverse.responses import SolvedResponses
+from legfem.inverse.search import SearchError
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.diagnosis import WITHOUT_ENDS, Diagnoser, with_correction
 from legfem.legs.finite_element_models import solved_responses
@@ -250,14 +251,17 @@ class Lab:
         return diagnose(replace(given, instrument=INSTRUMENT), solved, Silent())
 
     def said(self, case: SealedCase, subset: str) -> Said | None:
-        """Return what a diagnosis of some of a recording's channels says; None where a solution stopped."""
+        """Return what a diagnosis of some of a recording's channels says; None where a solution or a search stopped."""
         programme, names = SUBSETS[subset]
         subject, known = self.subject(case, programme, names), self.library(case, programme, Silent())
         if subject is None or known is None:
             return None
         library, solved = known
         begun = time.process_time()
-        found = self.diagnose(subject, library, solved if self.confirms else None)
+        try:
+            found = self.diagnose(subject, library, solved if self.confirms else None)
+        except SearchError:
+            return None
         return say(found, case, subset, time.process_time() - begun)
 
 
