@@ -19,6 +19,7 @@ from legfem.inverse.catalogue import parameter_of
 from legfem.inverse.comparison import total_of
 from legfem.inverse.joint_comparison import JointComparison
 from legfem.inverse.outcome import Outcome
+from legfem.inverse.search import SearchError
 from legfem.inverse.settings import IdentificationSettings
 from legfem.inverse.station_test import StationTest
 from legfem.inverse.trial_noise import estimate_noise
@@ -145,6 +146,12 @@ def test_without_channels_nothing_moves(tmp_path):
         assert one.estimates[name].value == other.estimates[name].value
         assert one.estimates[name].ci95 == other.estimates[name].ci95
     assert one.goodness == other.goodness
+
+
+def test_a_channel_that_no_solve_shows_is_named(subject):
+    parameters = [parameter_of(name, LayeredLeg().nominal) for name in BOTH]
+    with pytest.raises(SearchError, match="no full solve shows all that was recorded: fat_thickness; leave that out"):
+        identify(subject, model=AnalyticLeg(), laws=("neo-hookean",), parameters=parameters)
 
 
 def test_the_plain_sum_can_t_weigh_them(subject):

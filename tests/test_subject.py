@@ -91,6 +91,7 @@ def test_bad_subject_files_are_explained(tmp_path, old, new, field, words):
     assert line.startswith(f"{folder / 'subject.toml'}: {field}: ")
     assert words in line
     assert caught.value.remedy
+    assert caught.value.unsaid == ("missing;" in line)
 
 
 def test_missing_folder_and_file_are_named(tmp_path):

@@ -10,7 +10,7 @@ from mpi4py import MPI
 from legfem.api import loading
 from legfem.api.asked import AskedParameters
 from legfem.api.results import Identification
-from legfem.common.errors import InputError
+from legfem.common.errors import MISSING, InputError
 from legfem.common.progress import progress_on
 from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.experiments.plane_strain import PlaneStrainSettings
@@ -173,7 +173,7 @@ def _of_leg(
     for one in leg.sites:
         if not one.instrument.stated:
             remedy = "add force_sd_N and displacement_sd_mm, or accuracies"
-            raise InputError(one.directory / SUBJECTS.file, "instrument", "missing", remedy)
+            raise InputError(one.directory / SUBJECTS.file, "instrument", MISSING, remedy)
     solid = searches_in_3d(leg, wanted.names, in_3d)
     if solid or len(leg.sites) > 1:
         check_joint(leg, request.settings, correction, in_3d)

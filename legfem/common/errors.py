@@ -14,6 +14,15 @@ from pathlib import Path
 from legfem.common.wording import Argument, Door, Remedy
 
 
+class Lack(str):
+    """A problem that is no mistake: something isn't stated yet."""
+
+    __slots__ = ()
+
+
+MISSING = Lack("missing")
+
+
 class InputError(Exception):
     """Something a user gave is wrong.
 
@@ -26,7 +35,7 @@ class InputError(Exception):
     field : str or Argument
         Key, column, part, row or value at fault.
     problem : str
-        What is wrong.
+        What is wrong; `MISSING`, or another `Lack`, where nothing is.
     remedy : str or Remedy
         What the user can do about it.
     """
@@ -43,7 +52,7 @@ class InputError(Exception):
     @property
     def unsaid(self) -> bool:
         """Whether something is missing, and nothing is wrong."""
-        return self.problem == "missing"
+        return isinstance(self.problem, Lack)
 
     def at(
         self,

@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import ErrorDetails, PydanticCustomError
 
-from legfem.common.errors import InputError, remedy_for_missing
+from legfem.common.errors import MISSING, InputError, remedy_for_missing
 from legfem.common.wording import Remedy
 
 if TYPE_CHECKING:
@@ -298,7 +298,7 @@ def _explain(error: ErrorDetails, keys: list[str], context: dict[str, Any], sche
             near = difflib.get_close_matches(keys[-1], known, n=1)
             return "unknown key", (f"did you mean '{near[0]}'?" if near else f"known keys here: {', '.join(known)}")
         case "missing":
-            return "missing", "add it"
+            return MISSING, "add it"
         case "greater_than" | "greater_than_equal" | "less_than" | "less_than_equal":
             bounds = {"gt": "above", "ge": "of at least", "lt": "below", "le": "of at most"}
             words = " and ".join(f"{w} {context[k]:g}" for k, w in bounds.items() if k in context)

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from legfem.common.errors import InputError
+from legfem.common.errors import MISSING, InputError
 from legfem.common.input_files import FileTable, NotNegative, Positive, Text, checked, read_toml, trouble
 from legfem.common.wording import Argument, Remedy
 from legfem.data.recording import SourceColumn, SourceColumns
@@ -53,14 +53,14 @@ class InstrumentEntry(FileTable):
                 if getattr(self, key) is None:
                     raise trouble(
                         key if stated else "force_sd_N",
-                        "missing",
+                        MISSING,
                         "give force_sd_N, or force_accuracy_percent and force_range_N",
                     )
         if (self.displacement_sd_mm is None) == (self.displacement_accuracy_mm is None):
             missing = self.displacement_sd_mm is None
             raise trouble(
                 "displacement_sd_mm",
-                "missing" if missing else "given beside displacement_accuracy_mm",
+                MISSING if missing else "given beside displacement_accuracy_mm",
                 "give either displacement_sd_mm or displacement_accuracy_mm",
             )
         return self
@@ -109,7 +109,7 @@ class RecordingsEntry(FileTable):
         given = [key for key in keys if getattr(self, key) is not None]
         missing = [key for key in keys if key not in given]
         if missing and (given or self.sheet is not None):
-            raise trouble(missing[0], "missing", f"give column and unit of {', '.join(keys)}")
+            raise trouble(missing[0], MISSING, f"give column and unit of {', '.join(keys)}")
         return self
 
     def channels(self) -> SourceColumns | None:

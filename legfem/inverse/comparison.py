@@ -143,9 +143,17 @@ class Comparison(ABC):
         """Return those of values (..., n) that are of forces along the travel: all, where there is nothing else."""
         return values[..., self.channels["force"]] if self.channels else values
 
-    @abstractmethod
     def reached_by(self, outcome: Outcome) -> bool:
-        """Whether a solve came as far as what was measured."""
+        """Whether a complete solve came as far as what was measured; it did, unless overridden."""
+        return True
+
+    def unseen_in(self, outcome: Outcome) -> tuple[str, ...]:
+        """Names of recorded channels that a solve doesn't have."""
+        return ()
+
+    def told_by(self, outcome: Outcome) -> bool:
+        """Whether a solve tells all that was measured."""
+        return outcome.complete and self.reached_by(outcome) and not self.unseen_in(outcome)
 
     @abstractmethod
     def predict(self, outcome: Outcome, instrument: FloatArray) -> Prediction:

@@ -215,7 +215,7 @@ class Search[C: Comparison]:
 
     def _trial(self, point: FloatArray, values: Values, outcome: Outcome, stage: Stage) -> Trial:
         # A curve that stops short says nothing about the largest forces.
-        if not (outcome.complete and self.misfit.reached_by(outcome)):
+        if not self.misfit.told_by(outcome):
             return Trial(point, values, outcome, stage, None, math.inf)
         prediction = self.misfit.predict(outcome, self.law.readings(point))
         objective = float(objective_of(self.law, self.misfit, prediction.values, point))
@@ -413,9 +413,12 @@ class Search[C: Comparison]:
     def _stiffer(self) -> FloatArray:
         point = stiffer(self.law, np.array([trial.point for trial in self.trials]))
         if point is None or len(self.trials) >= self.settings.most_solves:
-            reason = self.trials[-1].outcome.reason or "what was recorded beside the force isn't seen in the model"
+            last = self.trials[-1].outcome
+            if last.complete and self.misfit.reached_by(last):
+                unseen = ", ".join(self.misfit.unseen_in(last))
+                raise SearchError(f"no full solve shows all that was recorded: {unseen}; leave that out")
             raise SearchError(
-                f"too few full solves reach {self.misfit.reach} (the last stopped: {reason}); "
+                f"too few full solves reach {self.misfit.reach} (the last stopped: {last.reason}); "
                 "use less of the recordings' depth"
             )
         return point[None]

@@ -42,6 +42,10 @@ class StationReading:
         """Names of the courses beside the force."""
         return tuple(course for one in self.observed.channels for course in one.courses)
 
+    def unseen_in(self, curve: ForceCurve) -> list[str]:
+        """Names of the channels whose courses a solve doesn't have."""
+        return [one.name for one in self.observed.channels if not curve.channels.keys() >= set(one.courses)]
+
     @property
     def size(self) -> int:
         """Number m of the model's values."""

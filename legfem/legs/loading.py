@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from types import MappingProxyType
 
-from legfem.common.errors import InputError, remedy_for_missing
+from legfem.common.errors import MISSING, InputError, remedy_for_missing
 from legfem.common.input_files import check_printable
 from legfem.common.units import kpa_to_mpa
 from legfem.data import Instrument, Recording, SourceColumns, check_trial, read_samples, seen_instrument
@@ -152,7 +152,7 @@ def _instrument(toml: Path, given: SubjectFile, recordings: Sequence[Recording],
     if entry is not None:
         return Instrument(entry.force_sd(), entry.displacement_sd())
     if needed:
-        raise InputError(toml, "instrument", "missing", "add force_sd_N and displacement_sd_mm, or accuracies")
+        raise InputError(toml, "instrument", MISSING, "add force_sd_N and displacement_sd_mm, or accuracies")
     return seen_instrument(recordings)
 
 

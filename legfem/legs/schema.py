@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from legfem.common import input_files
-from legfem.common.errors import InputError
+from legfem.common.errors import MISSING, InputError
 from legfem.common.wording import Argument, Command, Remedy
 from legfem.data.channel_reader import ChannelsEntry
 from legfem.data.folder import RESOURCES, AccuracyEntry, Catalogue, InstrumentEntry, RecordingsEntry, with_lab
@@ -50,7 +50,7 @@ class IndenterEntry(input_files.FileTable):
     @model_validator(mode="after")
     def _one_kind(self) -> "IndenterEntry":
         if self.shape == "cylinder" and self.length_mm is None:
-            raise input_files.trouble("length_mm", "missing", "give the cylinder's length")
+            raise input_files.trouble("length_mm", MISSING, "give the cylinder's length")
         for key in ("axis_deg", "axis"):
             if self.shape != "cylinder" and getattr(self, key) is not None:
                 raise input_files.trouble(key, f"has no effect for a {self.shape}", "leave it out")
@@ -69,7 +69,7 @@ class IndenterEntry(input_files.FileTable):
     def _one_place(self) -> "IndenterEntry":
         for flat, spatial in (("aim_mm", "position_mm"), ("direction_deg", "direction")):
             if (getattr(self, flat) is None) == (getattr(self, spatial) is None):
-                what = "missing" if getattr(self, flat) is None else f"given beside {spatial}"
+                what = MISSING if getattr(self, flat) is None else f"given beside {spatial}"
                 raise input_files.trouble(flat, what, f"give {flat} in the section's plane, or {spatial} in the scan")
         if (self.position_mm is None) != (self.direction is None):
             raise input_files.trouble(
@@ -115,7 +115,7 @@ class SectionEntry(ShapeEntry):
     def _both_sizes(self) -> "SectionEntry":
         if (self.girth_mm is None) != (self.fat_mm is None):
             missing = "fat_mm" if self.fat_mm is None else "girth_mm"
-            raise input_files.trouble(missing, "missing", "a typical calf takes both girth_mm and fat_mm")
+            raise input_files.trouble(missing, MISSING, "a typical calf takes both girth_mm and fat_mm")
         return self
 
 
@@ -152,9 +152,9 @@ class GivenTissueEntry(TissueEntry):
     @model_validator(mode="after")
     def _stiffness_is_given(self) -> "GivenTissueEntry":
         if self.C10_kPa is None:
-            raise input_files.trouble("C10_kPa", "missing", "give it; only the deep tissue is identified")
+            raise input_files.trouble("C10_kPa", MISSING, "give it; only the deep tissue is identified")
         if self.law == "reduced-polynomial" and self.C20_kPa is None:
-            raise input_files.trouble("C20_kPa", "missing", "give it; only the deep tissue is identified")
+            raise input_files.trouble("C20_kPa", MISSING, "give it; only the deep tissue is identified")
         return self
 
 

@@ -133,7 +133,7 @@ def lateral_fit(
 
 def _compared(seen: SpecimenComparison, model: JointForward[SpecimenForward], values: Values) -> LateralFit | None:
     outcome = model.solve(values, ())
-    if not outcome.complete or not seen.reached_by(outcome):
+    if not seen.told_by(outcome):
         return None
     beside, first = [part for part in seen.parts if part.channels], len(seen.forces)
     predicted = seen.predict(outcome, np.array([number.null for number in READINGS.values()])).values[first:]

@@ -183,10 +183,14 @@ class SpecimenComparison(Comparison):
         return ", ".join(f"{depth:.3g}" for depth in self.depths) + " mm"
 
     def reached_by(self, outcome: Outcome) -> bool:
-        """Whether every test came to its depth, and tells what was read."""
+        """Whether every test came to its depth."""
         pairs = zip(outcome.curves, self.depths, strict=True)
-        told = (outcome.curves[part.test].channels.keys() >= part.courses for part in self.parts)
-        return all(curve.depth >= depth - 1e-9 for curve, depth in pairs) and all(told)
+        return all(curve.depth >= depth - 1e-9 for curve, depth in pairs)
+
+    def unseen_in(self, outcome: Outcome) -> tuple[str, ...]:
+        """Names of the channels that their tests' solves don't have."""
+        pairs = [(part.beside, outcome.curves[part.test]) for part in self.parts]
+        return tuple(dict.fromkeys(name for one, curve in pairs if one is not None for name in one.unseen_in(curve)))
 
     def read(self, model_values: FloatArray, instrument: FloatArray) -> FloatArray:
         """Return readings (..., n) of the models' values (..., m): forces of all tests, then what is beside them."""

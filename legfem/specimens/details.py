@@ -253,7 +253,7 @@ def size_covariance(
                 larger = replace(test, sizes=test.sizes.larger(name))
                 models = tuple(larger if one is test else one for one in model.models)
                 outcome = JointForward(models).solve(values, ())
-                if not outcome.complete or not comparison.reached_by(outcome):
+                if not comparison.told_by(outcome):
                     continue
                 change = (comparison.predict(outcome, readings).values - predicted) / RESIZED
             for specimen in dict.fromkeys(specimens):

@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import model_validator
 
 from legfem.channels.kind import Face
-from legfem.common.errors import Doubt, InputError, PhysicalRange
+from legfem.common.errors import MISSING, Doubt, InputError, PhysicalRange
 from legfem.common.input_files import FileTable, Text, trouble
 from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.data import Instrument, Recording, Segmentation
@@ -265,7 +265,7 @@ def needed(entry: FileTable, key: str, remedy: str = "give it with the test, or 
     """
     value: float | None = getattr(entry, key)
     if value is None:
-        raise SizeError(key, "missing", remedy)
+        raise SizeError(key, MISSING, remedy)
     return value
 
 

@@ -150,11 +150,6 @@ class Part:
         """Beside the force, in the order of the readings."""
         return () if self.beside is None else self.beside.observed.channels
 
-    @property
-    def courses(self) -> set[str]:
-        """Names of the model's courses that these take."""
-        return set() if self.beside is None else set(self.beside.courses)
-
     @cached_property
     def values(self) -> FloatArray:
         """The readings beside the force (k,), each in its unit."""

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from legfem.channels.kinds.layer_thickness import between_of
-from legfem.common.errors import Doubt, PhysicalRange
+from legfem.common.errors import MISSING, Doubt, PhysicalRange
 from legfem.common.input_files import FileTable
 from legfem.common.units import mpa_to_kpa
 from legfem.data import Recording, Segmentation, ranges
@@ -155,7 +155,7 @@ def _fibres(given: SpecimenFile, specimen: SpecimenEntry | None) -> Direction | 
     direction, kind = own or given.fibres.direction, given.kind
     key = "fibres.direction" if own is None else "fibres"
     if direction is None:
-        raise SizeError(key, "missing", "give it in [fibres], or as fibres with every [[specimen]]")
+        raise SizeError(key, MISSING, "give it in [fibres], or as fibres with every [[specimen]]")
     if direction not in kind.directions:
         names = " or ".join(f'"{one}"' for one in kind.directions)
         give = f"give {names}; other directions" if names else "remove [fibres]; they"

@@ -184,10 +184,6 @@ class ScanComparison(Comparison):
         """What a solve has to come to, in words."""
         return "an equilibrium with the stocking"
 
-    def reached_by(self, outcome: Outcome) -> bool:
-        """Whether a state was found."""
-        return outcome.complete
-
     @property
     def linear_scale(self) -> FloatArray:
         """Model values may have either sign, and are in standard deviations."""

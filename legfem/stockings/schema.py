@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from legfem.common import input_files
+from legfem.common.errors import MISSING
 from legfem.imaging.shape_schema import LabelsEntry, ShapeEntry
 from legfem.inverse.elastography import ElastographyEntry, check_once
 from legfem.stockings.fabric import CompressionClass
@@ -162,7 +163,7 @@ class SensorEntry(input_files.FileTable):
     @model_validator(mode="after")
     def _one_error(self) -> "SensorEntry":
         if (self.instrument is None) == (self.sd_mmHg is None):
-            what = "missing" if self.sd_mmHg is None else "given beside instrument"
+            what = MISSING if self.sd_mmHg is None else "given beside instrument"
             raise input_files.trouble("sd_mmHg", what, f"give its standard deviation, or one of {', '.join(KINDS)}")
         return self
 

@@ -18,7 +18,7 @@ from legfem.app.pages.frame import ASK, ask, hinted, refused, tag, wanting
 from legfem.app.runs import Run
 from legfem.app.workspace import Workspace, files_of, is_scan, may_be_recording
 from legfem.common.documents import write_atomically
-from legfem.common.errors import InputError
+from legfem.common.errors import MISSING, InputError
 from legfem.data.recording import PLAIN_COLUMNS, QUANTITIES, SourceColumns
 from legfem.geometry.contours import read_contours
 from legfem.geometry.motion import CuttingPlane
@@ -162,7 +162,7 @@ def _of_the_form(error: InputError, folder: Path) -> str:
 def _numbers(boxes: Mapping[tuple[str, ...], ui.number]) -> Stated:
     """Numbers of a form's fields, all of which are needed."""
     if missing := [box.props["label"] for box in boxes.values() if box.value is None]:
-        raise InputError(_FORM, ", ".join(missing), "missing", "fill in every one")
+        raise InputError(_FORM, ", ".join(missing), MISSING, "fill in every one")
     return {key: float(box.value) for key, box in boxes.items()}
 
 
@@ -202,7 +202,7 @@ def _pressed(folder: Path, sources: list[str], lab: Mapping[str, Any]) -> Read:
         cylinder = shape.value == "cylinder"
         stated = _numbers({key: box for key, box in boxes.items() if cylinder or key[-1] != "length_mm"})
         if sources and ("indenter", "aim_mm") not in place:
-            raise InputError(_FORM, "place", "missing", "click the section where the skin was pressed")
+            raise InputError(_FORM, "place", MISSING, "click the section where the skin was pressed")
         if not cylinder:
             stated["indenter", "shape"], stated["indenter", "length_mm"] = shape.value, None
         elif axis.value:

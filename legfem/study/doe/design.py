@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field, create_model, model_validator
 from pyDOE3 import ff2n, lhs
 
-from legfem.common.errors import InputError
+from legfem.common.errors import MISSING, InputError
 from legfem.common.input_files import FileTable, Finite, NotNegative, Positive, checked, read_toml, trouble
 from legfem.common.units import FloatArray
 from legfem.data.folder import RESOURCES
@@ -174,7 +174,7 @@ class _Range(FileTable):
         low, high = (self.level(side, unit) for side in ("low", "high"))
         for side, level in (("low", low), ("high", high)):
             if level is None:
-                raise trouble(f"{side}_{unit}", "missing", "a factor has a low and a high level")
+                raise trouble(f"{side}_{unit}", MISSING, "a factor has a low and a high level")
         if low == high:
             remedy = "give two different levels, or move it to [fixed]"
             raise trouble(f"low_{unit}", f"has one level only ({low:g} {unit})", remedy)
