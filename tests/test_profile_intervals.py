@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -57,8 +58,10 @@ class Compliant:
 def searched(fat_sd: float, softest: float = 0.0) -> Found[Measured]:
     law = IdentifiedLaw("neo-hookean", stiffness_priors().parameters, {}, {}, starts=tuple(map(by_name, SAMPLED_AT)))
     solver = FullSolver(Compliant(softest), None, 1, Silent(), PARAMETERS)
-    searches = Searches({law.name: law}, solver, StockingSettings().search, lambda law: Measured(fat_sd))
-    (found,) = searches.find([law.name])
+    problem = SimpleNamespace(
+        unknowns={law.name: law}, comparison=lambda law, near: Measured(fat_sd), refined=lambda search: None
+    )
+    (found,) = Searches(problem, solver, StockingSettings().search).find([law.name])
     np.testing.assert_allclose(found.best.point, BEST, rtol=1e-2)
     return found
 

@@ -43,6 +43,7 @@ from legfem.common.documents import json_types, write_document
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.common.wording import Argument, Command, Remedy
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values, deep_stiffness
 from legfem.inverse.comparison import ErrorSource
 from legfem.solve.path import ForceCurve
 
@@ -52,6 +53,8 @@ DEFINITION = "P(d) = 1 - (RF3D(d) / L) / RF2D(d); RF3D = (1 - P) L RF2D"
 FIRST_RATIO = 2.5
 """Displacement (mm) from which the ratio of the forces is used."""
 _ORDER = 6
+_STEP = 1e-4
+"""Of a stiffness, for differences."""
 
 
 def smooth_ratio(spatial: ForceCurve, plane: ForceCurve, displacement: FloatArray) -> FloatArray:
@@ -256,6 +259,45 @@ def read_correction(path: Path) -> TabulatedCorrection:
     given = {name: value for name, value in told.items() if name not in ("name", "definition", "first_ratio_mm")}
     name = str(told.get("name", path.stem))
     return TabulatedCorrection(name, displacement, kpa_to_mpa(c10), stiffening, values, errors, given)
+
+
+def corrected(
+    correction: TabulatedCorrection | None,
+    displacement: FloatArray,
+    force: FloatArray,
+    by: Mapping[str, FloatArray],
+    values: Values,
+) -> tuple[FloatArray, dict[str, FloatArray]]:
+    """Return forces at displacements (n,), mm, and their derivatives, times a correction's factor.
+
+    Parameters
+    ----------
+    correction
+        There is a factor of one without it.
+    displacement
+        (n,), mm.
+    force
+        (n,), N, in plane strain.
+    by
+        Its derivatives (n,) by the model's parameters, by name.
+    values
+        Of the model: MPa.
+    """
+    if correction is None:
+        return force, dict(by)
+    c10, c20 = deep_stiffness(values)
+
+    def factor_at(one: float, other: float) -> FloatArray:
+        return np.asarray(correction.factor(displacement, np.asarray(one), np.asarray(other)))
+
+    factor = factor_at(c10, c20)
+    found: dict[str, FloatArray] = {name: factor * derivative for name, derivative in by.items()}
+    further, stiffening = c10 * (1 + _STEP), c20 + _STEP * c10
+    for name, ends in ((DEEP_C10, (further, c20)), (DEEP_C20, (c10, stiffening))):
+        if name in found:
+            step = (ends[0] - c10) + (ends[1] - c20)
+            found[name] = found[name] + force * (factor_at(*ends) - factor) / step
+    return np.asarray(factor * force), found
 
 
 def confirmed_correction(

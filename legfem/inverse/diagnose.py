@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,19 +28,11 @@ from legfem.inverse.map_fit import base_about_solution, equally_weighted, fit, o
 from legfem.inverse.mechanism import Mechanism, Occurrence, shown_mechanisms
 from legfem.inverse.observations import Observations
 from legfem.inverse.predictive import held_out, misfit_of
-from legfem.inverse.predictor import LawName, Predictor, Responses, onset_name, values_of
+from legfem.inverse.predictor import LawName, Predictor, onset_name, values_of
+from legfem.inverse.responses import SolvedResponses
 from legfem.inverse.station_test import FittedStations
 from legfem.inverse.trial_noise import estimate_noise
 from legfem.inverse.verdict import ADEQUATE, SHOWN_MOST, Diagnosis, Verdict, limits_of
-
-
-class FullSolutions(Responses, Protocol):
-    """Responses that are solved when asked for."""
-
-    @property
-    def solutions(self) -> int:
-        """How many were solved so far."""
-        ...
 
 
 class Identified(NamedTuple):
@@ -101,7 +93,7 @@ class DiagnosisInput:
         return nuisance_effects(changes, self.observed, fitted.prediction, self.accuracy, self.ends, stiffness)
 
 
-def diagnose(given: DiagnosisInput, solved: FullSolutions | None, progress: Progress, seed: int = 0) -> Diagnosis:
+def diagnose(given: DiagnosisInput, solved: SolvedResponses | None, progress: Progress, seed: int = 0) -> Diagnosis:
     """Diagnose recordings: noise, base fit, location, explanations, verdict.
 
     Parameters
@@ -207,7 +199,7 @@ def starts(law: LawName, middle: float) -> list[dict[str, float]]:
 
 
 def _begun(
-    given: DiagnosisInput, predictor: Predictor, solved: FullSolutions | None
+    given: DiagnosisInput, predictor: Predictor, solved: SolvedResponses | None
 ) -> tuple[LinearisedProblem, LinearisedFit, float]:
     """Return the base model about its fit, with errors that are shares of its force, and the emulator's error there.
 

@@ -173,7 +173,7 @@ def _departure(mechanism: TissueMechanism, strength: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Library:
-    """Responses from tables; see `Responses` for the methods' meaning."""
+    """Responses from tables, asked for as those of `legfem.inverse.responses.SolvedResponses`."""
 
     grid: FloatArray
     elastic: Emulator
@@ -190,7 +190,7 @@ class Library:
     """What is known of channels beside the force."""
     pairs: Mapping[frozenset[str], Columns] = field(default_factory=dict)
     """What two mechanisms at their `pair_strength` do at once beyond each by itself, by their names; see
-    `Responses.pair_change`."""
+    `Library.pair_change`."""
     altered: Mapping[str, NuisanceChanges] = field(default_factory=dict)
     """What ``nuisances`` are more beside a mechanism at its `pair_strength`, by its name."""
     _seen: dict[tuple[str, ...], ChannelTables] = field(default_factory=dict, init=False, repr=False)
@@ -243,7 +243,7 @@ class Library:
         observed: Observations,
         at: At,
     ) -> FloatArray:
-        """Return what a mechanism adds to channels (n, k); see `Responses`."""
+        """Return what a mechanism adds to channels (n, k); ``at`` evaluates courses where the tissue is pressed to."""
         own = self._of(names)
 
         def row(key: str) -> FloatArray:
@@ -254,7 +254,10 @@ class Library:
         return at(row(""))
 
     def pair_change(self, pair: Sequence[tuple[TissueMechanism, Values]], stiffness: Stiffness) -> Columns:
-        """Return what two do at once beyond each, in proportion to the departures of both."""
+        """Return what two do at once beyond each, in proportion to the departures of both; nothing where unknown.
+
+        Of the force relative at the grid (m,), of channels absolute at zero and at the grid (m + 1,).
+        """
         found = self.pairs.get(frozenset(mechanism.name for mechanism, _ in pair), {})
         share = math.prod(_share_of_pair(*one) for one in pair) if found else 0.0
         return {name: share * row for name, row in found.items()}

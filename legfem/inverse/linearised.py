@@ -17,7 +17,7 @@ from scipy.stats import chi2
 from legfem.common.units import FloatArray
 from legfem.inverse.accuracy import GEOMETRY_DOF, MATERIAL_DOF, SIZE, Accuracy, Cause, MeasuredStrength, word_of
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
-from legfem.inverse.ends import Correction
+from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.errors import ErrorModel, NuisanceEffect, error_model
 from legfem.inverse.evidence import Linearisation
 from legfem.inverse.intervals import effective_degrees
@@ -258,7 +258,7 @@ def nuisance_effects(
     observed: Observations,
     prediction: FloatArray,
     accuracy: Accuracy,
-    ends: Correction | None = None,
+    ends: TabulatedCorrection | None = None,
     stiffness: Stiffness = (1e-3, 0.0),
 ) -> list[NuisanceEffect]:
     """Return what one standard deviation of each thing that isn't known exactly does to the readings.

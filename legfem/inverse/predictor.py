@@ -9,20 +9,21 @@ nothing else.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from legfem.common.units import FloatArray, kpa_to_mpa
-from legfem.inverse.body_models import Columns
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, deep_stiffness
+from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.emulator import At, GridSpline
-from legfem.inverse.ends import Correction
-from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, Values, null_of
+from legfem.inverse.library import Library
+from legfem.inverse.mechanism import Mechanism, TissueMechanism, null_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
+from legfem.inverse.responses import SolvedResponses
 from legfem.inverse.stations import since_touch
 
 LawName = Literal["neo-hookean", "reduced-polynomial"]
@@ -30,56 +31,8 @@ _FACTOR_NODES = 4
 _CURVES_KEPT = 400
 
 
-class Responses(Protocol):
-    """What the finite-element model said beforehand."""
-
-    @property
-    def grid(self) -> FloatArray:
-        """Displacements (m,) of the curves, mm, rising from above zero."""
-        ...
-
-    @property
-    def c10_bounds(self) -> tuple[float, float]:
-        """Stiffness C10 that it holds for, MPa."""
-        ...
-
-    @property
-    def c20_bounds(self) -> tuple[float, float]:
-        """Stiffness C20 that it holds for, MPa."""
-        ...
-
-    def curve(self, c10: float, c20: float) -> FloatArray:
-        """Return the elastic force (m,) at the grid, N."""
-        ...
-
-    def relative_change(
-        self, mechanism: TissueMechanism, values: Values, at: Stiffness, observed: Observations
-    ) -> FloatArray:
-        """Return what a mechanism adds to the elastic force, over that force (n,); NaN where a solution stopped."""
-        ...
-
-    def channel_curves(self, names: Sequence[str], c10: float, c20: float) -> FloatArray:
-        """Return the elastic courses of channels at zero and at the grid (m + 1, k), in their units."""
-        ...
-
-    def channel_changes(
-        self,
-        names: Sequence[str],
-        mechanism: TissueMechanism,
-        values: Mapping[str, float],
-        stiffness: Stiffness,
-        observed: Observations,
-        at: At,
-    ) -> FloatArray:
-        """Return what a mechanism adds to channels (n, k); ``at`` evaluates courses where the tissue is pressed to."""
-        ...
-
-    def pair_change(self, pair: Sequence[tuple[TissueMechanism, Values]], stiffness: Stiffness) -> Columns:
-        """Return what two mechanisms do at once beyond each by itself; nothing where that isn't known.
-
-        Of the force relative at the grid (m,), of channels absolute at zero and at the grid (m + 1,).
-        """
-        ...
+type Responses = Library | SolvedResponses
+"""What the finite-element model said beforehand, or says when it is asked."""
 
 
 ONSET_SDS_MM = 0.15, 1.0
@@ -117,7 +70,7 @@ class Predictor:
     observed: Observations
     responses: Responses
     law: LawName
-    ends: Correction | None = None
+    ends: TabulatedCorrection | None = None
     measured: Prior | None = None
     offset: FloatArray | float = 0.0
     _splines: dict[tuple[float, float], PPoly] = field(default_factory=dict, init=False, repr=False)

@@ -1,12 +1,12 @@
 """A problem, its fit, and how that is assessed: goodness, cost, estimates, the search, and each test by itself.
 
-A `Problem` has tests, a model of all of them and unknowns by law; `fit` searches for the unknowns and returns a
-`legfem.inverse.fit.Fit` for each law.
+`fit` searches for the unknowns of a `legfem.inverse.problem.Problem` and returns a `legfem.inverse.fit.Fit` for each
+law.
 """
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, is_dataclass, replace
+from collections.abc import Sequence
+from dataclasses import asdict, is_dataclass
 from types import MappingProxyType
 from typing import Any, Protocol
 
@@ -19,28 +19,19 @@ from legfem.inverse.fit import Cost, Fit, Goodness, r_squared
 from legfem.inverse.outcome import Forward, FullSolver
 from legfem.inverse.parameter import Parameter
 from legfem.inverse.search import Search
-from legfem.inverse.searches import Found, Searches
+from legfem.inverse.searches import Found, Searched, Searches
 from legfem.inverse.settings import IdentificationSettings, SearchRequest
 from legfem.inverse.trial import CostMap, FullSolve, SearchLog, Trial
 
 _MAP_SIZE = 81
 
 
-class Problem[C: Comparison](Protocol):
+class Problem[C: Comparison](Searched[C], Protocol):
     """Tests, a model of all of them, and what is unknown: all that a fit needs."""
 
     @property
     def forward(self) -> Forward:
         """Model of all tests: one curve a test in every outcome."""
-        ...
-
-    @property
-    def unknowns(self) -> Mapping[catalogue.LawName, catalogue.IdentifiedLaw]:
-        """What is free and held in each law."""
-        ...
-
-    def comparison(self, law: catalogue.IdentifiedLaw, near: Found[C] | None = None) -> C:
-        """Predictions beside the readings; by the errors about a finished search where there is one."""
         ...
 
     @property
@@ -51,10 +42,6 @@ class Problem[C: Comparison](Protocol):
     @property
     def weighs_shared_errors(self) -> bool:
         """Whether errors are known only about a first search."""
-        ...
-
-    def refined(self, search: Search[C]) -> C | None:
-        """Comparison made anew about what a search found, to search again; None where it stays as it is."""
         ...
 
     def assessed(self, found: Found[C]) -> Fit[Any]:
@@ -95,15 +82,9 @@ def fit_with[C: Comparison](
     near: Found[C] | None = None,
 ) -> list[Fit[Any]]:
     """Return a problem's fits by a solver that is kept for more, about a search that came near where there was one."""
-    begun = dict[catalogue.LawName, Search[C]]()
     if near is None and problem.weighs_shared_errors:
-        near = Searches(problem.unknowns, solver, settings, problem.comparison, refined=problem.refined).nearest(laws)
-    if near is not None:
-        begun[near.search.law.name] = replace(near.search, law=problem.unknowns[near.search.law.name])
-    searches = Searches(
-        problem.unknowns, solver, settings, lambda law: problem.comparison(law, near), begun, problem.refined
-    )
-    return [problem.assessed(found) for found in searches.find(laws)]
+        near = Searches(problem, solver, settings).nearest(laws)
+    return [problem.assessed(found) for found in Searches(problem, solver, settings, near).find(laws)]
 
 
 def goodness_of(found: Found[Any], covariance: FloatArray, lost: int = 0) -> Goodness:

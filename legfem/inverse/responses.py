@@ -124,7 +124,7 @@ class SolvedResponses:
         observed: Observations,
         at: At,
     ) -> FloatArray:
-        """Return what a mechanism adds to channels (n, k); see `Responses`."""
+        """Return what a mechanism adds to channels (n, k); ``at`` evaluates courses where the tissue is pressed to."""
         solution = mechanism.solution(values)
         if not mechanism.along_path:
             found = _columns_of(self.elastic_change(solution, stiffness), names, len(self.grid) + 1)

@@ -1,9 +1,10 @@
 """Searches for several laws, run side by side, and whose limits are compared."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -127,32 +128,46 @@ class Found[C: Comparison]:
         return sum(self.search.solver.was_reused(one.values) for one in self.outcomes)
 
 
+class Searched[C: Comparison](Protocol):
+    """What searches need of a problem."""
+
+    @property
+    def unknowns(self) -> Mapping[LawName, IdentifiedLaw]:
+        """What is free and held in each law."""
+        ...
+
+    def comparison(self, law: IdentifiedLaw, near: Found[C] | None = None) -> C:
+        """Predictions beside the readings; by the errors about a finished search where there is one."""
+        ...
+
+    def refined(self, search: Search[C]) -> C | None:
+        """Comparison made anew about what a search found, to search again; None where it stays as it is."""
+        ...
+
+
 @dataclass(eq=False)
 class Searches[C: Comparison]:
-    """Finds laws; solves of one law aren't repeated for another.
+    """Finds a problem's laws; solves of one law aren't repeated for another.
 
     Parameters
     ----------
-    laws : Mapping[str, IdentifiedLaw]
-        By name, with what is free and what is held in each.
+    problem : Searched
+        With what is free and what is held in each law.
     solver : FullSolver
         Of the forward model.
     settings : IdentificationSettings
         Of the search.
-    misfit_of : callable
-        Returns the comparison with what was measured, given a law.
-    earlier : Mapping[str, Search]
-        Searches with other weights, with whose solves those of the same laws begin.
-    refined : callable
-        Returns a comparison made anew about what a search found, beside which it goes on; None where it ends.
+    near : Found, optional
+        An earlier search about which readings are weighed, with whose solves that of the same law begins.
+    refines : bool
+        Whether a search goes on beside comparisons that are made anew about what it found.
     """
 
-    laws: Mapping[LawName, IdentifiedLaw]
+    problem: Searched[C]
     solver: FullSolver
     settings: IdentificationSettings
-    misfit_of: Callable[[IdentifiedLaw], C]
-    earlier: Mapping[LawName, Search[C]] = field(default_factory=dict)
-    refined: Callable[[Search[C]], C | None] = lambda search: None
+    near: Found[C] | None = None
+    refines: bool = True
 
     def __post_init__(self) -> None:
         """Begin with no law searched for."""
@@ -166,7 +181,7 @@ class Searches[C: Comparison]:
 
     def nearest(self, names: Sequence[LawName]) -> Found[C]:
         """Return what was found of the law of most parameters."""
-        most = max(names, key=lambda name: len(self.laws[name].parameters))
+        most = max(names, key=lambda name: len(self.problem.unknowns[name].parameters))
         (found,) = self.find([most])
         return found
 
@@ -174,7 +189,7 @@ class Searches[C: Comparison]:
         search = self._search(name)
         best, limit, law = search.best, False, search.law
         k = law.index(DEEP_C20)
-        if k is not None and "neo-hookean" in self.laws:
+        if k is not None and "neo-hookean" in self.problem.unknowns:
             near = bool(best.point[k] <= _NEAR_LIMIT * search.standard_error()[k])
             if near or "neo-hookean" in self._searches:
                 neo_hookean = search.reread(self._search("neo-hookean").best)
@@ -197,8 +212,8 @@ class Searches[C: Comparison]:
         started = time.perf_counter()
         self._settle(list(new.values()))
         for name in new:
-            for _ in range(_MOST_REFINED):
-                if (comparison := self.refined(new[name])) is None:
+            for _ in range(_MOST_REFINED if self.refines else 0):
+                if (comparison := self.problem.refined(new[name])) is None:
                     break
                 new[name] = new[name].beside(comparison)
                 self._settle([new[name]])
@@ -216,10 +231,10 @@ class Searches[C: Comparison]:
             run_plain(search)
 
     def _new(self, name: LawName) -> Search[C]:
-        law = self.laws[name]
-        misfit = self.misfit_of(law)
-        if name in self.earlier:
-            return replace(self.earlier[name].beside(misfit), settings=self.settings)
+        law = self.problem.unknowns[name]
+        misfit = self.problem.comparison(law, self.near)
+        if self.near is not None and self.near.search.law.name == name:
+            return replace(self.near.search, law=law, settings=self.settings).beside(misfit)
         return Search(law, misfit, self.settings, self.solver)
 
 

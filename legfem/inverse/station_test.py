@@ -21,7 +21,7 @@ from legfem.common.units import FloatArray
 from legfem.data.phases import LOADING
 from legfem.inverse.catalogue import Values, deep_stiffness
 from legfem.inverse.comparison import Covariances, ErrorSource, Mode, Prediction
-from legfem.inverse.ends import Correction, corrected
+from legfem.inverse.correction import TabulatedCorrection, corrected
 from legfem.inverse.errors import COMMON_GAIN, ErrorModel, NuisanceEffect, error_model
 from legfem.inverse.intervals import by_third, third_of
 from legfem.inverse.observations import Observations
@@ -62,7 +62,7 @@ class StationTest:
         K trials at n stations, and what else was recorded.
     rows : (N,) array
         Places of the readings that count among all of ``observed``.
-    correction : Correction, optional
+    correction : TabulatedCorrection, optional
         Of the force in plane strain for the cylinder's ends.
     beyond : float
         How much deeper than the recordings the model's grid goes (mm), for contact that began before their zero.
@@ -83,7 +83,7 @@ class StationTest:
     name: str
     observed: Observations
     rows: NDArray[np.int_]
-    correction: Correction | None = None
+    correction: TabulatedCorrection | None = None
     beyond: float = 0.0
     by_instrument: bool = False
     onsets: FloatArray | None = None

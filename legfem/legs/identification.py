@@ -247,7 +247,7 @@ def fit_in_3d(
     problem = LegProblem(leg, tests, curves, forward, unknowns, unknown_geometry, "covariance", own_errors)
     with replace(request, jobs=jobs).solver(forward, problem.sensitivities, folder=SOLVES) as solver:
         few = replace(request.settings, most_solves=FIRST_SOLVES)
-        start = Searches(unknowns, solver, few, problem.comparison).nearest(laws)
+        start = Searches(problem, solver, few, refines=False).nearest(laws)
         errors = model_errors(leg, models, start, request.progress, jobs)
         problem = replace(problem, spatial=errors.summary).corrected(errors.modes)
         settled = replace(request.settings, most_solves=MOST_SOLVES_OF_SITES)
@@ -394,7 +394,6 @@ def fit_leg(
     if models is None:
         return fit(problem, laws, request)
     (test,) = problem.tests
-    assert test.correction is None or isinstance(test.correction, TabulatedCorrection)
     with request.solver(problem.forward, problem.sensitivities) as solver:
         both = TwoFidelities(problem, solver, request.settings, models, request.progress, test.correction)
         return both.fit(laws)

@@ -17,8 +17,7 @@ from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.inverse.accuracy import GEOMETRY_DOF, MATERIAL_DOF, MATERIAL_LOG_SD
 from legfem.inverse.catalogue import DEEP_D2, IdentifiedLaw, LawName, Values, deep_stiffness
 from legfem.inverse.comparison import Covariances, ErrorSource, Weighting, total_of
-from legfem.inverse.correction import TabulatedCorrection
-from legfem.inverse.ends import Correction, corrected
+from legfem.inverse.correction import TabulatedCorrection, corrected
 from legfem.inverse.estimates import Optimum, estimates
 from legfem.inverse.fit import LEAST_CHANCE, ChannelFit, Cost, Fit, Identity, TestFit, r_squared, versions
 from legfem.inverse.intervals import IDENTIFIABLE_WITHIN, NUMERICAL_ERROR, PRIOR_DOF, WEAKLY_WITHIN, effective_degrees
@@ -138,7 +137,7 @@ class LegProblem:
         )
         return None if stays and weighting == now.weighting else replace(moved, tests=tests)
 
-    def corrected(self, corrections: Sequence[Correction | None]) -> "LegProblem":
+    def corrected(self, corrections: Sequence[TabulatedCorrection | None]) -> "LegProblem":
         """The same with other corrections, one a site."""
         pairs = zip(self.tests, corrections, strict=True)
         return replace(self, tests=tuple(replace(test, correction=one) for test, one in pairs))
@@ -394,7 +393,9 @@ def split_instrument(
     return tuple(one for one in parameters if one.name not in INSTRUMENT), own
 
 
-def _applied(correction: Correction | None, displacement: FloatArray, values: Values) -> AppliedCorrection | None:
+def _applied(
+    correction: TabulatedCorrection | None, displacement: FloatArray, values: Values
+) -> AppliedCorrection | None:
     """What a correction is at displacements (n,), mm, and the model's values."""
     if correction is None:
         return None

@@ -10,7 +10,7 @@ from legfem.common.wording import Argument
 from legfem.data import LoadingCurve, mean_loading_curve
 from legfem.data.contact import LEG
 from legfem.inverse.catalogue import Values
-from legfem.inverse.ends import Correction
+from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.fit import TestFit
 from legfem.inverse.observations import observe
 from legfem.inverse.parameter import Parameter
@@ -48,7 +48,7 @@ class MeasuredSite:
 def site_test(
     subject: Subject,
     depth: float | None,
-    correction: Correction | None = None,
+    correction: TabulatedCorrection | None = None,
     model: str = "2d",
     loading_alone: bool = False,
 ) -> StationTest:
