@@ -194,7 +194,9 @@ def specimens(folder: Path, p_value: float = 0.4) -> list[Fit[SpecimenDetails]]:
     )
     goodness = Goodness(30.0, 28, p_value)
     tests = tuple(
-        RecordingFit(one, (ChannelFit(one.data.channels[0], 1.01 * one.course.force),), goodness, k > 0)
+        RecordingFit(
+            one.name, (ChannelFit(one.data.channels[0], 1.01 * one.course.force),), goodness, k > 0, recording=one
+        )
         for k, one in enumerate(given.recordings)
     )
     return [

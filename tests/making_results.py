@@ -15,14 +15,14 @@ from legfem.data import Instrument, LoadingCurve, mean_loading_curve, segment_al
 from legfem.inverse.catalogue import parameter_of
 from legfem.inverse.document import fit_document
 from legfem.inverse.estimates import Estimate
-from legfem.inverse.fit import EXACT, ChannelFit, Cost, Fit, Goodness, Identity, TestFit
+from legfem.inverse.fit import EXACT, ChannelFit, Cost, Fit, Goodness, Identity
 from legfem.inverse.notice import Notice
 from legfem.inverse.trial import CostMap, FullSolve, Generation, SearchLog
 from legfem.legs.details import AppliedCorrection, LegDetails, LegDocument, SpatialEvidence
 from legfem.legs.identification import as_leg
 from legfem.legs.loading import load_subject
 from legfem.legs.notices import LegNotice
-from legfem.legs.site import MeasuredSite
+from legfem.legs.site import SiteFit, mean_force
 from legfem.legs.subject import Subject
 
 INSTRUMENT = Instrument(force_sd=0.04, displacement_sd=0.02)
@@ -95,8 +95,7 @@ def result(
     squares = float(cost(*best))
     n = len(depth)
     leg = as_leg(subject or made_subject())
-    test = MeasuredSite(leg.sites[0].site or "leg", measured)
-    channel = test.data.channels[0]
+    name, channel = leg.sites[0].site or "leg", mean_force(measured)
     goodness = Goodness(1.05 * n if two else 40.0 * n, n - len(columns), 0.3 if two else 1e-12)
     given = {
         "kind": "leg",
@@ -109,7 +108,7 @@ def result(
         "goodness": goodness,
         "cost": Cost(squares, n, squares / 50.0**2, 0.9999, "the cost E", squares, "N2"),
         "agreement": EXACT,
-        "tests": (TestFit(test, (ChannelFit(channel, matrix @ optimum, rates),), goodness),),
+        "tests": (SiteFit(name, (ChannelFit(channel, matrix @ optimum, rates),), goodness, curve=measured),),
         "log": SearchLog(
             names=NAMES[: 2 if two else 1],
             solves=tuple(

@@ -6,10 +6,11 @@ import math
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 from scipy.optimize import differential_evolution
 from scipy.stats import t as student_t
 
-from legfem.inverse.emulator import Emulator, Samples
+from legfem.inverse.emulator import Emulator
 from legfem.inverse.intervals import (
     Estimated,
     bound_of,
@@ -19,14 +20,7 @@ from legfem.inverse.intervals import (
     quantile,
     verdict_on,
 )
-from legfem.inverse.least_squares import (
-    gain_matrix,
-    gauss_newton_step,
-    inverse_in_units,
-    least_residual,
-    sandwich,
-    with_unit_errors,
-)
+from legfem.inverse.least_squares import gain_matrix, gauss_newton_step, inverse_in_units, least_residual, sandwich
 from legfem.inverse.parameter import Domain, Parameter, Prior, Priors
 from legfem.inverse.settings import Genetic, Minimum
 
@@ -67,8 +61,8 @@ def test_profile_intervals_of_a_linear_gaussian_model_are_the_closed_form(p: int
     found = start + gauss_newton_step(jacobian, residual(start), bounds - start[:, None])
     assert found == pytest.approx(exact, rel=1e-10)
     assert least_residual(residual, start, bounds) == pytest.approx(exact, rel=1e-6)
-    gain = gain_matrix(jacobian, with_unit_errors(weighting, 1))
-    assert sandwich(gain, with_unit_errors(covariance, 1)) == pytest.approx(spread, rel=1e-9)
+    gain = gain_matrix(jacobian, block_diag(weighting, 1.0))
+    assert sandwich(gain, block_diag(covariance, 1.0)) == pytest.approx(spread, rel=1e-9)
     curvature = np.linalg.inv(jacobian.T @ jacobian)
     for k in range(p):
         error, times = math.sqrt(spread[k, k]), 2.2
@@ -145,7 +139,7 @@ def test_emulator_meets_its_samples_and_their_slopes(p: int) -> None:
         if p
         else np.zeros((1, 0, len(grid)))
     )
-    emulator = Emulator(Samples(at, force(at), slopes))
+    emulator = Emulator(at, force(at), slopes)
     assert emulator(at) == pytest.approx(force(at), rel=1e-3)
     for move in moves:
         slope = (emulator(at + move) - emulator(at - move)) / (2 * step)

@@ -63,7 +63,7 @@ def test_report_states_values_errors_and_units(both, subject):
     assert f"C10 +1.000 {found.correlation('deep.C10', 'deep.C20'):+.3f}" in text
     assert "superficial neo-Hookean 2 assumed 22.5" in text, "what was held is there"
     (site,) = found.tests
-    assert f"{site.test.curve.white_sd:.3g} N (sd)" in text
+    assert f"{site.curve.white_sd:.3g} N (sd)" in text
 
 
 def test_one_parameter_has_no_correlations(both, subject):

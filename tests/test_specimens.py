@@ -141,7 +141,7 @@ def test_specimens_of_several_sizes_are_one_tissue(tmp_path: Path) -> None:
     assert [one.name for one in folder.recordings] == ["day0/recordings/one", "day1/recordings/one"]
     found = lf.identify(folder, "reduced-polynomial", leave_out=["s1"])["reduced-polynomial"]
     (predicted,) = (one for one in compared(found) if not one.fitted)
-    assert predicted.test.specimen == "s1" and predicted.r_squared > 0.999
+    assert predicted.recording.specimen == "s1" and predicted.r_squared > 0.999
     assert predicted.scale == pytest.approx(1.0, abs=0.01)
 
 

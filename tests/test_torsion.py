@@ -102,7 +102,7 @@ def test_a_law_is_found_in_any_unit(tmp_path: Path, columns: tuple[str, str]) ->
         low, high = fit.estimates[name].ci95
         print(name, fit.estimates[name].value, low, high)
         assert low < true < high
-    assert fit.tests[0].test.axes.load_text(5.0) == "5 N mm"
+    assert fit.tests[0].recording.axes.load_text(5.0) == "5 N mm"
 
 
 def test_a_radius_that_is_off_counts_four_times(tmp_path: Path) -> None:

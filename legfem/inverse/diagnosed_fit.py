@@ -10,7 +10,6 @@ from legfem.inverse.explanation import Explanation
 from legfem.inverse.fit import EXACT, ChannelFit, Cost, Goodness, OwnEstimate, TestFit, r_squared
 from legfem.inverse.map_fit import fit
 from legfem.inverse.predictor import onset_name
-from legfem.inverse.readings import Data, MeasuredTest
 from legfem.inverse.trial import SearchLog
 
 _LEAST = 1e-3
@@ -111,9 +110,5 @@ def _trial_fits(model: Explanation, by_itself: Sequence[Mapping[str, OwnEstimate
         left = fitted.residual[here]
         square = float(left @ np.linalg.solve(total[np.ix_(here, here)], left)) if len(here) else 0.0
         yield TestFit(
-            MeasuredTest(name, Data(tuple(one.channel for one in channels))),
-            tuple(channels),
-            Goodness.of(square, len(here)),
-            fitted=bool(len(here)),
-            by_itself=by_itself[trial],
+            name, tuple(channels), Goodness.of(square, len(here)), fitted=bool(len(here)), by_itself=by_itself[trial]
         )

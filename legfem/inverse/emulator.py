@@ -155,30 +155,8 @@ def _covariance_of_samples(samples: FloatArray, lengths: FloatArray) -> FloatArr
 
 # The solved curve is a spline through adaptive steps, so that it is smooth in the stiffness to some
 # 1e-4 only; less makes neighbouring samples contradict each other.
-_NUGGET = 1e-8
+NUGGET = 1e-8
 _SMALLEST_FORCE_N = 1e-9
-
-
-@dataclass(frozen=True, eq=False)
-class Samples:
-    """Solved points: forces on the grid and their derivatives.
-
-    Parameters
-    ----------
-    at : (n, p) array
-        Coordinates.
-    force : (n, m) array
-        N.
-    slopes : (n, p, m) array
-        Derivatives of the force by the coordinates (N).
-    linear_scale : (m,) array, optional
-        Sizes of those that may have either sign, in the unit that they have in the place of N; 0 for forces.
-    """
-
-    at: FloatArray
-    force: FloatArray
-    slopes: FloatArray
-    linear_scale: FloatArray | None = None
 
 
 class Emulator:
@@ -186,24 +164,30 @@ class Emulator:
 
     Parameters
     ----------
-    samples : Samples
-        At least one, through which alone ln F is linear in the coordinates.
+    at : (n, p) array
+        Coordinates; at least one place, through which alone ln F is linear in the coordinates.
+    force : (n, m) array
+        N.
+    by : (n, p, m) array
+        Derivatives of the force by the coordinates (N).
+    linear_scale : (m,) array, optional
+        Sizes of those that may have either sign, in the unit that they have in the place of N; 0 for forces.
     """
 
-    def __init__(self, samples: Samples) -> None:
-        self.samples = samples
-        force = np.maximum(samples.force, _SMALLEST_FORCE_N)
-        slopes, values = samples.slopes / force[:, None, :], np.log(force)
-        size = samples.linear_scale
-        if size is not None:
-            linear, safe = size > 0, np.where(size > 0, size, 1.0)
-            slopes = np.where(linear, samples.slopes / safe, slopes)
-            values = np.where(linear, samples.force / safe, values)
-        self._log_force = Kriging(samples.at, values, slopes, _NUGGET)
+    def __init__(
+        self, at: FloatArray, force: FloatArray, by: FloatArray, linear_scale: FloatArray | None = None
+    ) -> None:
+        self._size = linear_scale
+        least = np.maximum(force, _SMALLEST_FORCE_N)
+        slopes, values = by / least[:, None, :], np.log(least)
+        if linear_scale is not None:
+            linear, safe = linear_scale > 0, np.where(linear_scale > 0, linear_scale, 1.0)
+            slopes, values = np.where(linear, by / safe, slopes), np.where(linear, force / safe, values)
+        self._log_force = Kriging(at, values, slopes, NUGGET)
 
     def __call__(self, at: FloatArray) -> FloatArray:
         """Return the force (..., m) in N at coordinates (..., p)."""
-        found, size = self._log_force(at), self.samples.linear_scale
+        found, size = self._log_force(at), self._size
         # Far outside the samples the trend may run away.
         force = np.exp(np.clip(found, -30.0, 30.0))
         return np.asarray(force if size is None else np.where(size > 0, size * found, force))

@@ -22,7 +22,7 @@ from legfem.inverse.comparison import Weighting
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.intervals import VERDICTS, Identifiability
 from legfem.inverse.notice import FitNotice, Notice
-from legfem.inverse.readings import READINGS, Channel, Data
+from legfem.inverse.readings import READINGS, Channel
 from legfem.inverse.trial import SearchLog
 
 LEAST_CHANCE = 1e-3
@@ -167,27 +167,14 @@ class ChannelFit:
         return r_squared(float(np.sum(self.residual**2)), self.channel.values)
 
 
-class Measured(Protocol):
-    """A test as its result has it."""
-
-    @property
-    def name(self) -> str:
-        """What people call it."""
-        ...
-
-    @property
-    def data(self) -> Data:
-        """Channels of readings."""
-        ...
-
-
 @dataclass(frozen=True, eq=False)
 class TestFit:
     """One test beside the fit."""
 
     __test__ = False  # pytest's
 
-    test: Measured
+    name: str
+    """What people call it."""
     channels: tuple[ChannelFit, ...]
     goodness: Goodness
     """Goodness of this test's differences alone, with as many degrees of freedom as readings."""
@@ -195,11 +182,6 @@ class TestFit:
     """Else it was left out, and is predicted."""
     by_itself: Mapping[str, OwnEstimate] = field(default_factory=dict)
     """Parameters as this test alone has them, by full name; empty where there is one test."""
-
-    @property
-    def name(self) -> str:
-        """What people call the test."""
-        return self.test.name
 
     @property
     def force(self) -> ChannelFit:

@@ -12,7 +12,7 @@ from legfem.common.units import FloatArray, spans_of
 from legfem.inverse.catalogue import Values
 from legfem.inverse.comparison import Comparison, Covariances, ErrorSource, Mode, Prediction, Weighting, total_of
 from legfem.inverse.fit import EXACT, Goodness, OwnEstimate
-from legfem.inverse.least_squares import polished, with_unit_errors
+from legfem.inverse.least_squares import polished
 from legfem.inverse.outcome import Outcome
 from legfem.inverse.parameter import Domain
 from legfem.inverse.searches import Found
@@ -205,7 +205,7 @@ class SingleTests:
     @cached_property
     def _errors(self) -> FloatArray:
         """Errors of readings and priors, (n + k, n + k)."""
-        return with_unit_errors(self.covariance, len(self.found.linear.law.priors))
+        return self.found.linear.with_priors(self.covariance)
 
     @property
     def _comparison(self) -> JointComparison:

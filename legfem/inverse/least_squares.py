@@ -65,15 +65,6 @@ def sandwich(gain: FloatArray, covariance: FloatArray) -> FloatArray:
     return np.asarray(gain @ covariance @ gain.T)
 
 
-def with_unit_errors(matrix: FloatArray, count: int) -> FloatArray:
-    """Return a matrix with an identity of ``count`` rows below and beside it, as priors have."""
-    rows, columns = matrix.shape
-    whole = np.zeros((rows + count, columns + count))
-    whole[:rows, :columns] = matrix
-    whole[rows:, columns:] = np.eye(count)
-    return whole
-
-
 _MOST_STEPS = 60
 
 

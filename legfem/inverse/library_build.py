@@ -8,7 +8,7 @@ from scipy.interpolate import make_smoothing_spline
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
 from legfem.inverse.body_models import Columns, channels_of, derivative_of
-from legfem.inverse.emulator import Emulator, Kriging, Samples
+from legfem.inverse.emulator import NUGGET, Emulator, Kriging
 from legfem.inverse.library import NO_CHANNELS, ChannelTables, Library, NuisanceChanges, Table, coordinates, unchanged
 from legfem.inverse.library_tasks import ONE, Outcome, Task, outcomes_of, tasks_for
 from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, prior_of
@@ -107,7 +107,7 @@ def _assembled(
 ) -> Library:
     done = [(t, o) for t, o in zip(tasks, outcomes, strict=True) if o is not None]
     elastic = [(t.point, o[ONE]) for t, o in done if t.is_elastic]
-    emulator = Emulator(_samples(elastic, ("force",)))
+    emulator = Emulator(*_samples(elastic, ("force",)))
     names = _known_channels(done)
     outcomes = _filled(tasks, outcomes, names)
     changes: dict[tuple[str, str], Table] = {}
@@ -132,8 +132,7 @@ def _assembled(
     tables = NO_CHANNELS
     if names:
         # Channels themselves, not their logarithms, as they may change sign.
-        courses = _samples(elastic, names)
-        tables = ChannelTables(names, Kriging(courses.at, courses.force, courses.slopes, _NUGGET), beside)
+        tables = ChannelTables(names, Kriging(*_samples(elastic, names), NUGGET), beside)
     pairs = {
         frozenset(m.name for m, _ in t.pair): {
             "force": smoothed(solved.grid, o[ONE]["force"]),
@@ -228,9 +227,6 @@ def _departure(task: Task) -> float:
     return prior_of(task.mechanism.parameters[0]).departure(task.strength)
 
 
-_NUGGET = 1e-8
-
-
 def smoothed(grid: FloatArray, change: FloatArray) -> FloatArray:
     """Return a relative change of the force (m,) without what elements do that come into contact.
 
@@ -253,8 +249,8 @@ def smoothed(grid: FloatArray, change: FloatArray) -> FloatArray:
     return found if np.abs(found - change).max() < _WIGGLE * np.abs(change).max() else change
 
 
-def _samples(elastic: Sequence[tuple[Stiffness, Columns]], names: Sequence[str]) -> Samples:
-    """Return solved courses (n, m) of channels, each as one row, with their derivatives by the coordinates."""
+def _samples(elastic: Sequence[tuple[Stiffness, Columns]], names: Sequence[str]) -> tuple[FloatArray, ...]:
+    """Return coordinates (n, 2), solved courses (n, m) of channels, each as one row, and their derivatives by those."""
     c10, c20 = (np.array(values) for values in zip(*(point for point, _ in elastic), strict=True))
     course = np.array([_as_row(columns, names) for _, columns in elastic])
     by_c10, by_c20 = (
@@ -263,7 +259,7 @@ def _samples(elastic: Sequence[tuple[Stiffness, Columns]], names: Sequence[str])
     )
     first = c10[:, None] * by_c10 + c20[:, None] * by_c20
     second = (c10 + c20)[:, None] * by_c20
-    return Samples(coordinates(c10, c20), course, np.stack([first, second], axis=1))
+    return coordinates(c10, c20), course, np.stack([first, second], axis=1)
 
 
 def _as_row(columns: Columns, names: Sequence[str]) -> FloatArray:

@@ -309,7 +309,6 @@ def nuisance_effects(
             found.append(NuisanceEffect(error.name, moved, error.cause))
     if ends is not None:
         for mode_name, mode in ends.relative_errors(d, *stiffness).items():
-            relative = np.concatenate([mode, *(one.weights @ (one.follows_force * mode) for one in observed.channels)])
             name = f"3D correction: {mode_name}"
-            found.append(NuisanceEffect(name, prediction * relative, Cause(name)))
+            found.append(NuisanceEffect(name, prediction * observed.following_force(mode), Cause(name)))
     return found

@@ -67,6 +67,11 @@ class Observations:
         """Station nearest to each reading, (N,)."""
         return np.concatenate([np.arange(len(self.force)), *(one.nearest for one in self.channels)])
 
+    def following_force(self, relative: FloatArray) -> FloatArray:
+        """Return what changes the force relatively (n,) as relative changes of all readings (N,) that follow it."""
+        further = (one.weights @ (one.follows_force * relative) for one in self.channels)
+        return np.concatenate([relative, *further])
+
     def spread(self, by_protocol: Sequence[FloatArray]) -> NDArray[np.float64]:
         """Return values at every protocol's stations as one vector over all trials."""
         return np.concatenate([by_protocol[number] for number in self.protocol_of])

@@ -76,14 +76,6 @@ class Data:
         return len(self.values)
 
 
-@dataclass(frozen=True, eq=False)
-class MeasuredTest:
-    """A test's readings at its stations; a `legfem.inverse.fit.Measured`."""
-
-    name: str
-    data: Data
-
-
 class InstrumentNumber(NamedTuple):
     """A number of the instrument."""
 

@@ -98,9 +98,7 @@ class Found[C: Comparison]:
     @property
     def linear(self) -> Linearised:
         """The misfit about the optimum."""
-        assert self.best.prediction is not None
-        search = self.search
-        return Linearised(search.law, search.misfit, self.best.prediction, self.best.point)
+        return self.search.linearised(self.best)
 
     @property
     def residual(self) -> Residual:

@@ -291,22 +291,16 @@ class StationTest:
         lean = 2.0 * observed.displacement / observed.displacement.max() - 1.0
         lean_on = {name: mode for name, mode in modes.items() if mode.source != "model"}
         modes |= {f"{name}, leaning": Mode(mode.source, mode.effect * lean) for name, mode in lean_on.items()}
-        whole = np.zeros(len(self._equal))
-        whole[self.rows] = predicted
-        spans, unlike = observed.data.spans, np.zeros(len(whole))
-        found = {name: np.zeros(len(whole)) for name in modes}
-        for name, (_, mode) in modes.items():
-            found[name][spans[0]] = mode * whole[spans[0]]
-            for one, span in zip(observed.channels, spans[1:], strict=True):
-                if one.follows_force:
-                    found[name][span] = (one.weights @ mode) * whole[span]
-        for one, span in zip(observed.channels, spans[1:], strict=True):
-            if not one.follows_force:
-                unlike[span] = _ENDS_OF_LENGTHS * one.displacement * one.slope(one.values)
-        result = {name: Mode(modes[name].source, effect[self.rows]) for name, effect in found.items()}
-        if unlike.any():
-            result[f"{self.name}: ends, shape under the cylinder"] = Mode("ends", unlike[self.rows])
-        return result
+        found = {
+            name: Mode(source, observed.following_force(mode)[self.rows] * predicted)
+            for name, (source, mode) in modes.items()
+        }
+        share = {one.name: 0.0 if one.follows_force else _ENDS_OF_LENGTHS for one in observed.channels}
+        unlike = (share[one.name] * one.displacement * one.slope(one.values) for one in observed.channels)
+        shape = np.concatenate([np.zeros(len(lean)), *unlike])
+        if shape.any():
+            found[f"{self.name}: ends, shape under the cylinder"] = Mode("ends", shape[self.rows])
+        return found
 
     def contacts_of(self, left: FloatArray) -> FloatArray:
         """Return where a fit has contacts (K,), mm.

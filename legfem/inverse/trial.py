@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular
+from scipy.linalg import block_diag, cholesky, solve_triangular
 
 from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import IdentifiedLaw, Values
 from legfem.inverse.comparison import Comparison, Prediction
-from legfem.inverse.emulator import Emulator, Samples
-from legfem.inverse.least_squares import gain_matrix, gauss_newton_step, with_unit_errors
+from legfem.inverse.emulator import Emulator
+from legfem.inverse.least_squares import gain_matrix, gauss_newton_step, sandwich
 from legfem.inverse.outcome import Outcome
 from legfem.inverse.parameter import Parameter
 
@@ -170,13 +170,15 @@ class Linearised:
     @property
     def gain(self) -> FloatArray:
         """How the parameters follow forces and priors; (p, n + k)."""
-        weighting = with_unit_errors(self.misfit.weighting_matrix, len(self.law.priors))
-        return gain_matrix(self.jacobian, weighting)
+        return gain_matrix(self.jacobian, self.with_priors(self.misfit.weighting_matrix))
+
+    def with_priors(self, matrix: FloatArray) -> FloatArray:
+        """Return a matrix (n, n) of the readings with the priors, which have errors of one; (n + k, n + k)."""
+        return np.asarray(block_diag(matrix, np.eye(len(self.law.priors))))
 
     def errors(self, covariance: FloatArray) -> FloatArray:
         """Return the covariance (p, p) of the parameters' errors from the forces', (n, n)."""
-        gain = self.gain
-        return np.asarray(gain @ with_unit_errors(covariance, len(self.law.priors)) @ gain.T)
+        return sandwich(self.gain, self.with_priors(covariance))
 
     def nearest(self, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return differences (n,) and departures (k,) where the law misses least, in the readings' errors.
@@ -352,7 +354,7 @@ class Emulated:
         slopes = np.einsum(
             "nkm,nkj->njm", by.reshape(len(force), len(names), force.shape[1]), coordinates.derivatives(points)
         )
-        return cls(law, misfit, Emulator(Samples(coordinates.of(points), force, slopes, misfit.linear_scale)))
+        return cls(law, misfit, Emulator(coordinates.of(points), force, slopes, misfit.linear_scale))
 
     def values(self, points: FloatArray) -> FloatArray:
         """Return what the instrument shows (..., n), N, at points (..., p)."""

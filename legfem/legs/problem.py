@@ -34,7 +34,7 @@ from legfem.inverse.trial_noise import estimate_noise
 from legfem.legs.details import AppliedCorrection, LegDetails, SpatialSites
 from legfem.legs.forward import PlaneStrainForward, laws_of
 from legfem.legs.notices import notices_about
-from legfem.legs.site import MeasuredSite, beyond_of, measured_curve, site_test
+from legfem.legs.site import SiteFit, beyond_of, mean_force, measured_curve, site_test
 from legfem.legs.subject import SitedLeg, Subject
 from legfem.legs.unknowns import Geometry, SectionGeometry, unknowns_at
 
@@ -221,7 +221,7 @@ class LegProblem:
             "weakly_identifiable_within_relative_half_width": WEAKLY_WITHIN,
         }
 
-    def _test_fits(self, found: Found[JointComparison], single: SingleTests) -> list[TestFit]:
+    def _test_fits(self, found: Found[JointComparison], single: SingleTests) -> list[SiteFit]:
         """Every site's mean loading curve, and what else was recorded there, beside the joint fit."""
         joint, values = found.search.misfit, found.best.values
         every = zip(
@@ -238,13 +238,11 @@ class LegProblem:
             at, prediction = curve.displacement, found.linear.prediction.part(span)
             rates = {name: solved.sensitivity(name, at) for name in solved.sensitivities}
             force, by = corrected(test.correction, at, solved(at), rates, values)
-            further = test.data.channels[1:]
-            shown = MeasuredSite(test.name, curve, further)
-            channels = [ChannelFit(shown.data.channels[0], force, MappingProxyType(by))]
-            for channel, rows in zip(further, test.data.spans[1:], strict=True):
+            channels = [ChannelFit(mean_force(curve), force, MappingProxyType(by))]
+            for channel, rows in zip(test.data.channels[1:], test.data.spans[1:], strict=True):
                 slopes = {name: rate[rows] for name, rate in prediction.sensitivities.items()}
                 channels.append(ChannelFit(channel, prediction.values[rows], MappingProxyType(slopes)))
-            fits.append(TestFit(shown, tuple(channels), goodness, by_itself=MappingProxyType(own)))
+            fits.append(SiteFit(test.name, tuple(channels), goodness, by_itself=MappingProxyType(own), curve=curve))
         return fits
 
 

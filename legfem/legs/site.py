@@ -1,8 +1,7 @@
 """A site of a leg: its recordings at their stations as a test, and the mean loading curve that people are shown."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass, field, replace
 
 from legfem.channels.kinds import CHANNELS
 from legfem.common.errors import InputError
@@ -14,35 +13,17 @@ from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.fit import TestFit
 from legfem.inverse.observations import observe
 from legfem.inverse.parameter import Parameter
-from legfem.inverse.readings import OFFSET, Channel, Data
+from legfem.inverse.readings import OFFSET, Channel
 from legfem.inverse.station_test import StationTest, rows_of
 from legfem.legs.subject import Subject
 
 
 @dataclass(frozen=True, eq=False)
-class MeasuredSite:
-    """A site as results show it; a `legfem.inverse.fit.Measured`.
+class SiteFit(TestFit):
+    """A site beside the fit."""
 
-    Parameters
-    ----------
-    name : str
-        What people call it.
-    curve : LoadingCurve
-        Mean of the trials' loading.
-    further : tuple of Channel
-        What else was recorded.
-    """
-
-    name: str
-    curve: LoadingCurve
-    further: tuple[Channel, ...] = ()
-
-    @cached_property
-    def data(self) -> Data:
-        """The mean force (N) along the displacement after first contact (mm), then what was recorded with it."""
-        curve = self.curve
-        force = Channel("force", "N", curve.displacement, "displacement_mm", curve.force, curve.force_sd)
-        return Data((force, *self.further))
+    curve: LoadingCurve = field(kw_only=True)
+    """Mean of the trials' loading."""
 
 
 def site_test(
@@ -112,5 +93,10 @@ def beyond_of(parameters: Sequence[Parameter], fixed: Values) -> float:
 
 def curve_of(one: TestFit) -> LoadingCurve:
     """Mean loading curve of a site."""
-    assert isinstance(one.test, MeasuredSite)
-    return one.test.curve
+    assert isinstance(one, SiteFit)
+    return one.curve
+
+
+def mean_force(curve: LoadingCurve) -> Channel:
+    """Mean force (N) along the displacement after first contact (mm), as results show it."""
+    return Channel("force", "N", curve.displacement, "displacement_mm", curve.force, curve.force_sd)

@@ -124,8 +124,8 @@ def tested(results: Sequence[SpecimenFit]) -> list[str]:
                 f"(standard deviation of the logarithm {details.stiffness_spread:.2f})."
             )
         for one in (one for one in compared(result) if not one.fitted):
-            load, stiff = one.test.axes.load_text, ""
-            if one.test.specimen in details.stiffness:
+            load, stiff = one.recording.axes.load_text, ""
+            if one.recording.specimen in details.stiffness:
                 stiff = ", with the stiffness of its specimen in the other recordings"
             elif details.stiffness:
                 stiff = f"; with {one.scale:.2f} times the stiffness of a typical specimen, {one.shape_r_squared:.3f}"

@@ -8,7 +8,7 @@ the face, where a camera sees the side, weigh the alternatives beside the forces
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
 from types import MappingProxyType
@@ -325,12 +325,12 @@ def notices_about(
 class RecordingFit(TestFit):
     """A recording beside the fit, which its own samples tell of too."""
 
-    test: SpecimenRecording
+    recording: SpecimenRecording = field(kw_only=True)
 
     @property
     def course(self) -> Course:
         """The recording's stations and samples after first contact."""
-        return self.test.course
+        return self.recording.course
 
     @cached_property
     def _samples(self) -> tuple[FloatArray, FloatArray]:
@@ -408,7 +408,7 @@ class SpecimenDocument:
     def of_test(self, fit: Fit[SpecimenDetails], number: int) -> dict[str, Any]:
         """How a recording was driven, and its own samples beside the prediction."""
         one = compared(fit)[number]
-        recording, course = one.test, one.course
+        recording, course = one.recording, one.course
         return {
             "specimen": recording.specimen,
             "rate_mm_per_s": course.rate if course.samples.timed else None,

@@ -393,4 +393,4 @@ def _test_fit(
     channel = one.data.channels[0]
     left = (predicted - channel.values) / channel.sd
     goodness = Goodness.of(float(left @ left), len(left))
-    return RecordingFit(one, (ChannelFit(channel, predicted), *beside), goodness, fitted)
+    return RecordingFit(one.name, (ChannelFit(channel, predicted), *beside), goodness, fitted, recording=one)

@@ -36,7 +36,7 @@ from legfem.inverse.fit import (
 from legfem.inverse.intervals import quantile
 from legfem.inverse.notice import Notice, doubted
 from legfem.inverse.problem import goodness_of
-from legfem.inverse.readings import Channel, Data, MeasuredTest
+from legfem.inverse.readings import Channel
 from legfem.inverse.searches import Found
 from legfem.inverse.trial import SearchLog
 from legfem.stockings.details import StockingDetails, StockingFit
@@ -137,7 +137,6 @@ def compared(
     squares, nuisances = float(left @ left), len(best.nuisance)
     differences = found.linear.residual[: len(covariance)]
     goodness = Goodness.of(float(differences @ differences), len(covariance) - nuisances)
-    test = MeasuredTest("both scans", Data(tuple(one.channel for one in channels)))
     return noticed(
         replace(
             fit,
@@ -155,7 +154,7 @@ def compared(
                 "departures",
                 minimised_value=found.best.objective,
             ),
-            tests=(TestFit(test, channels, goodness),),
+            tests=(TestFit("both scans", channels, goodness),),
         )
     )
 

@@ -116,7 +116,7 @@ class SpecimenReport(ReportKind):
 
     def figure(self, fits: Sequence[SpecimenFit]) -> Figure:
         """Return recordings beside the laws, those with the poorest fit."""
-        what = f"Measured and simulated {compared(fits[0])[0].test.axes.load}"
+        what = f"Measured and simulated {compared(fits[0])[0].recording.axes.load}"
         return curves_figure(curves_of(fits), what, fits[0].subject.title, fits[0].subject.origin)
 
     def files(self, fits: Sequence[SpecimenFit], folder: Path) -> list[ReportFile]:
@@ -178,11 +178,11 @@ def curves_of(results: Sequence[SpecimenFit]) -> list[Curves]:
     """Recordings beside the laws, over displacement and where one holds over time, those with the poorest fit first."""
     worst = sorted(compared(least_akaike(results)), key=lambda one: one.r_squared)
     # Of each of several tests one at least.
-    first = {one.test.test: one for one in reversed(worst)}.values()
+    first = {one.recording.test: one for one in reversed(worst)}.values()
     worst = sorted(worst, key=lambda one: one not in first)[: max(_MOST_CURVES, len(first))]
     blocks = []
     for number, one in enumerate(worst):
-        axes = one.test.axes
+        axes = one.recording.axes
         blocks.append(_curves(results, one, number, axes.ways * one.course.displacement, axes.way, axes.way_unit))
         if one.course.holds:
             blocks.append(_curves(results, one, number, one.course.time, "time", "s"))
@@ -199,7 +199,7 @@ def _recordings(results: Sequence[SpecimenFit]) -> list[web.Block]:
         LabelledBar(
             f"{one.name}{'' if one.fitted else ' (left out, predicted)'}",
             max(one.r_squared, 0.0),
-            f"{one.r_squared:.4f}, {one.test.axes.load_text(one.rmse)} of {one.test.axes.load_text(one.course.peak)}",
+            f"{one.r_squared:.4f}, {' of '.join(map(one.recording.axes.load_text, (one.rmse, one.course.peak)))}",
         )
         for one in every
     ]
@@ -208,8 +208,8 @@ def _recordings(results: Sequence[SpecimenFit]) -> list[web.Block]:
     blocks += [*drawn(results), *_face_profile(results)]
     for result in results:
         samples, law = compared(result), LAW_NAMES[result.law]
-        for test in dict.fromkeys(one.test.test for one in samples):
-            blocks.append(_test_in_numbers([one for one in samples if one.test.test == test], law, test))
+        for test in dict.fromkeys(one.recording.test for one in samples):
+            blocks.append(_test_in_numbers([one for one in samples if one.recording.test == test], law, test))
         if result.details.stiffness:
             rows = [{"specimen": name, "times as stiff": f"{x:.3f}"} for name, x in result.details.stiffness.items()]
             caption = f"Stiffness of each specimen relative to a typical one, {law} law"
@@ -236,7 +236,7 @@ def _face_profile(fits: Sequence[SpecimenFit]) -> list[Curves]:
 
 
 def _test_in_numbers(samples: Sequence[RecordingFit], law: str, test: str) -> web.WebTable:
-    axes = samples[0].test.axes
+    axes = samples[0].recording.axes
     rows = [
         {
             "recording": one.name,
@@ -260,7 +260,7 @@ def _test_in_numbers(samples: Sequence[RecordingFit], law: str, test: str) -> we
 def _curves(
     results: Sequence[SpecimenFit], one: RecordingFit, number: int, x: FloatArray, along: str, unit: str
 ) -> Curves:
-    axes, when = one.test.axes, one.course.begun + one.course.time
+    axes, when = one.recording.axes, one.course.begun + one.course.time
     lines = [Line("recorded", axes.loads * one.course.force, None, DATA_COLOUR, points=True)]
     for k, result in enumerate(results):
         same = next((r for r in compared(result) if r.name == one.name), None)
