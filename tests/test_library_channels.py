@@ -122,7 +122,7 @@ class Tabulated(SeenTogether):
 
     def pair_change(self, pair: Sequence[tuple[TissueMechanism, Values]], stiffness: Stiffness) -> Columns:
         nuisances = NuisanceChanges(GRID, {}, {})
-        return Library(GRID, None, {}, nuisances, POINT[0], pairs=self.pairs).pair_change(pair, stiffness)  # type: ignore[arg-type]
+        return Library(GRID, None, nuisances, POINT[0], pairs=self.pairs).pair_change(pair, stiffness)  # type: ignore[arg-type]
 
 
 def made(kind: type[SeenTogether] = SeenTogether, **given: object) -> SeenTogether:
@@ -215,7 +215,7 @@ def test_nuisances_beside_a_mechanism_are_in_proportion_to_what_it_does() -> Non
     tables = {(name, ""): Table(np.zeros(1), np.outer(row, GRID)[None]) for name, row in done.items()}
     altered = {fat.name: changes(0.02, 0.3), dermis.name: changes(0.1, -0.2)}
     beside = ChannelTables((FAT,), None, tables)
-    library = Library(GRID, None, {}, changes(0.01, 0.5), POINT[0], beside=beside, altered=altered)  # type: ignore[arg-type]
+    library = Library(GRID, None, changes(0.01, 0.5), POINT[0], beside=beside, altered=altered)  # type: ignore[arg-type]
     assert library.nuisances_beside([]) is library.nuisances
     assert (pair_strength(fat), pair_strength(dermis)) == (3.5, 0.3)
     present = [(fat, {"factor": 1.7}), (dermis, {"stiffness": 1.0})]

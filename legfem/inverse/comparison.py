@@ -63,18 +63,20 @@ class Prediction:
         """Derivatives of the readings by parameters, (n, p)."""
         return np.column_stack([self.sensitivities[name] for name in names])
 
-    def followed_by(self, other: "Prediction") -> "Prediction":
-        """Return the prediction with readings that only some of its parameters move after its own."""
+    @classmethod
+    def joined(cls, every: Sequence["Prediction"]) -> "Prediction":
+        """Return predictions as one, by the first one's parameters, of which some may move only a part of them."""
 
-        def joined(own: Mapping[str, FloatArray], then: Mapping[str, FloatArray], size: int) -> dict[str, FloatArray]:
-            nothing = np.zeros(size)
-            return {name: np.concatenate([values, then.get(name, nothing)]) for name, values in own.items()}
+        def stacked(by: Sequence[Mapping[str, FloatArray]], of: Sequence[FloatArray]) -> dict[str, FloatArray]:
+            pairs = [(rates, np.zeros(len(values))) for rates, values in zip(by, of, strict=True)]
+            return {name: np.concatenate([rates.get(name, nothing) for rates, nothing in pairs]) for name in by[0]}
 
-        return Prediction(
-            np.concatenate([self.values, other.values]),
-            joined(self.sensitivities, other.sensitivities, len(other.values)),
-            np.concatenate([self.model_values, other.model_values]),
-            joined(self.model_sensitivities, other.model_sensitivities, len(other.model_values)),
+        values, model_values = [one.values for one in every], [one.model_values for one in every]
+        return cls(
+            np.concatenate(values),
+            stacked([one.sensitivities for one in every], values),
+            np.concatenate(model_values),
+            stacked([one.model_sensitivities for one in every], model_values),
         )
 
     def part(self, span: slice) -> "Prediction":

@@ -1,6 +1,6 @@
 """Stations of one or several sites that the same unknowns predict, and what each site says by itself."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -102,20 +102,8 @@ class JointComparison(Comparison):
 
     def predict(self, outcome: Outcome, instrument: FloatArray) -> Prediction:
         """Read a complete full solve of all tests."""
-        every = [
-            test.predict(curve, outcome.values, instrument)
-            for test, curve in zip(self.tests, outcome.curves, strict=True)
-        ]
-
-        def joined(of: Callable[[Prediction], Mapping[str, FloatArray]]) -> dict[str, FloatArray]:
-            return {name: np.concatenate([of(one)[name] for one in every]) for name in of(every[0])}
-
-        return Prediction(
-            np.concatenate([one.values for one in every]),
-            joined(lambda one: one.sensitivities),
-            np.concatenate([one.model_values for one in every]),
-            joined(lambda one: one.model_sensitivities),
-        )
+        pairs = zip(self.tests, outcome.curves, strict=True)
+        return Prediction.joined([test.predict(curve, outcome.values, instrument) for test, curve in pairs])
 
     def read(self, model_values: FloatArray, instrument: FloatArray) -> FloatArray:
         """Readings (..., n) of what the model gives on all tests' grids (..., m)."""

@@ -92,7 +92,7 @@ class ChannelTables:
     """Responses of the force at the grid, or of k channels beside it at zero and at the grid, (m + 1, k) as one row."""
 
     names: tuple[str, ...]
-    elastic: Kriging | None
+    elastic: Kriging | Emulator | None
     """Elastic courses over the stiffness, see `coordinates`; None without any."""
     changes: Mapping[tuple[str, str], Table]
     """Of the force relative, of channels absolute, by mechanism and protocol: (strengths or derivatives, ...). Along a
@@ -106,7 +106,7 @@ class ChannelTables:
 
     def of(self, names: Sequence[str]) -> "ChannelTables":
         """Return what is known of some of the channels."""
-        if self.elastic is None or tuple(names) == self.names:
+        if not isinstance(self.elastic, Kriging) or tuple(names) == self.names:
             return self
         own = [self.names.index(name) for name in names]
 
@@ -125,6 +125,23 @@ class ChannelTables:
             return np.asarray(mechanism.shares(values) @ table(c10))
         found = self._at_strength(table, mechanism, key, values, c10)
         return np.asarray(mechanism.share(values) * (np.expm1(found) if table.logarithmic else found))
+
+    def courses(self, c10: float, c20: float) -> FloatArray:
+        """Return the elastic courses at a stiffness (MPa), as columns."""
+        assert self.elastic is not None
+        return self.columns(self.elastic(coordinates(c10, c20)))
+
+    def changes_at(
+        self, mechanism: TissueMechanism, values: Values, c10: float, observed: Observations, at: At
+    ) -> FloatArray:
+        """Return what a mechanism does at the stations (n, k); ``at`` evaluates what doesn't follow the path."""
+
+        def columns(key: str) -> FloatArray:
+            return self.columns(self.change(mechanism, key, values, c10))
+
+        if mechanism.along_path:
+            return observed.spread([columns(stations.key) for stations in observed.protocols])
+        return at(columns(""))
 
     def _at_strength(
         self, table: Table, mechanism: TissueMechanism, key: str, values: Values, c10: float
@@ -176,9 +193,7 @@ class Library:
     """Responses from tables, asked for as those of `legfem.inverse.responses.SolvedResponses`."""
 
     grid: FloatArray
-    elastic: Emulator
-    changes: ChannelTables
-    """Of the force."""
+    force: ChannelTables
     nuisances: NuisanceChanges
     middle: float
     """C10, MPa."""
@@ -210,16 +225,14 @@ class Library:
 
     def curve(self, c10: float, c20: float) -> FloatArray:
         """Return the elastic force at the grid, N."""
-        return self.elastic(coordinates(c10, c20))
+        return self.force.courses(c10, c20)[:, 0]
 
     def relative_change(
         self, mechanism: TissueMechanism, values: Values, at: Stiffness, observed: Observations
     ) -> FloatArray:
         """Return what a mechanism adds to the elastic force, over that force; (n,)."""
-        if mechanism.along_path:
-            by_protocol = [self.changes.change(mechanism, one.key, values, at[0]) for one in observed.protocols]
-            return observed.spread(by_protocol)
-        return np.asarray(self._to_stations(observed) @ self.changes.change(mechanism, "", values, at[0]))
+        weights = self._to_stations(observed)
+        return self.force.changes_at(mechanism, values, at[0], observed, weights.__matmul__)[:, 0]
 
     def _of(self, names: Sequence[str]) -> ChannelTables:
         """Return what is known of some of the channels, which is quicker to ask."""
@@ -230,9 +243,7 @@ class Library:
 
     def channel_curves(self, names: Sequence[str], c10: float, c20: float) -> FloatArray:
         """Return the elastic courses of channels at zero and at the grid (m + 1, k)."""
-        own = self._of(names)
-        assert own.elastic is not None
-        return own.columns(own.elastic(coordinates(c10, c20)))
+        return self._of(names).courses(c10, c20)
 
     def channel_changes(
         self,
@@ -244,14 +255,7 @@ class Library:
         at: At,
     ) -> FloatArray:
         """Return what a mechanism adds to channels (n, k); ``at`` evaluates courses where the tissue is pressed to."""
-        own = self._of(names)
-
-        def row(key: str) -> FloatArray:
-            return own.columns(own.change(mechanism, key, values, stiffness[0]))
-
-        if mechanism.along_path:
-            return observed.spread([row(stations.key) for stations in observed.protocols])
-        return at(row(""))
+        return self._of(names).changes_at(mechanism, values, stiffness[0], observed, at)
 
     def pair_change(self, pair: Sequence[tuple[TissueMechanism, Values]], stiffness: Stiffness) -> Columns:
         """Return what two do at once beyond each, in proportion to the departures of both; nothing where unknown.

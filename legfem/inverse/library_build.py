@@ -107,7 +107,6 @@ def _assembled(
 ) -> Library:
     done = [(t, o) for t, o in zip(tasks, outcomes, strict=True) if o is not None]
     elastic = [(t.point, o[ONE]) for t, o in done if t.is_elastic]
-    emulator = Emulator(*_samples(elastic, ("force",)))
     names = _known_channels(done)
     outcomes = _filled(tasks, outcomes, names)
     changes: dict[tuple[str, str], Table] = {}
@@ -141,10 +140,8 @@ def _assembled(
         for t, o in done
         if t.pair
     }
-    of_force = ChannelTables(("force",), None, changes)
-    return Library(
-        solved.grid, emulator, of_force, nuisances, middle, missing, beside=tables, pairs=pairs, altered=altered
-    )
+    force = ChannelTables(("force",), Emulator(*_samples(elastic, ("force",))), changes)
+    return Library(solved.grid, force, nuisances, middle, missing, beside=tables, pairs=pairs, altered=altered)
 
 
 def _nuisances(
@@ -249,7 +246,9 @@ def smoothed(grid: FloatArray, change: FloatArray) -> FloatArray:
     return found if np.abs(found - change).max() < _WIGGLE * np.abs(change).max() else change
 
 
-def _samples(elastic: Sequence[tuple[Stiffness, Columns]], names: Sequence[str]) -> tuple[FloatArray, ...]:
+def _samples(
+    elastic: Sequence[tuple[Stiffness, Columns]], names: Sequence[str]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return coordinates (n, 2), solved courses (n, m) of channels, each as one row, and their derivatives by those."""
     c10, c20 = (np.array(values) for values in zip(*(point for point, _ in elastic), strict=True))
     course = np.array([_as_row(columns, names) for _, columns in elastic])

@@ -223,10 +223,9 @@ class SpecimenComparison(Comparison):
             felt = self._felt(force, instrument)
             seen = {name: self.own.slope(felt, values) for name, values in seen.items()}
         seen |= slopes_by_readings(partial(self._read_forces, force), instrument)
-        found = Prediction(self._read_forces(force, instrument), seen, force, by)
-        for _, part in self._beside:
-            found = found.followed_by(part.predict(outcome.curves[part.test], instrument))
-        return found
+        forces = Prediction(self._read_forces(force, instrument), seen, force, by)
+        beside = (part.predict(outcome.curves[part.test], instrument) for _, part in self._beside)
+        return Prediction.joined([forces, *beside])
 
     @cached_property
     def _weighing(self) -> list[FloatArray]:

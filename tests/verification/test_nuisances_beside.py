@@ -67,7 +67,7 @@ def test_an_aim_does_to_a_film_beside_stiff_fat_what_another_code_says():
     values = np.array([np.stack([one[name] for name in NAMES], axis=-1).ravel() for one in courses])
     beside = ChannelTables(tuple(NAMES), None, {(fat.name, ""): Table(np.zeros(1), values[None])})
     middle = 1e-3 * C10_KPA
-    library = Library(solved.grid, None, {}, plain, middle, beside=beside, altered={fat.name: altered})  # type: ignore[arg-type]
+    library = Library(solved.grid, None, plain, middle, beside=beside, altered={fat.name: altered})  # type: ignore[arg-type]
 
     def tabulated(of: NuisanceChanges) -> FloatArray:
         return np.array([of.channels[name].geometric["aim"][-1] for name in NAMES])
