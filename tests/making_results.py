@@ -18,7 +18,7 @@ from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import EXACT, ChannelFit, Cost, Fit, Goodness, Identity
 from legfem.inverse.notice import Notice
 from legfem.inverse.trial import CostMap, FullSolve, Generation, SearchLog
-from legfem.legs.details import AppliedCorrection, LegDetails, LegDocument, SpatialEvidence
+from legfem.legs.details import AppliedCorrection, LegDetails, SpatialEvidence
 from legfem.legs.identification import as_leg
 from legfem.legs.loading import load_subject
 from legfem.legs.notices import LegNotice
@@ -146,4 +146,4 @@ def made_subject() -> Subject:
 
 def law_document(fit: Fit[LegDetails]) -> dict[str, Any]:
     """What ``result.json`` holds of one law."""
-    return fit_document([fit], LegDocument())["laws"][fit.law]
+    return fit_document([fit])["laws"][fit.law]

@@ -28,7 +28,6 @@ from legfem.common.errors import InputError
 from legfem.common.progress import Lines, Reached, reached
 from legfem.inverse.document import fit_document
 from legfem.inverse.fit import Computed
-from legfem.legs.details import LegDocument
 from legfem.legs.loading import load_subject
 from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_document import document
@@ -200,7 +199,7 @@ def test_both_laws_of_an_identification_are_compared(workspace):
     (run.results / "result.json").write_text('[{"half')
     (row,) = answers_of(run)
     assert (row.kind, row.state, row.verdict) == ("identify", RunState.LOST, "")
-    write_document(run.results / "result.json", fit_document(both, LegDocument()))
+    write_document(run.results / "result.json", fit_document(both))
     for row, one in zip(answers_of(run), both, strict=True):
         shown = one.estimates["deep.C10"].shown
         low, high = shown.ci95
@@ -247,7 +246,7 @@ def test_what_was_computed_with_a_fit_stands_beside_its_parameters(workspace):
     run = pretended(workspace, "stocking")
     pressure = Computed("mean pressure on the skin", 21.3, "mmHg", 0.5, (20.3, 22.3))
     fit = replace(result("neo-hookean"), computed={"pressure_on_skin": pressure})
-    write_document(run.results / "result.json", fit_document([fit], LegDocument()))
+    write_document(run.results / "result.json", fit_document([fit]))
     (row,) = answers_of(run)
     assert row.verdict == f"{fit.identifiability[0]}, mean pressure on the skin 21 mmHg"
     rows = list(csv.DictReader(io.StringIO(as_csv([row]).decode("utf-8-sig"))))
@@ -257,7 +256,7 @@ def test_what_was_computed_with_a_fit_stands_beside_its_parameters(workspace):
 
 def test_all_numbers_of_all_runs_are_a_table_for_other_programs(workspace):
     run, both = pretended(workspace, "identify"), [result("neo-hookean"), result("reduced-polynomial")]
-    write_document(run.results / "result.json", fit_document(both, LegDocument()))
+    write_document(run.results / "result.json", fit_document(both))
     rows = list(csv.DictReader(io.StringIO(as_csv(answers_of(run)).decode("utf-8-sig"))))
     assert [(row["law"], row["parameter"]) for row in rows] == [
         ("neo-hookean", "c10_deep"),

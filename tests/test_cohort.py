@@ -22,7 +22,6 @@ from legfem.commands.cohort import app
 from legfem.inverse.catalogue import key_of
 from legfem.inverse.document import fit_document
 from legfem.inverse.stored import StoredResult
-from legfem.legs.details import LegDocument
 from legfem.legs.schema import SUBJECTS
 
 
@@ -183,7 +182,7 @@ def test_an_option_that_no_member_can_be_done_with_is_one_line(tmp_path: Path, a
 
 def document(law: str = "both") -> dict:
     laws = ("neo-hookean", "reduced-polynomial") if law == "both" else (law,)
-    return fit_document([result(name) for name in laws], LegDocument())
+    return fit_document([result(name) for name in laws])
 
 
 def test_a_row_holds_what_the_documents_of_commands_hold() -> None:

@@ -69,7 +69,7 @@ def assert_same_fit(back: StoredModel, fit: Fit[Any]) -> None:
 
 def assert_comes_back(fits: list[Fit[Any]], folder: Path) -> StoredResult:
     kind = kind_of(fits)
-    write_document(folder / "result.json", fit_document(fits, kind.document))
+    write_document(folder / "result.json", fit_document(fits))
     back = lf.read_result(folder)
     assert (back.kind, back.subject, back.title) == (fits[0].kind, fits[0].subject.id, fits[0].subject.title)
     assert back.origin == fits[0].subject.origin and back.versions == fits[0].versions
@@ -123,9 +123,7 @@ def test_a_diagnosis_comes_back_with_its_verdict_and_explanations(verdict: str, 
 def test_a_folder_without_results_and_one_of_another_version_are_refused(tmp_path: Path) -> None:
     with pytest.raises(lf.InputError, match=r"contains no result\.json or diagnosis\.json"):
         lf.read_result(tmp_path)
-    older = fit_document([result("neo-hookean")], kind_of([result("neo-hookean")]).document) | {
-        "schema": "legfem.identify/1"
-    }
+    older = fit_document([result("neo-hookean")]) | {"schema": "legfem.identify/1"}
     (tmp_path / "result.json").write_text(json.dumps(older))
     with pytest.raises(lf.InputError, match=r"its schema is legfem.identify/1.*run it again"):
         lf.read_result(tmp_path)

@@ -38,7 +38,6 @@ from legfem.report.words import Directions, angle_round, unwrapped
 from legfem.stockings import identification
 from legfem.stockings.assessment import assessed, compared, noticed
 from legfem.stockings.contour_distances import ContourAccuracy
-from legfem.stockings.details import StockingDocument
 from legfem.stockings.equilibrium import EquilibriumSolver, LegModel3D
 from legfem.stockings.fabric import Stocking, fitted_stocking, stocking_load
 from legfem.stockings.identification import StockingSettings, identify_in_stocking
@@ -117,7 +116,7 @@ def changed(result, **details):
 
 def document(result) -> dict:
     """What result.json says of the law."""
-    return fit_document([result], StockingDocument())["laws"]["neo-hookean"]
+    return fit_document([result])["laws"]["neo-hookean"]
 
 
 def missing(result):
@@ -315,7 +314,7 @@ def test_slack_heights_and_spanned_hollows_are_warned_of(result):
 
 
 def test_document_has_every_number_with_its_unit(result):
-    whole = json.loads(json.dumps(fit_document([result], StockingDocument()), allow_nan=False))
+    whole = json.loads(json.dumps(fit_document([result]), allow_nan=False))
     assert whole["schema"] == SCHEMA and whole["kind"] == "stocking" and whole["origin"] == "simulated"
     read = whole["laws"]["neo-hookean"]
     found = read["parameters"]["c10_superficial"]

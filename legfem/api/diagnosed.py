@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from legfem.api.loading import Given
 from legfem.api.results import Result
 from legfem.common.documents import json_types, write_document
-from legfem.inverse.fit import Fit
+from legfem.inverse.fit import Fit, KindDetails
 from legfem.inverse.plan import DesignValue
 from legfem.inverse.verdict import Diagnosis
 from legfem.report.diagnosis import diagnosis_web_page
@@ -46,7 +46,7 @@ class Diagnosed(Result):
         return self.diagnosis.verdict
 
     @property
-    def base(self) -> Fit[None]:
+    def base(self) -> Fit[KindDetails]:
         """Return the base model's fit to all recordings, as an identification's, each recording a test."""
         return self.diagnosis.base
 

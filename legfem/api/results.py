@@ -119,7 +119,7 @@ class Identification(Result):
 
     def document(self) -> dict[str, Any]:
         """What ``result.json`` holds; its laws are members."""
-        return fit_document(self.fits, kind_of(self.fits).document)
+        return fit_document(self.fits)
 
     def plot(self) -> Figure:
         """Recordings, model and their difference, for each law."""

@@ -1,9 +1,9 @@
 """``result.json`` of a fit: one object for every kind, its laws as members; units in names or beside numbers."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
-from typing import Any, Protocol
+from typing import Any
 
 from legfem.common.documents import json_types
 from legfem.common.units import readable_unit
@@ -15,31 +15,13 @@ from legfem.inverse.trial import CostMap, SearchLog
 SCHEMA = "legfem.identify/3"
 
 
-class KindDocument(Protocol):
-    """What a kind adds to the document."""
-
-    def chosen(self, fits: Sequence[Fit[Any]]) -> Fit[Any]:
-        """Return the law's fit whose answer is that of all."""
-        ...
-
-    def of_fit(self, fit: Fit[Any]) -> Mapping[str, Any]:
-        """Members of a law."""
-        ...
-
-    def of_test(self, fit: Fit[Any], number: int) -> Mapping[str, Any]:
-        """Members of one of a law's tests."""
-        ...
-
-
-def fit_document(fits: Sequence[Fit[Any]], kind: KindDocument) -> dict[str, Any]:
+def fit_document(fits: Sequence[Fit[Any]]) -> dict[str, Any]:
     """Fits of one problem as JSON types.
 
     Parameters
     ----------
     fits
-        One a law.
-    kind
-        Gives what only this kind of problem has.
+        One a law; what only their kind has is given by their details.
     """
     first = fits[0]
     document = {
@@ -48,23 +30,23 @@ def fit_document(fits: Sequence[Fit[Any]], kind: KindDocument) -> dict[str, Any]
         "subject": first.subject.id,
         "title": first.subject.title,
         "origin": first.subject.origin,
-        "answer": kind.chosen(fits).answer.document(),
-        "laws": {fit.law: _law(fit, kind) for fit in fits},
+        "answer": first.details.chosen(fits).answer.document(),
+        "laws": {fit.law: _law(fit) for fit in fits},
         "versions": dict(first.versions),
     }
     plain: dict[str, Any] = json_types(document)
     return plain
 
 
-def _law(fit: Fit[Any], kind: KindDocument) -> dict[str, Any]:
+def _law(fit: Fit[Any]) -> dict[str, Any]:
     log, unit = fit.log, fit.cost.reading_unit
-    tests = [{**_test(fit, number), **kind.of_test(fit, number)} for number in range(len(fit.tests))]
+    tests = [{**_test(fit, number), **fit.details.members_of_test(fit, number)} for number in range(len(fit.tests))]
     return {
         **fitted_document(fit),
         "tests": tests,
         # Of one test its curve stands beside the parameters too.
         **({"curve": tests[0]["curve"]} if len(tests) == 1 else {}),
-        **kind.of_fit(fit),
+        **fit.details.members(fit),
         "converged": log.converged,
         "forward_solves": log.forward_solves,
         "forward_solves_reused": log.reused_solves,

@@ -7,7 +7,7 @@ that kind's type.
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import numpy as np
 from scipy.special import chdtrc
@@ -189,8 +189,28 @@ class TestFit:
         return self.channels[0]
 
 
+class KindDetails:
+    """What one kind of problem has: its answer, and what it adds to ``result.json``; unless overridden, nothing."""
+
+    def answer(self, fit: Any) -> Answer:
+        """Return the answer of the fit that has these details."""
+        return answer_of(fit)
+
+    def chosen(self, fits: "Sequence[Fit[Any]]") -> "Fit[Any]":
+        """Return the law's fit whose answer is that of all."""
+        return preferred(fits)
+
+    def members(self, fit: Any) -> Mapping[str, Any]:
+        """Return members of a law."""
+        return {}
+
+    def members_of_test(self, fit: Any, number: int) -> Mapping[str, Any]:
+        """Return members of one of a law's tests."""
+        return {}
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Fit[Details]:
+class Fit[Details: KindDetails]:
     """One law fitted to all tests of a problem; defaults are those of a model that was compared with nothing."""
 
     kind: str
@@ -228,8 +248,8 @@ class Fit[Details]:
 
     @property
     def answer(self) -> Answer:
-        """What the fit says: that of its kind, where the details have one."""
-        return self.details.answer(self) if isinstance(self.details, Answering) else answer_of(self)
+        """What the fit says, as its kind has it."""
+        return self.details.answer(self)
 
     @property
     def doubts(self) -> int:
@@ -261,15 +281,6 @@ class Fit[Details]:
     def farthest(self, name: str) -> TestFit:
         """The test that by itself departs most from the joint value of a parameter."""
         return max(self.tests, key=lambda one: abs(one.by_itself[name].departure))
-
-
-@runtime_checkable
-class Answering(Protocol):
-    """Details of a kind that has an answer of its own."""
-
-    def answer(self, fit: Any) -> Answer:
-        """Return the answer of the fit that has these details."""
-        ...
 
 
 def answer_of(fit: Fit[Any], limited: bool = False, **parameters: Any) -> Answer:
@@ -388,6 +399,6 @@ def misfit_of(result: Fit[Any]) -> float:
     return result.cost.value if result.weighting == "paper" else result.goodness.chi_square
 
 
-def least_akaike[Details](fits: Sequence[Fit[Details]]) -> Fit[Details]:
+def least_akaike[Details: KindDetails](fits: Sequence[Fit[Details]]) -> Fit[Details]:
     """Law that fits best for the number of its parameters (Akaike's criterion)."""
     return min(fits, key=lambda one: one.goodness.chi_square + 2 * len(one.estimates))

@@ -17,7 +17,7 @@ from legfem.inverse.errors import ErrorModel
 from legfem.inverse.estimates import Estimate, correlations_of
 from legfem.inverse.evidence import possible_discrepancies
 from legfem.inverse.explanation import Explained, Explanation, unknown_course
-from legfem.inverse.fit import Fit, Goodness, Identity, versions
+from legfem.inverse.fit import Fit, Goodness, Identity, KindDetails, versions
 from legfem.inverse.hidden import HiddenEnd, Limit, profile_of
 from legfem.inverse.linearised import LinearisedFit
 from legfem.inverse.location import MisfitAssessment, SetAside, runs
@@ -112,7 +112,7 @@ class Diagnosis:
         """Fit of the best model, the stiffness with its interval over all explanations."""
         return self._fit_of(self.best, True)
 
-    def _fit_of(self, model: Explanation, over_all: bool) -> Fit[None]:
+    def _fit_of(self, model: Explanation, over_all: bool) -> Fit[KindDetails]:
         fitted, estimates = model.fit, self._estimates(model, over_all)
         # Recordings are fitted one by one with the base model by its errors alone.
         weighted = None if model.names else self.weighted_base
@@ -136,7 +136,7 @@ class Diagnosis:
             weighting="equal" if equal else "covariance",
             settings={"mechanisms": list(model.names), "cylinder_ends": self.with_ends},
             versions=versions(),
-            details=None,
+            details=KindDetails(),
         )
 
     @property

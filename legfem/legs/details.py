@@ -19,7 +19,7 @@ from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.leg_surface import TriangleSurface
 from legfem.inverse.answer import Answer
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values, with_units
-from legfem.inverse.fit import Fit, answer_of, preferred
+from legfem.inverse.fit import Fit, KindDetails, answer_of
 from legfem.inverse.station_test import FittedStations
 from legfem.jobs.store import read_arrays, write_arrays
 from legfem.legs.site import curve_of
@@ -110,7 +110,7 @@ class SpatialSites:
 
 
 @dataclass(frozen=True, eq=False)
-class LegDetails:
+class LegDetails(KindDetails):
     """What a fit of a leg has beside that of any test."""
 
     leg: SitedLeg
@@ -134,26 +134,14 @@ class LegDetails:
         held = None if DEEP_C10 in fit.estimates else {**fit.assumed, **fit.values}[DEEP_C10]
         return answer_of(fit, C10_given=held)
 
-    @property
-    def plane(self) -> bool:
-        """Whether the search went on a section in plane strain."""
-        return not isinstance(self.spatial, SpatialSites)
-
-
-class LegDocument:
-    """What ``result.json`` of a leg has beside that of any fit; a `legfem.inverse.document.KindDocument`."""
-
-    chosen = staticmethod(preferred)
-
-    def of_fit(self, fit: Fit[LegDetails]) -> dict[str, Any]:
+    def members(self, fit: Any) -> dict[str, Any]:
         """Model, solves in 3D, fibres, and what the sites' instruments err by."""
-        details = fit.details
-        fibres, applied = details.subject.fibres, details.corrections[0]
+        fibres, applied = self.subject.fibres, self.corrections[0]
         return {
             "correlation_c10_c20": fit.correlation(DEEP_C10, DEEP_C20),
-            "own_errors_of_sites_sd": with_units(details.own_errors),
-            "model": "2d" if details.spatial is None else "3d",
-            "spatial": _spatial(details.spatial),
+            "own_errors_of_sites_sd": with_units(self.own_errors),
+            "model": "2d" if self.spatial is None else "3d",
+            "spatial": _spatial(self.spatial),
             "fibres": None
             if fibres is None
             else {
@@ -165,12 +153,12 @@ class LegDocument:
             },
         }
 
-    def of_test(self, fit: Fit[LegDetails], number: int) -> dict[str, Any]:
+    def members_of_test(self, fit: Any, number: int) -> dict[str, Any]:
         """Correction and noise at a site."""
-        details, curve = fit.details, curve_of(fit.tests[number])
-        applied = details.corrections[number]
+        curve = curve_of(fit.tests[number])
+        applied = self.corrections[number]
         return {
-            "subject": details.leg.sites[number].id,
+            "subject": self.leg.sites[number].id,
             "correction": None if applied is None else applied.name,
             "correction_P": None if applied is None else applied.P,
             "correction_P_sd": None if applied is None else applied.sd,
@@ -180,6 +168,11 @@ class LegDocument:
                 "source": "repeats and instrument" if curve.n_trials > 1 else "instrument",
             },
         }
+
+    @property
+    def plane(self) -> bool:
+        """Whether the search went on a section in plane strain."""
+        return not isinstance(self.spatial, SpatialSites)
 
 
 def _spatial(found: SpatialEvidence | SpatialSites | None) -> dict[str, Any] | None:

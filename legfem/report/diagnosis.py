@@ -8,7 +8,7 @@ import numpy as np
 from legfem.common.units import percent
 from legfem.inverse.averaging import TIMES
 from legfem.inverse.catalogue import symbol_of
-from legfem.inverse.fit import Fit, r_squared
+from legfem.inverse.fit import Fit, KindDetails, r_squared
 from legfem.inverse.mechanism import null_of
 from legfem.inverse.notice import FitNotice
 from legfem.inverse.plan import DesignValue
@@ -150,7 +150,7 @@ def _where(found: Diagnosis) -> list[web.Block]:
     ]
 
 
-def _each_recording(base: Fit[None]) -> list[web.Block]:
+def _each_recording(base: Fit[KindDetails]) -> list[web.Block]:
     """Return what each recording gives by itself; nothing where there is one."""
     names = list(base.tests[0].by_itself)
     if not names:

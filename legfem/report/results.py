@@ -64,7 +64,7 @@ def write_report(
         return out / REPORT
     if comm.rank == 0:
         keep_another(out, command, "result.json")
-        write_document(out / "result.json", fit_document(fits, kind.document))
+        write_document(out / "result.json", fit_document(fits))
     with made_in_place(out, comm) as folder:
         files, pressed, note = kind.fields(fits, folder), None, ""
         if experiment is not None:

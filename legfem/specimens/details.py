@@ -26,6 +26,7 @@ from legfem.inverse.comparison import ErrorSource
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import (
     Fit,
+    KindDetails,
     TestFit,
     answer_of,
     at_limits,
@@ -263,7 +264,7 @@ def size_covariance(
 
 
 @dataclass(frozen=True, eq=False)
-class SpecimenDetails:
+class SpecimenDetails(KindDetails):
     """Folder, and how its specimens differ."""
 
     folder: SpecimenFolder
@@ -294,6 +295,47 @@ class SpecimenDetails:
         disagree = self.agreement is not None and self.agreement.disagree
         limited = bool(self.left_out or self.thickness or disagree)
         return answer_of(fit, limited, rms_percent=rms_percent(fit))
+
+    def chosen(self, fits: Sequence[Fit[Any]]) -> Fit[Any]:
+        """Return the law that fits best for the number of its parameters."""
+        return least_akaike(fits)
+
+    def members(self, fit: Any) -> dict[str, Any]:
+        """How recordings and specimens differ."""
+        return {
+            "not_used": {one.name: one.reason for one in self.left_out},
+            "gain_sd_between_recordings": self.gain_sd,
+            "stiffness_over_typical": dict(self.stiffness),
+            "stiffness_log_sd": self.stiffness_spread,
+            "misfit_rms_over_peak": self.misfit.rms,
+            "agreement_of_tests": agreement_document(self.agreement),
+            "alternatives": [
+                {
+                    "name": one.name,
+                    "probability": one.probability,
+                    "parameters": {
+                        key_of(name): {"value": shown.value, "unit": shown.unit, "ci95": list(shown.ci95)}
+                        for name, shown in ((name, found.shown) for name, found in one.estimates.items())
+                    },
+                }
+                for one in self.alternatives
+            ],
+        }
+
+    def members_of_test(self, fit: Any, number: int) -> dict[str, Any]:
+        """How a recording was driven, and its own samples beside the prediction."""
+        one = compared(fit)[number]
+        recording, course = one.recording, one.course
+        return {
+            "specimen": recording.specimen,
+            "rate_mm_per_s": course.rate if course.samples.timed else None,
+            "depth_mm": course.depth,
+            "displacement_mm": course.displacement,
+            "rmse_N": one.rmse,
+            "r_squared": one.r_squared,
+            "scale": one.scale,
+            "r_squared_at_that_scale": one.shape_r_squared,
+        }
 
 
 @dataclass(frozen=True)
@@ -375,47 +417,3 @@ def rms_percent(fit: Fit[SpecimenDetails]) -> float:
     """Root mean square of the fit's differences over each recording's greatest force, %."""
     shares = [(one.rmse / one.course.peak) ** 2 for one in compared(fit) if one.fitted]
     return 100 * float(np.sqrt(np.mean(shares)))
-
-
-class SpecimenDocument:
-    """A `legfem.inverse.document.KindDocument`."""
-
-    chosen = staticmethod(least_akaike)
-
-    def of_fit(self, fit: Fit[SpecimenDetails]) -> dict[str, Any]:
-        """How recordings and specimens differ."""
-        details = fit.details
-        return {
-            "not_used": {one.name: one.reason for one in details.left_out},
-            "gain_sd_between_recordings": details.gain_sd,
-            "stiffness_over_typical": dict(details.stiffness),
-            "stiffness_log_sd": details.stiffness_spread,
-            "misfit_rms_over_peak": details.misfit.rms,
-            "agreement_of_tests": agreement_document(details.agreement),
-            "alternatives": [
-                {
-                    "name": one.name,
-                    "probability": one.probability,
-                    "parameters": {
-                        key_of(name): {"value": shown.value, "unit": shown.unit, "ci95": list(shown.ci95)}
-                        for name, shown in ((name, found.shown) for name, found in one.estimates.items())
-                    },
-                }
-                for one in details.alternatives
-            ],
-        }
-
-    def of_test(self, fit: Fit[SpecimenDetails], number: int) -> dict[str, Any]:
-        """How a recording was driven, and its own samples beside the prediction."""
-        one = compared(fit)[number]
-        recording, course = one.recording, one.course
-        return {
-            "specimen": recording.specimen,
-            "rate_mm_per_s": course.rate if course.samples.timed else None,
-            "depth_mm": course.depth,
-            "displacement_mm": course.displacement,
-            "rmse_N": one.rmse,
-            "r_squared": one.r_squared,
-            "scale": one.scale,
-            "r_squared_at_that_scale": one.shape_r_squared,
-        }

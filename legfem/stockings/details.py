@@ -11,7 +11,7 @@ from legfem.geometry.leg_shape import fat_thickness_around
 from legfem.geometry.slices import CONTOURS
 from legfem.inverse.answer import Answer, Finding, Tone
 from legfem.inverse.catalogue import key_of
-from legfem.inverse.fit import Fit, answer_of, preferred
+from legfem.inverse.fit import Fit, KindDetails, answer_of
 from legfem.stockings.discrepancy import ModelDiscrepancy
 from legfem.stockings.equilibrium import Equilibrium, LegModel3D
 from legfem.stockings.fabric import StockingLoad, stocking_load
@@ -24,7 +24,7 @@ type StockingFit = Fit[StockingDetails]
 
 
 @dataclass(frozen=True, eq=False)
-class StockingDetails:
+class StockingDetails(KindDetails):
     """The leg in equilibrium with its stocking, and how its stiffness was searched for.
 
     Parameters
@@ -89,6 +89,41 @@ class StockingDetails:
             told["ankle"] = None if self.leg.makers.assumed_fabric else self._at_ankle
         return replace(answer_of(fit, **told), finding=finding, tone=tone)
 
+    def members(self, fit: Any) -> dict[str, Any]:
+        """Stiffness that the pressures are of, the best fit, fabric, pressures, and the state as worn."""
+        worn = self.equilibrium
+        return {
+            "stiffness_of_the_pressures": {
+                "given": self.leg.known,
+                **{key_of(name): {"value": mpa_to_kpa(c10), "unit": "kPa"} for name, c10 in self.parameters.items()},
+            },
+            "best_fit": _best_fit(self.best),
+            "contours": _contours(self),
+            "mismatch": _discrepancy(self),
+            "registration": _registration(self),
+            "stocking": _stocking(self),
+            "pressures": _pressures(self),
+            "makers_levels": [_level(one) for one in self.at_levels],
+            "sensors": [_sensor(one) for one in self.sensors],
+            "fat": _fat(self),
+            "worn_state": {
+                "found": worn.state.report.complete,
+                "reason": worn.state.report.reason,
+                "converged": worn.converged,
+                "relative_pressure_changes": list(worn.changes),
+            },
+            "model": _model(self),
+            "solves": {"equilibria_to_identify": fit.log.forward_solves, "states": self.states},
+        }
+
+    def members_of_test(self, fit: Any, number: int) -> dict[str, Any]:
+        """Points of the contours that are compared, in the channels' order."""
+        best = self.best
+        assert best is not None
+        contours = [best.misfit.target.contours(name).reshape(-1, 2) for name in CONTOURS]
+        named = zip(fit.tests[number].channels, contours, strict=False)
+        return {"points_mm": {one.channel.name: dict(zip("xy", points.T, strict=True)) for one, points in named}}
+
     @property
     def _at_ankle(self) -> dict[str, Any] | None:
         """Pressure at B (mmHg) beside the class; None where B isn't in the modelled part."""
@@ -122,48 +157,6 @@ class StockingDetails:
     def at_levels(self) -> list[LevelPressure]:
         """Pressure at every level of makers that the modelled part of the leg has."""
         return pressures_at_levels(self.pressure_along, self.leg.makers, self.leg.bare)
-
-
-class StockingDocument:
-    """What ``result.json`` has beside that of any fit; a `legfem.inverse.document.KindDocument`."""
-
-    chosen = staticmethod(preferred)
-
-    def of_fit(self, fit: StockingFit) -> dict[str, Any]:
-        """Stiffness that the pressures are of, the best fit, fabric, pressures, and the state as worn."""
-        details = fit.details
-        worn = details.equilibrium
-        return {
-            "stiffness_of_the_pressures": {
-                "given": details.leg.known,
-                **{key_of(name): {"value": mpa_to_kpa(c10), "unit": "kPa"} for name, c10 in details.parameters.items()},
-            },
-            "best_fit": _best_fit(details.best),
-            "contours": _contours(details),
-            "mismatch": _discrepancy(details),
-            "registration": _registration(details),
-            "stocking": _stocking(details),
-            "pressures": _pressures(details),
-            "makers_levels": [_level(one) for one in details.at_levels],
-            "sensors": [_sensor(one) for one in details.sensors],
-            "fat": _fat(details),
-            "worn_state": {
-                "found": worn.state.report.complete,
-                "reason": worn.state.report.reason,
-                "converged": worn.converged,
-                "relative_pressure_changes": list(worn.changes),
-            },
-            "model": _model(details),
-            "solves": {"equilibria_to_identify": fit.log.forward_solves, "states": details.states},
-        }
-
-    def of_test(self, fit: StockingFit, number: int) -> dict[str, Any]:
-        """Points of the contours that are compared, in the channels' order."""
-        best = fit.details.best
-        assert best is not None
-        contours = [best.misfit.target.contours(name).reshape(-1, 2) for name in CONTOURS]
-        named = zip(fit.tests[number].channels, contours, strict=False)
-        return {"points_mm": {one.channel.name: dict(zip("xy", points.T, strict=True)) for one, points in named}}
 
 
 def _best_fit(best: ScanFit | None) -> dict[str, Any] | None:

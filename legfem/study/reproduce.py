@@ -14,7 +14,7 @@ from legfem.inverse.document import fit_document
 from legfem.inverse.fit import Fit
 from legfem.inverse.settings import AskedWeighting, IdentificationSettings, SearchRequest
 from legfem.legs.correction_of_leg import correction_of, size_of
-from legfem.legs.details import LegDetails, LegDocument
+from legfem.legs.details import LegDetails
 from legfem.legs.identification import fit_leg
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
@@ -87,7 +87,7 @@ def run(
     if corrected:
         made += [correction_cells(found, with_correction), corrections_by_leg_cells()]
     tables = "\n".join(markdown_table(*cells) for cells in made)
-    documents = [fit_document(pair, LegDocument()) for pair in (*found.values(), *with_correction.values())]
+    documents = [fit_document(pair) for pair in (*found.values(), *with_correction.values())]
     write_document(out / "result.json", documents)
     write_atomically(out / "tables.md", tables)
     print(tables)

@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 from mpi4py import MPI
 
 from legfem.common.registry import made_in, registered
-from legfem.inverse.document import KindDocument
 from legfem.inverse.fit import Fit
 from legfem.report.answers import headline_of
 from legfem.report.folder import ReportFile
@@ -29,8 +28,6 @@ class ReportKind(ABC):
     ----------
     kind : str
         Of its fits.
-    document : KindDocument
-        What it adds to result.json.
     explore : str
         What there is to explore on the page for a browser, in words.
     told : tuple of str
@@ -40,7 +37,6 @@ class ReportKind(ABC):
     """
 
     kind: ClassVar[str]
-    document: ClassVar[KindDocument]
     explore: ClassVar[str] = "curves"
     told: ClassVar[tuple[str, ...]] = (TESTED,)
     seeded: ClassVar[bool] = True
@@ -112,7 +108,7 @@ def page_of(
         On the solve that pressed it.
     """
     kind = kind_of(fits)
-    chosen = kind.document.chosen(fits)
+    chosen = fits[0].details.chosen(fits)
     return WebPage(
         kind.question(chosen),
         chosen.subject.title,

@@ -9,9 +9,8 @@ from matplotlib.figure import Figure
 from legfem.common.units import mpa_to_kpa
 from legfem.inverse.answer import Finding
 from legfem.inverse.catalogue import DEEP_C10, symbol_of
-from legfem.inverse.document import KindDocument
 from legfem.inverse.fit import Fit, preferred
-from legfem.legs.details import LegDetails, LegDocument, SpatialEvidence, SpatialSites
+from legfem.legs.details import LegDetails, SpatialEvidence, SpatialSites
 from legfem.legs.site import curve_of
 from legfem.legs.subject import Subject
 from legfem.report import estimates
@@ -49,7 +48,6 @@ class LegReport(ReportKind):
     """What is shown of a leg."""
 
     kind: ClassVar[str] = "leg"
-    document: ClassVar[KindDocument] = LegDocument()
 
     def question(self, chosen: LegFit) -> str:
         """Return the title."""

@@ -9,7 +9,6 @@ from matplotlib.figure import Figure
 
 from legfem.common.units import FloatArray, percent
 from legfem.inverse.catalogue import RATIO, is_ratio, symbol_of
-from legfem.inverse.document import KindDocument
 from legfem.inverse.fit import least_akaike
 from legfem.inverse.readings import RELAXATION
 from legfem.report import estimates
@@ -23,7 +22,7 @@ from legfem.report.specimen_sentences import SpecimenFit, followed, procedure, t
 from legfem.report.style import DATA_COLOUR, LAW_COLOURS, LAW_NAMES, save
 from legfem.report.words import DataKind, capital, fit_probability
 from legfem.specimens.artefacts import KNOW_THE_RIG
-from legfem.specimens.details import RecordingFit, SpecimenDocument, compared
+from legfem.specimens.details import RecordingFit, compared
 
 _MOST_CURVES = 6
 _DASHES: tuple[Dash, ...] = ("solid", "dashed", "dotdash", "dotted")
@@ -39,7 +38,6 @@ class SpecimenReport(ReportKind):
     """What is shown of specimens."""
 
     kind: ClassVar[str] = "specimens"
-    document: ClassVar[KindDocument] = SpecimenDocument()
 
     def question(self, chosen: SpecimenFit) -> str:
         """Return the title."""

@@ -12,7 +12,6 @@ from legfem.common.units import mpa_to_mmhg
 from legfem.fem.field_files import write_fields
 from legfem.fem.fields import fields_of
 from legfem.inverse.answer import Finding
-from legfem.inverse.document import KindDocument
 from legfem.report import estimates, stocking_pressures, stocking_stiffness
 from legfem.report import page as web
 from legfem.report.curves import curves_figure
@@ -24,14 +23,13 @@ from legfem.report.stocking_figures import stocking_pressure_figure, stocking_se
 from legfem.report.style import save
 from legfem.report.words import DataKind, capital
 from legfem.stockings.assessment import KIND
-from legfem.stockings.details import StockingDetails, StockingDocument, StockingFit
+from legfem.stockings.details import StockingDetails, StockingFit
 
 
 class StockingReport(ReportKind):
     """What is shown of a leg in its stocking."""
 
     kind: ClassVar[str] = KIND
-    document: ClassVar[KindDocument] = StockingDocument()
     explore: ClassVar[str] = "the leg to turn"
     told: ClassVar[tuple[str, ...]] = (stocking_stiffness.STIFFNESS, stocking_pressures.PRESSURES)
     seeded: ClassVar[bool] = False
