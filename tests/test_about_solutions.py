@@ -45,10 +45,9 @@ def test_a_refit_that_stays_needs_no_second_solution():
     problem = supported()
     fitted = fit(problem, (SUPPORT,), {DEEP_C10: 0.0007, DEEP_C20: 0.0004})
     alike = Folding(problem.predictor.responses, iter([0.0, np.nan]))
-    about, refit, made = refitted_about_solutions(alike, problem, fitted)
-    assert made
+    refit = refitted_about_solutions(alike, fitted)
     assert len(alike.solved) == 1
-    assert np.allclose(about.predictor.offset, 0.0)
+    assert np.allclose(refit.problem.predictor.offset, 0.0)
     assert refit.cost == pytest.approx(fitted.cost)
 
 
@@ -60,19 +59,18 @@ def test_of_solutions_on_several_branches_that_stands_which_leaves_least(shares,
     fitted = fit(problem, (SUPPORT,), {DEEP_C10: 0.0007, DEEP_C20: 0.0004})
     every = [*shares, *[0.03, -0.03] * REFITS][:REFITS]
     folding = Folding(problem.predictor.responses, iter(every))
-    about, refit, made = refitted_about_solutions(folding, problem, fitted)
-    assert made
+    refit = refitted_about_solutions(folding, fitted)
     assert len(folding.solved) == solved
     assert refit.cost < fitted.cost + 2.0
-    again = fit(about, (SUPPORT,), refit.values)
+    again = fit(refit.problem, (SUPPORT,), refit.values)
     assert again.cost == pytest.approx(refit.cost, abs=1e-3), "the problem is the fit's own"
 
 
-def test_where_every_solution_stops_the_fit_stands():
+def test_where_every_solution_stops_there_is_no_refit():
     problem = supported()
     fitted = fit(problem, (SUPPORT,), {DEEP_C10: 0.0007, DEEP_C20: 0.0004})
     stopped = Folding(problem.predictor.responses, iter([np.nan, np.nan]))
-    assert refitted_about_solutions(stopped, problem, fitted) == (problem, fitted, False)
+    assert refitted_about_solutions(stopped, fitted) is None
 
 
 def test_the_base_model_is_refitted_about_its_solution():

@@ -36,8 +36,8 @@ def explanation(like: Explanation, mean: float, sd: float, probability: float) -
 
 def test_an_averaged_interval_is_that_of_a_mixture_of_distributions():
     """C10's logarithm is normal in one, Student's in the other: the mixture's quantiles by hand."""
-    problem, base = problem_of(ramps(), seed=1)
-    like = explain(problem, base, []).base
+    _, base = problem_of(ramps(), seed=1)
+    like = explain(base, []).base
     one, other = explanation(like, 0.0, 0.02, 0.7), explanation(like, 0.2, 0.05, 0.3)
     one = replace(one, degrees=np.full(len(base.free), np.inf))
     other = replace(other, degrees=np.full(len(base.free), 4.0))
@@ -58,7 +58,7 @@ def test_an_averaged_interval_is_that_of_a_mixture_of_distributions():
 def test_two_that_hide_at_once_are_summed_where_their_pair_was_not_tried():
     """Beside the pairs' own fits: evidence, and mean and spread of C10."""
     problem, base = problem_of(ramps(), seed=1)
-    found = explain(problem, base, SOUGHT)
+    found = explain(base, SOUGHT)
     assert found.every[0].is_base
     assert not any(len(e.names) > 1 for e in found.every)
     singles = singles_of(found.every)
@@ -68,7 +68,7 @@ def test_two_that_hide_at_once_are_summed_where_their_pair_was_not_tried():
     names = next(names for names in pairs if set(names) == {"force-drift", "preconditioning"})
     one, other = (singles[name,] for name in names)
     joint = fit(problem, [*one.fit.mechanisms, *other.fit.mechanisms], base.values)
-    told, k = laplace_posterior(problem, evidence, joint, one.log_discrepancy_weights), joint.free.index(DEEP_C10)
+    told, k = laplace_posterior(evidence, joint, one.log_discrepancy_weights), joint.free.index(DEEP_C10)
     told = replace(told, log_evidence=told.log_evidence + gain_of_widths(joint, told))
     summed = one.posterior.log_evidence + log_bayes_factor(other, found.base)
     assert told.log_evidence == pytest.approx(summed, abs=0.5)
@@ -88,9 +88,9 @@ def test_two_that_hide_at_once_are_summed_where_their_pair_was_not_tried():
 
 def test_mechanisms_that_explain_the_same_misfit_are_no_hidden_pair():
     """Each alone explains what the other does: their evidences don't add."""
-    problem, base = problem_of(ramps(), {"preconditioning.softening": 0.3}, seed=3)
+    _, base = problem_of(ramps(), {"preconditioning.softening": 0.3}, seed=3)
     sought = [*SOUGHT, mechanism_named("muscle-contraction")]
-    found = explain(problem, base, sought)
+    found = explain(base, sought)
     assert found.every[0].names == ("preconditioning",)
     assert not any("preconditioning" in pair.names for pair in untried_pairs(found, DEEP_C10))
     assert sum(pair.weight for pair in untried_pairs(found, DEEP_C10)) < 1e-3
@@ -98,7 +98,7 @@ def test_mechanisms_that_explain_the_same_misfit_are_no_hidden_pair():
 
 def test_limits_hold_what_is_there_and_are_small_where_nothing_is():
     problem, base = problem_of(ramps(), seed=1)
-    quiet = {limit.name: limit for limit in limits_of(explain(problem, base, SOUGHT))}
+    quiet = {limit.name: limit for limit in limits_of(explain(base, SOUGHT))}
     assert set(quiet) == {m.name for m in SOUGHT}
     compliance = quiet["support-compliance"]
     assert compliance.low == 0.0, "one sign is possible"
@@ -109,7 +109,7 @@ def test_limits_hold_what_is_there_and_are_small_where_nothing_is():
     most = max(abs(drift.low), abs(drift.high)) * problem.predictor.observed.time.max()
     assert drift.effect == pytest.approx(most, rel=1e-6)
     problem, base = problem_of(ramps(), {"support-compliance.compliance": 0.15}, seed=1)
-    loud = {limit.name: limit for limit in limits_of(explain(problem, base, SOUGHT))}
+    loud = {limit.name: limit for limit in limits_of(explain(base, SOUGHT))}
     assert loud["support-compliance"].high > 0.15
 
 

@@ -113,7 +113,7 @@ def test_held_out_data_are_predicted_better_with_the_right_mechanism():
     problem, base = problem_of(one_at_each_rate(), effects, seed=5)
     assert "each protocol" in folds_of(problem.predictor.observed)[0]
     repaired = fit(problem, [mechanism_named("viscoelasticity")], base.values)
-    before, after = held_out(problem, base), held_out(problem, repaired)
+    before, after = held_out(base), held_out(repaired)
     assert after.rmse < 0.5 * before.rmse
     # A trial's own gain is most of its error, and it has but one.
     assert after.rmse < 2.5 * after.noise
@@ -127,7 +127,7 @@ def test_trials_before_the_tissue_settled_do_not_spoil_what_is_held_out(recordin
     _, folds = folds_of(problem.predictor.observed)
     assert not any(fold[problem.predictor.observed.trial == 0].any() for fold in folds)
     repaired = fit(problem, [mechanism_named("preconditioning")], base.values)
-    before, after = held_out(problem, base), held_out(problem, repaired)
+    before, after = held_out(base), held_out(repaired)
     assert after.rmse < 0.7 * before.rmse
     # A trial's own gain is most of its error, and it has but one.
     assert after.rmse < 2.5 * after.noise
@@ -145,7 +145,7 @@ def test_what_is_held_out_of_few_recordings_is_a_later_phase_or_the_deepest_thir
 
 def test_a_held_out_trial_keeps_the_first_contact_that_was_found():
     """No other trial tells where one was touched: it isn't predicted from none."""
-    problem, base = problem_of(ramps(), {onset_name(2): 0.3}, seed=6)
+    _, base = problem_of(ramps(), {onset_name(2): 0.3}, seed=6)
     assert base.values[onset_name(2)] > 0.02
-    found = held_out(problem, base)
+    found = held_out(base)
     assert found.rmse < 3 * found.noise

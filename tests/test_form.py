@@ -30,7 +30,7 @@ def of_drift(rates: tuple[float, ...], seed: int) -> tuple[float, list[ShareOfPa
     trial = observations(ramps(3))[0].trial
     problem, base = problem_of(ramps(3), {}, seed, np.array(rates)[trial] * time)
     fitted = fit(problem, [DRIFT], base.values)
-    found = shares_by_part(problem, fitted)["force-drift"]
+    found = shares_by_part(fitted)["force-drift"]
     return fitted.values["force-drift.rate"], [one for one in found if one.part.startswith("trial")]
 
 
@@ -90,6 +90,6 @@ def test_parts_that_are_set_aside_tell_nothing() -> None:
     observed = observations(ramps(3))[0]
     problem, base = problem_of(ramps(3), {}, 1, 0.05 * observed.time * (observed.trial == 1))
     rest = replace(problem.setting_aside(observed.trial == 1), kept=None)
-    shares = shares_by_part(rest, fit(rest, [DRIFT], base.values))["force-drift"]
+    shares = shares_by_part(fit(rest, [DRIFT], base.values))["force-drift"]
     assert not any(one.missing for one in shares)
     assert "trial2" not in {one.part for one in shares}

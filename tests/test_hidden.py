@@ -122,8 +122,8 @@ def drifting(measured=()):
     base = fit(problem, (), TRUTH)
     mine = fit(problem, [mechanism_named("force-drift")], {**base.values, DRIFT: 0.002})
     evidence = Evidence(problem.errors, possible_discrepancies(problem.predictor.observed, base.prediction))
-    posterior = laplace_posterior(problem, evidence, mine, [0.0] + [-np.inf] * (len(evidence.unknowns) - 1))
-    return Explanation(problem, mine, posterior, 0.0, False, False), base
+    posterior = laplace_posterior(evidence, mine, [0.0] + [-np.inf] * (len(evidence.unknowns) - 1))
+    return Explanation(mine, posterior, 0.0, False, False), base
 
 
 def normal_equations(one):

@@ -49,13 +49,13 @@ def test_a_reading_is_what_integrating_the_strength_says(drifting):
     problem, base, evidence, shares = drifting
     read = reading(DRIFT, 0.0035, 0.0007)
     problem = replace(problem, measured=(read,))
-    told = laplace_posterior(problem, evidence, fit(problem, [DRIFT], base.values), shares)
+    told = laplace_posterior(evidence, fit(problem, [DRIFT], base.values), shares)
     prior, name = prior_of(DRIFT.parameters[0]), "force-drift.rate"
     z = np.linspace(-1.0, 2.0, 121)
     logs, stiffness = [], []
     for one in z:
         held = fit(problem, [DRIFT], {**base.values, name: prior.value_at(one)}, (name,))
-        given = laplace_posterior(problem, evidence, held, shares)
+        given = laplace_posterior(evidence, held, shares)
         logs.append(given.log_evidence + norm.logpdf(one) + np.log(z[1] - z[0]))
         stiffness.append(given.mean[held.free.index(DEEP_C10)])
     weights = np.exp(np.array(logs) - logsumexp(logs))
@@ -69,10 +69,10 @@ def test_a_reading_is_what_integrating_the_strength_says(drifting):
 
 def test_without_the_effect_a_reading_counts_against_it(drifting):
     problem, base, evidence, shares = drifting
-    plain = laplace_posterior(problem, evidence, base, shares).log_evidence
+    plain = laplace_posterior(evidence, base, shares).log_evidence
     for value in (0.0, 0.004):
         read = replace(problem, measured=(reading(DRIFT, value, 0.001),))
-        gained = laplace_posterior(read, evidence, base, shares).log_evidence - plain
+        gained = laplace_posterior(evidence, replace(base, problem=read), shares).log_evidence - plain
         in_sds = prior_of(DRIFT.parameters[0]).sd / 0.001
         assert gained == pytest.approx(norm.logpdf(value / 0.001) + np.log(in_sds) - np.log(1.0))
 
@@ -82,9 +82,9 @@ def test_a_dial_gauge_settles_whether_a_support_gives_way(gives_way):
     """Two effects that do the same here: what is read decides, whichever it is."""
     effects = {"support-compliance.compliance": 0.015}
     problem, base = problem_of(ramps(1), effects, seed=5)
-    before = explain(problem, base, SOUGHT)
+    before = explain(base, SOUGHT)
     read = reading(SUPPORT, 0.015 if gives_way else 0.0, 0.002)
-    after = explain(replace(problem, measured=(read,)), base, SOUGHT)
+    after = explain(replace(base, problem=replace(problem, measured=(read,))), SOUGHT)
 
     def held(found):
         return sum(e.probability for e in found.every if SUPPORT.name in e.names)

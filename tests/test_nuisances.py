@@ -129,7 +129,7 @@ def test_a_variance_that_a_bound_makes_small_keeps_its_degrees_of_freedom():
     known, names = 0.1 * base.sensitivities[:, :1], ("outline of the skin, mode 1",)
     problem = replace(problem, errors=replace(problem.errors, known=known, names=names))
     problem = replace(problem, causes={names[0]: OUTLINE})
-    one = explain(problem, base, SOUGHT[:1]).base
+    one = explain(replace(base, problem=problem), SOUGHT[:1]).base
     assert np.isfinite(one.degrees_of_freedom[0])
     posterior = replace(one.posterior, covariance=1e-6 * one.posterior.covariance)
     assert replace(one, posterior=posterior).degrees_of_freedom[0] >= GEOMETRY_DOF

@@ -64,7 +64,7 @@ def test_a_right_model_has_the_same_stiffness_and_an_interval_that_holds_the_tru
         problem, base = problem_of(ramps(), seed=seed)
         found = ordinary_fit(problem, [TRUTH])
         assert found.values[DEEP_C10] == pytest.approx(base.values[DEEP_C10], rel=0.05)
-        shown = ordinary_explanation(problem, found, explain(problem, base, []).base)
+        shown = ordinary_explanation(problem, found, explain(base, []).base)
         low, high = shown.interval(DEEP_C10)
         held += low <= TRUTH[DEEP_C10] <= high
     assert held >= 10

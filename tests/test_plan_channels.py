@@ -45,7 +45,7 @@ def chance_of_stiff_fat(test: Design, responses: ClosedForm) -> float:
     readings = predictor(BASE)
     problem = LinearisedProblem(predictor, error_model(blank.with_force(readings), NOISE, readings))
     base = fit(LinearisedProblem(replace(predictor, observed=blank.with_force(readings)), problem.errors), (), BASE)
-    candidates = prior_candidates(problem, base, [mechanism_named("superficial-stiffness")])
+    candidates = prior_candidates(base, [mechanism_named("superficial-stiffness")])
     found = evaluate_design(test, candidates, predictor, lambda *_: [], NOISE, 0.01)
     assert found is not None
     return found.chances["superficial-stiffness", "nothing"]

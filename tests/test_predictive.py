@@ -58,8 +58,8 @@ def test_readings_that_are_set_aside_are_in_no_check():
 
 
 def test_an_interval_with_a_mechanism_three_times_as_common_is_the_mixture_by_hand():
-    problem, base = problem_of(ramps(), seed=1)
-    every = explain(problem, base, [mechanism_named("force-drift")]).every
+    _, base = problem_of(ramps(), seed=1)
+    every = explain(base, [mechanism_named("force-drift")]).every
     like = {e.names or e.unnamed: e for e in every}
 
     def about(one, mean, sd, weight):
@@ -94,9 +94,9 @@ def test_what_nobody_has_counted_is_called_judgement():
 
 
 def test_it_relaxes_is_said_where_every_explanation_does():
-    problem, base = problem_of(two_rates(), seed=1)
+    _, base = problem_of(two_rates(), seed=1)
     sought = [mechanism_named("viscoelasticity"), mechanism_named("force-drift")]
-    made = {e.names: e for e in explain(problem, base, sought).every}
+    made = {e.names: e for e in explain(base, sought).every}
     relaxing, drift = made["viscoelasticity",], made["force-drift",]
     drained = replace(relaxing, fit=replace(relaxing.fit, mechanisms=(mechanism_named("poroelastic-drainage"),)))
     assert kin_sentence([relaxing, drained]).startswith("The leg relaxes")

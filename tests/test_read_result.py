@@ -27,7 +27,6 @@ from legfem.legs.diagnosis import notices_of
 from legfem.legs.loading import load_subject
 from legfem.report.answers import headline_of
 from legfem.report.diagnosis_document import document, versions
-from legfem.report.kinds import kind_of
 
 
 def same(one: float, other: float) -> bool:
@@ -68,12 +67,11 @@ def assert_same_fit(back: StoredModel, fit: Fit[Any]) -> None:
 
 
 def assert_comes_back(fits: list[Fit[Any]], folder: Path) -> StoredResult:
-    kind = kind_of(fits)
     write_document(folder / "result.json", fit_document(fits))
     back = lf.read_result(folder)
     assert (back.kind, back.subject, back.title) == (fits[0].kind, fits[0].subject.id, fits[0].subject.title)
     assert back.origin == fits[0].subject.origin and back.versions == fits[0].versions
-    assert headline_of(back.answer).said == headline_of(kind.document.chosen(fits).answer).said
+    assert headline_of(back.answer).said == headline_of(fits[0].details.chosen(fits).answer).said
     assert list(back.laws) == [fit.law for fit in fits]
     for fit in fits:
         assert_same_fit(back.laws[fit.law], fit)

@@ -92,7 +92,7 @@ def test_evidence_and_stiffness_are_those_of_sums_where_a_strength_is_far_from_l
     shares = [0.0 if u.covariance is None else -np.inf for u in evidence.unknowns]
     conditional = partial(contact_posterior, evidence, observed=problem.predictor.observed, shares=shares)
     linear = conditional(fitted)
-    found = integrate_strength(problem, fitted, linear, conditional)
+    found = integrate_strength(fitted, linear, conditional)
     total, mean, sd = summed(problem, evidence, fitted, shares)
     k = fitted.free.index(DEEP_C10)
     assert found.log_evidence == pytest.approx(total, abs=0.1)
@@ -113,7 +113,7 @@ def test_a_strength_that_acts_in_proportion_is_as_a_line_has_it():
     shares = [0.0 if u.covariance is None else -np.inf for u in evidence.unknowns]
     conditional = partial(contact_posterior, evidence, observed=problem.predictor.observed, shares=shares)
     linear = conditional(fitted)
-    found = integrate_strength(problem, fitted, linear, conditional)
+    found = integrate_strength(fitted, linear, conditional)
     of_any_width = linear.log_evidence + gain_of_widths(fitted, linear)
     assert found.log_evidence == pytest.approx(of_any_width, abs=0.05)
     sd = np.sqrt(np.diag(linear.covariance))
@@ -135,7 +135,7 @@ def test_a_strength_s_usual_size_decides_little_between_what_does_the_same(monke
 
     def gap() -> float:
         fits = [fit(problem, [one], base.values) for one in (ForceDrift(), VaguerDrift())]
-        one, other = (integrate_strength(problem, own, conditional(own), conditional).log_evidence for own in fits)
+        one, other = (integrate_strength(own, conditional(own), conditional).log_evidence for own in fits)
         return one - other
 
     of_any_width = gap()
@@ -144,8 +144,8 @@ def test_a_strength_s_usual_size_decides_little_between_what_does_the_same(monke
 
 
 def test_what_widens_an_interval_most_is_told():
-    problem, base, _, _ = tense(1)
-    explained = explain(problem, base, [mechanism_named("prestress"), mechanism_named("dermis")])
+    _, base, _, _ = tense(1)
+    explained = explain(base, [mechanism_named("prestress"), mechanism_named("dermis")])
     assert explained.every[0].is_base
     assert widened_by(explained, DEEP_C10).names == ("prestress",)
     low, high = averaged_interval(explained, DEEP_C10)

@@ -23,13 +23,13 @@ def test_searches_begin_in_a_loading_however_long_the_hold_after_it():
 
 
 def test_a_leg_that_moves_for_a_moment_before_a_long_hold_is_found():
-    problem, base = problem_of(
+    _, base = problem_of(
         two_rates(),
         {"leg-movement.shift": 0.4, "leg-movement.onset": 0.09, "leg-movement.rise": 0.02, "leg-movement.away": 0.03},
         seed=3,
     )
     sought = [*SOUGHT, *map(mechanism_named, ("leg-movement", "muscle-contraction"))]
-    explained = explain(problem, base, sought)
+    explained = explain(base, sought)
     assert explained.statements()[0].names == ("leg-movement",)
     moved = next(e for e in explained.every if e.names == ("leg-movement",))
     assert moved.value("leg-movement.shift") == pytest.approx(0.4, abs=0.15)

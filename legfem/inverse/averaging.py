@@ -142,7 +142,8 @@ def _divided(given: Mixture, prior: Prior, factor: float) -> Mixture:
 def as_seen(explained: Explained) -> Explained:
     """Return explanations of recordings without what they don't show: C10 is as they give it."""
     base = explained.base
-    return replace(explained, base=replace(base, problem=replace(base.problem, unseen=())))
+    fitted = replace(base.fit, problem=replace(base.problem, unseen=()))
+    return replace(explained, base=replace(base, fit=fitted))
 
 
 def widened_by(explained: Explained, name: str) -> Explanation | None:

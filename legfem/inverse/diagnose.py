@@ -127,14 +127,14 @@ def diagnose(given: DiagnosisInput, solved: SolvedResponses | None, progress: Pr
     base = fit(problem, (), ordinary.values, evaluations=0 if by_errors else None)
     progress.stage(f"weighing {len(able)} mechanisms")
     confirm = None if solved is None else partial(refitted_about_solutions, solved)
-    explained = explain(problem, base, able, confirm, ordinary.values)
+    explained = explain(base, able, confirm, ordinary.values)
     aside = _to_set_aside(problem, explained)
     if aside is not None:
         progress.stage(f"without {aside.described}")
         rest = problem.setting_aside(aside.readings)
         plain = ordinary_fit(rest, [base.values])
         alone = fit(rest, (), plain.values)
-        again = explain(rest, alone, able, confirm, plain.values)
+        again = explain(alone, able, confirm, plain.values)
         if _leaves_something(again):
             aside = None
         else:
@@ -145,7 +145,7 @@ def diagnose(given: DiagnosisInput, solved: SolvedResponses | None, progress: Pr
         progress.stage("what could hide")
         limits = limits_of(explained)
     progress.stage("where the base model is wrong")
-    assessment = score_tests(problem, base, able, seed)
+    assessment = score_tests(base, able, seed)
     if identified is None or aside is not None:
         by_errors = base.lack_of_fit >= LEAST_CHANCE
     shown = explained.base if by_errors else ordinary_explanation(problem, ordinary, explained.base)
@@ -160,8 +160,8 @@ def diagnose(given: DiagnosisInput, solved: SolvedResponses | None, progress: Pr
         identified.fit if identified is not None and aside is None else None,
         models,
         assessment,
-        held_out(shown.problem, shown.fit, problem.errors),
-        tuple(held_out(m.problem, m.fit) for m in models),
+        held_out(shown.fit, problem.errors),
+        tuple(held_out(m.fit) for m in models),
         {**untested, **library.missing},
         limits,
         _located(explained, shown.fit, models, assessment, problem.errors),
@@ -286,8 +286,7 @@ def ordinary_explanation(problem: LinearisedProblem, fitted: LinearisedFit, base
     covariance = sandwich(estimator, problem.errors.covariance) + spread @ spread
     return replace(
         base,
-        problem=same,
-        fit=fitted,
+        fit=replace(fitted, problem=same),
         posterior=replace(base.posterior, mean=fitted.prior_z, covariance=covariance),
         degrees=variance_degrees(covariance, estimator, problem.errors, problem.causes),
     )

@@ -56,40 +56,37 @@ class Weighing:
     evidence: Evidence
 
     @classmethod
-    def about(cls, problem: LinearisedProblem, base: LinearisedFit) -> "Weighing":
+    def about(cls, base: LinearisedFit) -> "Weighing":
         """Return the weighing of explanations about a base model's fit."""
-        unknowns = possible_discrepancies(problem.predictor.observed, base.prediction)
-        return cls(base, Evidence(problem.errors, unknowns))
+        unknowns = possible_discrepancies(base.problem.predictor.observed, base.prediction)
+        return cls(base, Evidence(base.problem.errors, unknowns))
 
-    def base_model(self, problem: LinearisedProblem, unknown: bool) -> Explanation:
+    def base_model(self, unknown: bool) -> Explanation:
         """Return the base model alone, or with something unknown."""
         shares = [
             (-np.inf if unknown else 0.0) if u.covariance is None else (u.log_prior if unknown else -np.inf)
             for u in self.evidence.unknowns
         ]
-        posterior = laplace_posterior(problem, self.evidence, self.base, shares)
+        posterior = laplace_posterior(self.evidence, self.base, shares)
         log_prior = float(np.log(PRIOR_UNKNOWN if unknown else PRIOR_NONE))
-        return Explanation(problem, self.base, posterior, log_prior, unknown, False)
+        return Explanation(self.base, posterior, log_prior, unknown, False)
 
-    def of(
-        self, problem: LinearisedProblem, fitted: LinearisedFit, log_prior: float, confirmed: bool = False
-    ) -> Explanation:
+    def of(self, fitted: LinearisedFit, log_prior: float, confirmed: bool = False) -> Explanation:
         """Return a fit with mechanisms as an explanation, beside what their forms may leave."""
-        shares = self._shares_beside(problem, fitted)
-        posterior, plain = laplace_posterior(problem, self.evidence, fitted, shares), fitted
+        problem, plain, shares = fitted.problem, fitted, self._shares_beside(fitted)
+        posterior = laplace_posterior(self.evidence, fitted, shares)
         if posterior.discrepancy_probability > 0.5:
             # Beside something unknown the parameters are elsewhere than a fit without it finds them,
             # and the evidence is linear about where they are.
             refit = fit(self.aware(problem, posterior), fitted.mechanisms, fitted.values)
             # Its misfit is told by the errors alone.
             white, slopes = problem.whitened(refit.residual), problem.whitened(refit.sensitivities)
-            aware = replace(refit, whitened=white, jacobian=slopes)
-            again = laplace_posterior(problem, self.evidence, aware, shares)
+            aware = replace(refit, problem=problem, whitened=white, jacobian=slopes)
+            again = laplace_posterior(self.evidence, aware, shares)
             if again.log_evidence > posterior.log_evidence:
                 fitted, posterior = aware, again
         of_any_width = posterior.log_evidence + gain_of_widths(fitted, posterior)
         return Explanation(
-            problem,
             fitted,
             replace(posterior, log_evidence=of_any_width),
             log_prior,
@@ -111,20 +108,21 @@ class Weighing:
         held
             The fit.
         """
-        shares = self._shares_beside(one.problem, held, True) if hides else one.log_discrepancy_weights
-        return laplace_posterior(one.problem, self.evidence, held, shares)
+        held = replace(held, problem=one.problem)
+        shares = self._shares_beside(held, True) if hides else one.log_discrepancy_weights
+        return laplace_posterior(self.evidence, held, shares)
 
     def aware(self, problem: LinearisedProblem, posterior: Posterior) -> LinearisedProblem:
         """Return the problem with the most probable of the unknown errors among its own."""
         most = self.evidence.unknowns[int(np.argmax(posterior.discrepancy_weights))]
         return replace(problem, errors=with_discrepancy(problem.errors, most))
 
-    def _shares_beside(self, problem: LinearisedProblem, fitted: LinearisedFit, hides: bool = False) -> list[float]:
+    def _shares_beside(self, fitted: LinearisedFit, hides: bool = False) -> list[float]:
         """Return the logarithms of the shares of unknown errors beside a model with mechanisms, or one that hides."""
-        scales = discrepancy_scales(problem.predictor.observed, self.base.prediction)
+        scales = discrepancy_scales(fitted.problem.predictor.observed, self.base.prediction)
         # In a channel that a mechanism doesn't change its form leaves nothing either.
-        shown = shown_effects(problem, fitted, self.base)
-        whole = _whole_effects(problem, fitted) if hides else [0.0] * len(shown)
+        shown = shown_effects(fitted, self.base)
+        whole = _whole_effects(fitted) if hides else [0.0] * len(shown)
         most = [
             max(INEXACT_SHARE * effect / scale, FORM_SHARE * all_of_it / scale, self.evidence.unknowns[1].size)
             for effect, all_of_it, scale in zip(shown, whole, scales, strict=True)
@@ -140,20 +138,21 @@ class Weighing:
         ]
 
 
-def shown_effects(problem: LinearisedProblem, fitted: LinearisedFit, base: LinearisedFit) -> list[float]:
+def shown_effects(fitted: LinearisedFit, base: LinearisedFit) -> list[float]:
     """Return the root mean square of what a mechanism changes that the base model can't, by channel in its unit."""
-    change = fitted.prediction - base.prediction
+    problem, change = fitted.problem, fitted.prediction - base.prediction
     basis = np.linalg.qr(base.jacobian)[0]
     white = problem.whitened(change)
     rest = problem.errors.lower @ (white - basis @ (basis.T @ white)) if problem.kept is None else change
     return [float(np.sqrt(np.mean(rest[span] ** 2))) for span in problem.predictor.observed.data.spans]
 
 
-def _whole_effects(problem: LinearisedProblem, fitted: LinearisedFit) -> list[float]:
+def _whole_effects(fitted: LinearisedFit) -> list[float]:
     """Return the root mean square of all that mechanisms change at the fitted stiffness, by channel in its unit."""
     nulls = {m.strength_name: null_of(m.parameters[0]) for m in fitted.mechanisms}
-    change = fitted.prediction - problem.predictor({**fitted.values, **nulls}, fitted.mechanisms)
-    return [float(np.sqrt(np.mean(change[span] ** 2))) for span in problem.predictor.observed.data.spans]
+    predictor = fitted.problem.predictor
+    change = fitted.prediction - predictor({**fitted.values, **nulls}, fitted.mechanisms)
+    return [float(np.sqrt(np.mean(change[span] ** 2))) for span in predictor.observed.data.spans]
 
 
 PRIOR_NONE, PRIOR_SINGLE, PRIOR_PAIR, PRIOR_UNKNOWN = 0.37, 0.37, 0.18, 0.08
@@ -193,12 +192,11 @@ ANEW = 3.0
 PAIRS_OF, PAIRS_WITH = 3, 7
 """The best single mechanisms are tried in pairs with more of them, the first with all; so are those
 that may be what was left out once full solutions stand behind them."""
-type Confirm = Callable[[LinearisedProblem, LinearisedFit], tuple[LinearisedProblem, LinearisedFit, bool]]
-"""Refits about a full solution: the problem shifted to it, the refit, and whether it was made."""
+type Confirm = Callable[[LinearisedFit], LinearisedFit | None]
+"""Refits about a full solution, its problem shifted to that; None where none was made."""
 
 
 def explain(
-    problem: LinearisedProblem,
     base: LinearisedFit,
     mechanisms: Sequence[Mechanism],
     confirm: Confirm | None = None,
@@ -208,8 +206,6 @@ def explain(
 
     Parameters
     ----------
-    problem
-        The observations.
     base
         The base model's fit.
     mechanisms
@@ -219,12 +215,12 @@ def explain(
     start
         Base parameters that searches begin with; the base model's fit without it.
     """
-    weighing = Weighing.about(problem, base)
-    found = [weighing.base_model(problem, unknown) for unknown in (False, True)]
+    weighing = Weighing.about(base)
+    found = [weighing.base_model(unknown) for unknown in (False, True)]
     expected = {m.name: m.expected for m in mechanisms}
-    alone = [fit(problem, [m], start or base.values) for m in mechanisms]
+    alone = [fit(base.problem, [m], start or base.values) for m in mechanisms]
     singles = [
-        weighing.of(*refitted_beside(problem, one), log_prior_of([m.name], expected))
+        weighing.of(refitted_beside(one), log_prior_of([m.name], expected))
         for m, one in zip(mechanisms, alone, strict=True)
     ]
     found += sorted(singles, key=lambda e: -e.log_weight)
@@ -232,10 +228,7 @@ def explain(
     anew = partial(_begun_anew, weighing=weighing, tried=set())
     while True:
         found += [
-            weighing.of(
-                one.problem, _joint(one.problem, one, other), log_prior_of([*one.names, *other.names], expected)
-            )
-            for one, other in pairs
+            weighing.of(_joint(one, other), log_prior_of([*one.names, *other.names], expected)) for one, other in pairs
         ]
         found = anew(with_probabilities(found))
         if confirm is not None:
@@ -264,10 +257,10 @@ def _integrated(found: list[Explanation], weighing: Weighing) -> list[Explanatio
         for one in waiting:
             # Steps are fitted as the fit itself was, or they begin at another minimum.
             plain = one.fit_without_discrepancy is None
-            problem = one.problem if plain else weighing.aware(one.problem, one.posterior)
+            begun = one.fit if plain else replace(one.fit, problem=weighing.aware(one.problem, one.posterior))
             hides = log_bayes_factor(one, _nothing(found)) < ADDS_FROM
             of = partial(weighing.with_strength_held, one, hides)
-            posterior = integrate_strength(problem, one.fit, one.posterior, of)
+            posterior = integrate_strength(begun, one.posterior, of)
             found[found.index(one)] = replace(one, posterior=posterior, strength_integrated=True)
         found = with_probabilities(found)
     return found
@@ -294,11 +287,11 @@ def _untried(found: Sequence[Explanation], begins: bool = False) -> list[tuple[E
     return list(missing.values())
 
 
-def _joint(problem: LinearisedProblem, one: Explanation, other: Explanation) -> LinearisedFit:
+def _joint(one: Explanation, other: Explanation) -> LinearisedFit:
     """Return the fit of two mechanisms, begun from what each explained."""
     shapes = {k: v for k, v in other.fit.values.items() if k.split(".")[0] in other.names}
     both = [*one.fit.mechanisms, *other.fit.mechanisms]
-    return fit(problem, both, {**one.fit.values, **shapes})
+    return fit(one.problem, both, {**one.fit.values, **shapes})
 
 
 def _begun_anew(
@@ -316,9 +309,9 @@ def _begun_anew(
                 continue
             tried.add((single.names[0], pair.fit))
             start = {k: v for k, v in pair.fit.values.items() if k in single.fit.values}
-            beside, again = refitted_beside(pair.problem, fit(pair.problem, single.fit.mechanisms, start))
+            again = refitted_beside(fit(pair.problem, single.fit.mechanisms, start))
             if again.cost < single.fit.cost - ANEW:
-                found[found.index(single)] = weighing.of(beside, again, single.log_prior)
+                found[found.index(single)] = weighing.of(again, single.log_prior)
     return with_probabilities(found)
 
 
@@ -351,17 +344,18 @@ def _confirmed(
         for names in waiting:
             # Pairs may have been fitted anew, about the solution of one of their mechanisms.
             one = next(e for e in found if e.names == names)
-            shifted, refit, made = confirm(one.problem, one.fit)
-            again = weighing.of(shifted, refit, one.log_prior, True)
+            refit = confirm(one.fit)
+            if refit is None:
+                # One whose solution stopped can't be confirmed, and is less probable for it.
+                found[found.index(one)] = replace(one, confirmed=True, log_prior=one.log_prior - 3.0)
+                continue
+            again = weighing.of(refit, one.log_prior, True)
             moved = abs(again.posterior.log_evidence - one.posterior.log_evidence)
-            led = _led_by(one, found, moved > MOVED) if made else []
-            for pair in led:
+            for pair in _led_by(one, found, moved > MOVED):
                 # Its second effect hardly matters: the first one's solution serves both.
-                about = fit(shifted, pair.fit.mechanisms, pair.fit.values)
-                found[found.index(pair)] = weighing.of(shifted, about, pair.log_prior)
-            # One whose solution stopped can't be confirmed, and is less probable for it.
-            stopped = replace(one, confirmed=True, log_prior=one.log_prior - 3.0)
-            found[found.index(one)] = again if made else stopped
+                about = fit(refit.problem, pair.fit.mechanisms, pair.fit.values)
+                found[found.index(pair)] = weighing.of(about, pair.log_prior)
+            found[found.index(one)] = again
         found = anew(with_probabilities(found))
     return found
 

@@ -34,7 +34,6 @@ _COUNTS = 0.01
 class Explanation:
     """A model with mechanisms, or with something unknown, and its probability."""
 
-    problem: LinearisedProblem
     fit: LinearisedFit
     posterior: Posterior
     log_prior: float
@@ -66,6 +65,11 @@ class Explanation:
         # Bounds make a variance smaller, not its parts: their shares are those of the whole.
         whole = np.maximum(np.diag(self.posterior.covariance), np.diag(spread))
         return variance_degrees(np.diag(whole), gain, errors, self.problem.causes)
+
+    @property
+    def problem(self) -> LinearisedProblem:
+        """The observations, with the errors by which it is weighed."""
+        return self.fit.problem
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -113,7 +117,7 @@ class Explanation:
     @cached_property
     def missing(self) -> dict[str, tuple[ShareOfPart, ...]]:
         """Parts of the recordings that a mechanism is missing from, by its name; see `legfem.inverse.form`."""
-        found = shares_by_part(self.problem, self.fit_without_discrepancy or self.fit)
+        found = shares_by_part(self.fit_without_discrepancy or self.fit)
         return {name: own for name, parts in found.items() if (own := tuple(one for one in parts if one.missing))}
 
     @property

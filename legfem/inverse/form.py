@@ -48,31 +48,25 @@ class ShareOfPart:
     """Whether surely less of it is there than in the others, by more than forms are inexact."""
 
 
-def shares_by_part(problem: LinearisedProblem, fitted: LinearisedFit) -> dict[str, tuple[ShareOfPart, ...]]:
+def shares_by_part(fitted: LinearisedFit) -> dict[str, tuple[ShareOfPart, ...]]:
     """Return by mechanism how much of it is there in each part of the readings.
 
     Parameters
     ----------
-    problem
-        The observations.
     fitted
         With the mechanisms.
     """
-    families = list(_families(problem))
+    families = list(_families(fitted.problem))
     return {
-        m.name: tuple(share for names, parts in families for share in _shares(problem, fitted, m, names, parts))
+        m.name: tuple(share for names, parts in families for share in _shares(fitted, m, names, parts))
         for m in fitted.mechanisms
     }
 
 
 def _shares(
-    problem: LinearisedProblem,
-    fitted: LinearisedFit,
-    mechanism: Mechanism,
-    names: list[str],
-    parts: list[NDArray[np.bool_]],
+    fitted: LinearisedFit, mechanism: Mechanism, names: list[str], parts: list[NDArray[np.bool_]]
 ) -> list[ShareOfPart]:
-    strength = mechanism.strength_name
+    problem, strength = fitted.problem, mechanism.strength_name
     without = {**fitted.values, strength: null_of(mechanism.parameters[0])}
     effect = problem.predictor(fitted.values, fitted.mechanisms) - problem.predictor(without, fitted.mechanisms)
     acts = [(name, part) for name, part in zip(names, parts, strict=True) if np.any(effect[part])]

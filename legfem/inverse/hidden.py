@@ -94,7 +94,6 @@ class Profile:
     """A mechanism's profile likelihood, steps in the order of their strength."""
 
     mechanism: Mechanism
-    problem: LinearisedProblem
     steps: tuple[HiddenStep, ...]
     ends: tuple[float, float]
     """Of what is possible, as departures."""
@@ -165,7 +164,7 @@ class Profile:
             within += [step.fit.values[name] for step in inside]
             stiffness[name] = min(within), max(within)
         at, stronger = max((low, inside[0]), (high, inside[-1]), key=lambda one: abs(one[0]))
-        predict = self.problem.predictor
+        predict = stronger.fit.problem.predictor
         values = {**stronger.fit.values, full: first.inside(prior.value_at(at))}
         change = predict(values, [mechanism]) - predict({**values, full: null}, [mechanism])
         change = change[predict.observed.data.spans[0]]
@@ -215,13 +214,13 @@ def profile_of(one: Explanation, base: LinearisedFit, possible: Occurrence | Non
     ends = prior.departure(low), prior.departure(high)
     own = one.fit_without_discrepancy or one.fit
     held = partial(_held, one.problem, mechanism)
-    begun = [{**base.values, **shape} for shape in _shapes(one.problem, own)]
+    begun = [{**base.values, **shape} for shape in _shapes(own)]
     null = held(float(np.clip(0.0, *ends)), begun[0])
     steps = [null, *(step for end in ends for step in _side(held, end, begun, null.cost + _FAR))]
     at = prior.departure(own.values[mechanism.strength_name])
     if ends[0] < at < ends[1] and min(abs(at - step.z) for step in steps) > 1e-3:
         steps.append(held(at, own.values))
-    found = Profile(mechanism, one.problem, _sorted(steps), ends)
+    found = Profile(mechanism, _sorted(steps), ends)
     for _ in range(_REFINED):
         found = _refined(found)
     return found
@@ -231,7 +230,7 @@ def _sorted(steps: Sequence[HiddenStep]) -> tuple[HiddenStep, ...]:
     return tuple(sorted(steps, key=lambda step: step.z))
 
 
-def _shapes(problem: LinearisedProblem, fitted: LinearisedFit) -> list[Values]:
+def _shapes(fitted: LinearisedFit) -> list[Values]:
     """Return values of a mechanism's other parameters that a side begins from, the fit's first; one where it has none.
 
     Names are full.
@@ -241,7 +240,7 @@ def _shapes(problem: LinearisedProblem, fitted: LinearisedFit) -> list[Values]:
     own = {name: fitted.values[name] for name in names}
     if not names:
         return [own]
-    starts = map(mechanism.by_full_name, mechanism.starts(problem.predictor.observed))
+    starts = map(mechanism.by_full_name, mechanism.starts(fitted.problem.predictor.observed))
     distinct = list({tuple(s[name] for name in names): {name: s[name] for name in names} for s in starts}.values())
     return [own, *(distinct[k] for k in np.unique(np.linspace(0, len(distinct) - 1, _SHAPES).astype(int)))]
 
@@ -280,5 +279,5 @@ def _refined(found: Profile) -> Profile:
         apart = np.abs(z - at)
         near = found.steps[int(np.argmin(apart))]
         if apart.min() > 1e-3 and found.ends[0] < at < found.ends[1]:
-            more.append(_held(found.problem, found.mechanism, at, near.fit.values))
+            more.append(_held(near.fit.problem, found.mechanism, at, near.fit.values))
     return replace(found, steps=_sorted([*found.steps, *more]))

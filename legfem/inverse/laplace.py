@@ -35,7 +35,7 @@ from legfem.common.units import FloatArray
 from legfem.inverse.accuracy import MeasuredStrength
 from legfem.inverse.errors import ErrorModel
 from legfem.inverse.evidence import Evidence, Linearisation
-from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
+from legfem.inverse.linearised import LinearisedFit
 from legfem.inverse.map_fit import fit
 from legfem.inverse.mechanism import Occurrence, prior_of
 from legfem.inverse.observations import Observations
@@ -96,22 +96,19 @@ def _to_detected(fitted: LinearisedFit, observed: Observations) -> tuple[FloatAr
     return scale, shift
 
 
-def laplace_posterior(
-    problem: LinearisedProblem, evidence: Evidence, fitted: LinearisedFit, shares: Sequence[float]
-) -> Posterior:
+def laplace_posterior(evidence: Evidence, fitted: LinearisedFit, shares: Sequence[float]) -> Posterior:
     """Return what the recordings and all readings of strengths say of a model.
 
     Parameters
     ----------
-    problem
-        The observations, and what else was measured.
     evidence
         Of the observations.
     fitted
-        The model.
+        The model, whose problem has what else was measured.
     shares
         Logarithms of the shares of unknown errors beside it.
     """
+    problem = fitted.problem
     posterior = contact_posterior(evidence, fitted, problem.predictor.observed, shares, problem.errors)
     for reading in problem.measured:
         posterior = _told(reading, fitted, posterior)
@@ -173,15 +170,11 @@ def least_determined(fitted: LinearisedFit, posterior: Posterior) -> int:
     return max(numbers, key=lambda k: float(posterior.covariance[k, k]))
 
 
-def integrate_strength(
-    problem: LinearisedProblem, fitted: LinearisedFit, posterior: Posterior, of: Conditional
-) -> Posterior:
+def integrate_strength(fitted: LinearisedFit, posterior: Posterior, of: Conditional) -> Posterior:
     """Return what the data say of a model, one strength integrated out.
 
     Parameters
     ----------
-    problem
-        The observations, as the model was fitted to them.
     fitted
         The model's fit.
     posterior
@@ -192,9 +185,9 @@ def integrate_strength(
     k = least_determined(fitted, posterior)
     prior = prior_of(fitted.parameters[k])
     low, high = sorted(prior.departure(end) for end in fitted.parameters[k].bounds)
-    possible = _possible(problem, fitted.parameters[k])
+    possible = _possible(fitted, fitted.parameters[k])
     beside_strong = partial(_beside_strong, possible, fitted.parameters[k])
-    steps = _steps(problem, fitted, k, of, (low, high))
+    steps = _steps(fitted, k, of, (low, high))
     if len(steps) < 2:
         return posterior
     z = np.array([step.z for step in steps])
@@ -221,12 +214,10 @@ def integrate_strength(
     return replace(found, mean=mean, covariance=covariance, components=strands)
 
 
-def _steps(
-    problem: LinearisedProblem, fitted: LinearisedFit, k: int, of: Conditional, ends: tuple[float, float]
-) -> list[_Step]:
+def _steps(fitted: LinearisedFit, k: int, of: Conditional, ends: tuple[float, float]) -> list[_Step]:
     """Return steps in order, from the fit to either side."""
     sd = float(np.sqrt(fitted.covariance[k, k]))
-    first = _held(problem, fitted, k, float(np.clip(fitted.prior_z[k], *ends)), of)
+    first = _held(fitted, k, float(np.clip(fitted.prior_z[k], *ends)), of)
     found = [first]
     if not np.isfinite(first.log_likelihood) or sd < _NO_WIDTH:
         return found
@@ -238,7 +229,7 @@ def _steps(
             further = last.z + side * size
             # What would be left to the bound isn't worth a step.
             z = end if side * (end - further) < 0.3 * size else further
-            step = _held(problem, last.fit, k, z, of)
+            step = _held(last.fit, k, z, of)
             if not np.isfinite(step.log_likelihood):
                 # A model that has no prediction, or one beyond all numbers, is no step.
                 break
@@ -249,15 +240,14 @@ def _steps(
     return sorted(found, key=lambda step: step.z)
 
 
-def _held(problem: LinearisedProblem, near: LinearisedFit, k: int, z: float, of: Conditional) -> _Step:
+def _held(near: LinearisedFit, k: int, z: float, of: Conditional) -> _Step:
     """Return all else fitted with the strength held, beginning at a fit nearby."""
-    every = problem.parameters(near.mechanisms)
-    own = every[k]
+    own = near.problem.parameters(near.mechanisms)[k]
     value = own.inside(prior_of(own).value_at(z))
-    held = fit(problem, near.mechanisms, {**near.values, own.name: value}, (own.name,))
+    held = fit(near.problem, near.mechanisms, {**near.values, own.name: value}, (own.name,))
     posterior = of(held)
     likelihood = posterior.log_evidence + gain_of_widths(held, posterior)
-    density = float(_beside_strong(_possible(problem, own), own, np.asarray(norm.logpdf(z)), np.asarray(z)))
+    density = float(_beside_strong(_possible(near, own), own, np.asarray(norm.logpdf(z)), np.asarray(z)))
     return _Step(z, held, posterior, likelihood, likelihood + density)
 
 
@@ -273,8 +263,8 @@ def _beside_strong(
     return np.asarray(np.log((1 - possible.strong) * np.exp(log_usual) + even))
 
 
-def _possible(problem: LinearisedProblem, strength: Parameter) -> Occurrence | None:
-    return problem.possible.get(strength.name.partition(".")[0])
+def _possible(fitted: LinearisedFit, strength: Parameter) -> Occurrence | None:
+    return fitted.problem.possible.get(strength.name.partition(".")[0])
 
 
 def gain_of_widths(fitted: LinearisedFit, posterior: Posterior) -> float:

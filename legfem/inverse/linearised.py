@@ -63,6 +63,8 @@ def variance_degrees(
 class LinearisedFit:
     """A model fitted to the observations, or to a part of them."""
 
+    problem: "LinearisedProblem"
+    """What it was fitted to, with the errors by which it was."""
     mechanisms: tuple[Mechanism, ...]
     values: Mapping[str, float]
     """All parameters: MPa, mm and the mechanisms' units."""

@@ -27,7 +27,7 @@ from scipy.linalg import cholesky, orth, solve_triangular
 
 from legfem.common.units import FloatArray
 from legfem.inverse.errors import ErrorModel
-from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
+from legfem.inverse.linearised import LinearisedFit
 from legfem.inverse.mechanism import Mechanism, Values, null_of, value_at
 from legfem.inverse.observations import Observations
 
@@ -201,11 +201,9 @@ class MisfitAssessment:
         return next((score for score in self.scores if score.name == name), None)
 
 
-def signatures_of(
-    problem: LinearisedProblem, fitted: LinearisedFit, mechanisms: Sequence[Mechanism]
-) -> list[Signature]:
+def signatures_of(fitted: LinearisedFit, mechanisms: Sequence[Mechanism]) -> list[Signature]:
     """Return the projected signatures at a fit."""
-    basis = np.linalg.qr(fitted.augmented_jacobian)[0]
+    problem, basis = fitted.problem, np.linalg.qr(fitted.augmented_jacobian)[0]
     observed = problem.predictor.observed
     found: list[Signature] = []
     for mechanism in mechanisms:
@@ -228,11 +226,9 @@ def signatures_of(
     return found
 
 
-def score_tests(
-    problem: LinearisedProblem, fitted: LinearisedFit, mechanisms: Sequence[Mechanism], seed: int = 0
-) -> MisfitAssessment:
+def score_tests(fitted: LinearisedFit, mechanisms: Sequence[Mechanism], seed: int = 0) -> MisfitAssessment:
     """Test a fit's residual against errors, mechanisms and windows; no solution is needed."""
-    found = signatures_of(problem, fitted, mechanisms)
+    problem, found = fitted.problem, signatures_of(fitted, mechanisms)
     basis = np.linalg.qr(fitted.augmented_jacobian)[0]
     members, boxes = windows_of(problem.predictor.observed)
     white_boxes = _padded(problem.whitened(boxes), fitted)
@@ -246,7 +242,7 @@ def score_tests(
 
     strength = _by_mechanism(found, everything)
     window_scores = _squares(everything, white_boxes.T, one_sided=np.zeros(len(boxes.T), bool))
-    misfit = _rank(_lack_of_fit(problem, fitted, np.vstack([fitted.residual, errors])))
+    misfit = _rank(_lack_of_fit(fitted, np.vstack([fitted.residual, errors])))
     each = {name: _rank(row) for name, row in strength.items()}
     scan = _rank(window_scores.max(axis=1))
     family = _rank(-np.min([np.ones(DRAWS + 1), *each.values()], axis=0))
@@ -270,13 +266,12 @@ def _padded(white: FloatArray, fitted: LinearisedFit) -> FloatArray:
     return np.concatenate([white, np.zeros((len(fitted.free), *white.shape[1:]))])
 
 
-def _lack_of_fit(problem: LinearisedProblem, fitted: LinearisedFit, rows: FloatArray) -> FloatArray:
+def _lack_of_fit(fitted: LinearisedFit, rows: FloatArray) -> FloatArray:
     """Return the sums of squares of the trials' mean residuals, whitened, off the parameters.
 
     Differences between repeats don't count: the errors' sizes were estimated from them.
     """
-    observed, errors = problem.predictor.observed, problem.errors
-    means = observed.means
+    errors, means = fitted.problem.errors, fitted.problem.predictor.observed.means
     lower = cholesky(means @ errors.covariance @ means.T, lower=True)
     moved = solve_triangular(lower, means @ errors.lower @ fitted.jacobian, lower=True)
     # First contacts of trials driven alike move their mean in one direction, not in one each.

@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 from legfem.common.units import FloatArray
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
 from legfem.inverse.mechanism import Mechanism, null_of, prior_of
-from legfem.inverse.predictor import Predictor, Responses, onset_name
+from legfem.inverse.predictor import Responses, onset_name
 
 _FEW, _MANY = 6, 40
 """Evaluations of a search from each of several starts, and from the best of them."""
@@ -59,10 +59,10 @@ def fit(
     return _fit_from(problem, mechanisms, starts[0], held, _MANY if evaluations is None else evaluations)
 
 
-def refitted_beside(problem: LinearisedProblem, fitted: LinearisedFit) -> tuple[LinearisedProblem, LinearisedFit]:
-    """Return the problem with what nuisances do beside a fit's mechanisms, and the refit if that is something else."""
-    beside = problem.beside(fitted)
-    return beside, fitted if beside is problem else fit(beside, fitted.mechanisms, fitted.values)
+def refitted_beside(fitted: LinearisedFit) -> LinearisedFit:
+    """Return the refit with what nuisances do beside a fit's mechanisms, if that is something else."""
+    beside = fitted.problem.beside(fitted)
+    return fitted if beside is fitted.problem else fit(beside, fitted.mechanisms, fitted.values)
 
 
 def _fit_from(
@@ -124,6 +124,7 @@ def _fit_from(
             break
     prediction, change = predicted(tuple(at)), change_at(tuple(at))
     return LinearisedFit(
+        problem,
         tuple(mechanisms),
         values_at(at),
         free,
@@ -268,7 +269,7 @@ def base_about_solution(
     """
     if solved is None:
         return problem, base, float("nan")
-    offset = _offset(problem.predictor, base, solved)
+    offset = _offset(base, solved)
     if offset is None:
         return problem, base, float("nan")
     problem = problem.corrected(offset)
@@ -277,10 +278,8 @@ def base_about_solution(
     return problem, ordinary_fit(problem, [base.values]), error
 
 
-def refitted_about_solutions(
-    solved: Responses, problem: LinearisedProblem, fitted: LinearisedFit
-) -> tuple[LinearisedProblem, LinearisedFit, bool]:
-    """Refit about full solutions until the refit stays; return also whether there was one.
+def refitted_about_solutions(solved: Responses, fitted: LinearisedFit) -> LinearisedFit | None:
+    """Refit about full solutions until the refit stays; return None where there was none.
 
     Fat that slides folds in one way or in another, so that a model may have solutions on several
     branches at about the same stiffness, and a refit need not stay: then that stands which leaves
@@ -290,34 +289,29 @@ def refitted_about_solutions(
     ----------
     solved
         Full solutions.
-    problem
-        The observations.
     fitted
         What is to be refitted.
     """
-    made: list[tuple[LinearisedProblem, LinearisedFit]] = []
+    made: list[LinearisedFit] = []
     for _ in range(REFITS):
-        offset = _offset(problem.predictor, fitted, solved)
+        offset = _offset(fitted, solved)
         if offset is None:
             break
-        before = fitted.prediction
-        problem = problem.corrected(offset).beside(fitted)
+        before, problem = fitted.prediction, fitted.problem.corrected(offset).beside(fitted)
         fitted = fit(problem, fitted.mechanisms, fitted.values)
-        made.append((problem, fitted))
+        made.append(fitted)
         moved, spread = np.abs(fitted.prediction - before), problem.errors.trial_sd
         spans = problem.predictor.observed.data.spans
         if all(moved[span].max() < _STAYS * np.median(spread[span]) for span in spans):
-            return *made[-1], True
-    if not made:
-        return problem, fitted, False
-    return *min(made, key=lambda one: one[1].cost), True
+            return fitted
+    return min(made, key=lambda one: one.cost, default=None)
 
 
-def _offset(predictor: Predictor, fitted: LinearisedFit, solved: Responses) -> FloatArray | None:
+def _offset(fitted: LinearisedFit, solved: Responses) -> FloatArray | None:
     """Return the full prediction less the emulated one (N,), 0 of channels that it hasn't; None where it stopped."""
-    plain = replace(predictor, offset=0.0)
+    plain = replace(fitted.problem.predictor, offset=0.0)
     full = replace(plain, responses=solved)
     difference = full(fitted.values, fitted.mechanisms) - plain(fitted.values, fitted.mechanisms)
-    if np.isnan(difference[: len(predictor.observed.force)]).any():
+    if np.isnan(difference[: len(plain.observed.force)]).any():
         return None
     return np.nan_to_num(difference, nan=0.0)

@@ -31,7 +31,7 @@ from legfem.inverse.errors import NuisanceEffect, error_model
 from legfem.inverse.evidence import discrepancy_scales, possible_discrepancies
 from legfem.inverse.explanation import INEXACT
 from legfem.inverse.form import INEXACT_SHARE
-from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
+from legfem.inverse.linearised import LinearisedFit
 from legfem.inverse.mechanism import Mechanism, null_of, prior_of
 from legfem.inverse.observations import Observations, blank_observations
 from legfem.inverse.predictor import Predictor, onset_name, values_of
@@ -313,23 +313,19 @@ def _known(candidate: Candidate, design: Design) -> FloatArray:
     return total
 
 
-def prior_candidates(
-    problem: LinearisedProblem, base: LinearisedFit, mechanisms: Sequence[Mechanism]
-) -> list[Candidate]:
+def prior_candidates(base: LinearisedFit, mechanisms: Sequence[Mechanism]) -> list[Candidate]:
     """Return nothing and every mechanism at a usual strength, all as probable.
 
     Parameters
     ----------
-    problem
-        Blank observations of the leg.
     base
-        The base model at the stiffness that is expected.
+        The base model at the stiffness that is expected, of blank observations of the leg.
     mechanisms
         Those that are to be told.
     """
     found = [Candidate("nothing", base, base.prior_z, np.eye(len(base.free)), 1.0)]
     for mechanism in mechanisms:
-        parameters = problem.parameters([mechanism])
+        parameters = base.problem.parameters([mechanism])
         departure = np.zeros(len(parameters))
         departure[: len(base.free)] = base.prior_z
         departure[len(base.free)] = 0.7

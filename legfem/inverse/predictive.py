@@ -58,16 +58,17 @@ def folds_of(observed: Observations) -> tuple[str, list[NDArray[np.bool_]]]:
     return how, folds
 
 
-def held_out(problem: LinearisedProblem, fitted: LinearisedFit, errors: ErrorModel | None = None) -> HeldOut:
+def held_out(fitted: LinearisedFit, errors: ErrorModel | None = None) -> HeldOut:
     """Return the error of predicting each fold from the others.
 
     Parameters
     ----------
-    problem, fitted
-        The model, with the errors that it is fitted by.
+    fitted
+        The model.
     errors
-        Of the observations, if others.
+        Of the observations, if others than it is fitted by.
     """
+    problem = fitted.problem
     observed, errors = problem.predictor.observed, errors or problem.errors
     # What differs from trial to trial.
     variance = errors.trial_sd**2 + errors.gain_sd**2 * np.sum(errors.gains**2, axis=1) + errors.zero_sd**2
@@ -119,13 +120,13 @@ _KEPT = 0.3
 """Of the readings, at least, without a part."""
 
 
-def nearest_fit(problem: LinearisedProblem, fitted: LinearisedFit) -> LinearisedFit:
+def nearest_fit(fitted: LinearisedFit) -> LinearisedFit:
     """Return a model as near to the recordings as it gets: by equal weights, its mechanisms' numbers held.
 
     What a weighted fit leaves may lie in errors that trials share, and isn't what the model can't follow.
     """
     held = {f"{m.name}.{p.name}" for m in fitted.mechanisms for p in m.parameters}
-    return fit(equally_weighted(problem, fitted.residual), fitted.mechanisms, fitted.values, held)
+    return fit(equally_weighted(fitted.problem, fitted.residual), fitted.mechanisms, fitted.values, held)
 
 
 @dataclass(frozen=True)

@@ -134,7 +134,7 @@ def plan_before(subject: Subject, diagnoser: Diagnoser, expected: Expected, prog
     values = {DEEP_C10: expected.c10, DEEP_C20: expected.c20}
     force = predictor(values)
     problem = LinearisedProblem(predictor, error_model(observed.with_force(force), noise, force))
-    candidates = prior_candidates(problem, fit(problem, (), values, evaluations=0), able)
+    candidates = prior_candidates(fit(problem, (), values, evaluations=0), able)
     return ranked(_reckoned(tests, candidates, predictor, library, subject, noise, USUAL_GAIN_SD))
 
 

@@ -192,7 +192,7 @@ def _lines_of(found: Diagnosis, number: int) -> tuple[list[Line], list[str]]:
     lines.append(Line(BASE_NAME, prediction, base.mean(axis=0), BASE_COLOUR, "dashed"))
     left = [f"{BASE_NAME} {_rms(base):.2g} N"]
     for shown in shown_models(found)[:1]:
-        fit = nearest_fit(shown.model.problem, shown.model.fit)
+        fit = nearest_fit(shown.model.fit)
         name = f"with {shown.name}" if shown.suits else shown.name
         lines.append(Line(name, rows(fit.prediction).mean(axis=0), -rows(fit.residual).mean(axis=0), REPAIRED_COLOUR))
         left.append(f"{name} {_rms(rows(fit.residual)):.2g} N")

@@ -250,7 +250,7 @@ def test_a_plan_s_chance_of_images_is_how_often_they_show_the_effect():
             told[way] += found.verdict == "named" and [m.name for m in found.best.fit.mechanisms] == [fat.name]
     assert alone is not None and library is not None
     base, changes = alone.weighted_base, library.nuisances
-    candidates, chances = prior_candidates(base.problem, base.fit, [fat]), []
+    candidates, chances = prior_candidates(base.fit, [fat]), []
     for way, test in enumerate((Design("again", (ramp,) * 3), images)):
         worth = evaluate_design(
             test,
