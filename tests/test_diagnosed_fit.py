@@ -68,7 +68,8 @@ def test_one_trial_says_nothing_by_itself():
 def test_what_is_set_aside_counts_for_no_trial(consistent):
     problem = consistent.weighted_base.problem
     aside = problem.predictor.observed.trial == 1
-    model = replace(consistent.weighted_base, problem=problem.setting_aside(aside))
+    base = consistent.weighted_base
+    model = replace(base, fit=replace(base.fit, problem=problem.setting_aside(aside)))
     base = replace(consistent, base_model=model, explained=replace(consistent.explained, base=model)).base
     assert [one.fitted for one in base.tests] == [True, False, True]
 

@@ -53,7 +53,8 @@ def test_repeats_that_differ_by_more_than_the_data_sheet_says_are_doubted(ripple
 def test_a_leg_that_moves_otherwise_in_each_trial_is_doubted(usual, subject):
     problem = usual.weighted_base.problem
     noise = replace(problem.errors.noise, beyond_way=0.3)
-    base = replace(usual.weighted_base, problem=replace(problem, errors=replace(problem.errors, noise=noise)))
+    noisy = replace(problem, errors=replace(problem.errors, noise=noise))
+    base = replace(usual.weighted_base, fit=replace(usual.weighted_base.fit, problem=noisy))
     moved = replace(usual, explained=replace(usual.explained, base=base))
     told = [doubt.field for doubt in doubts_of(moved, subject)]
     assert told == ["displacement_mm"]

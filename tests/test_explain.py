@@ -325,18 +325,17 @@ def test_a_strength_is_integrated_out_as_its_explanation_was_weighed(monkeypatch
     monkeypatch.setattr(
         explain_module,
         "integrate_strength",
-        lambda own, fitted, posterior, of: seen.append((own, fitted, of.args[0])) or posterior,
+        lambda fitted, posterior, of: seen.append((fitted, of.args[0])) or posterior,
     )
     weighed = [e for e in explain(base, SOUGHT).every if e.strength_integrated]
     assert {e.fit_without_discrepancy is None for e in weighed} == {True, False}
-    for own, fitted, explanation in seen:
-        (one,) = (e for e in weighed if e.fit is fitted)
+    for fitted, explanation in seen:
+        (one,) = (e for e in weighed if e.fit.prediction is fitted.prediction)
         assert explanation.log_discrepancy_weights == one.log_discrepancy_weights
-        assert (own is one.problem) is (one.fit_without_discrepancy is None)
+        assert (fitted.problem is one.problem) is (one.fit_without_discrepancy is None)
         again = contact_posterior(
             Evidence(problem.errors, possible_discrepancies(observed, base.prediction)),
             fitted,
-            observed,
             list(one.log_discrepancy_weights),
         )
         of_any_width = again.log_evidence + gain_of_widths(fitted, again)

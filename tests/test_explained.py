@@ -156,9 +156,9 @@ def test_nothing_remains_beside_an_explanation_that_suits():
     # Nor where trials differ by more than the stated instruments make: no name tells of that.
     noise = replace(model.problem.errors.noise, beyond_force=0.07)
     differing = replace(model.problem, errors=replace(model.problem.errors, noise=noise))
-    assert replace(model, problem=differing).in_part
+    assert replace(model, fit=replace(model.fit, problem=differing)).in_part
     aside = replace(differing, aside=np.zeros(len(model.fit.residual), dtype=bool))
-    assert not replace(model, problem=aside).in_part, "the part that differs was set aside"
+    assert not replace(model, fit=replace(model.fit, problem=aside)).in_part, "the part that differs was set aside"
     assert residual_intervals(found, model) == []
     assert explained_share(found, model) > 0.9
     assert explained_share(found, found.weighted_base) == pytest.approx(0.0, abs=1e-9)

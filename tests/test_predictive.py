@@ -53,7 +53,7 @@ def test_readings_that_are_set_aside_are_in_no_check():
     found = diagnosed_with(0.6)
     observed = found.observed
     aside = found.weighted_base.problem.setting_aside((observed.phase == "unloading")[observed.nearest])
-    checks = checks_by_phase(replace(found.weighted_base, problem=aside))
+    checks = checks_by_phase(replace(found.weighted_base, fit=replace(found.weighted_base.fit, problem=aside)))
     assert [check.phase for check in checks] == ["loading", "hold"]
 
 

@@ -72,7 +72,7 @@ def summed(problem, evidence, fitted, shares):
     widths[[0, -1]] /= 2
     for z, width in zip(steps, widths, strict=True):
         held = fit(problem, fitted.mechanisms, {**fitted.values, NAME: prior.value_at(z)}, (NAME,))
-        own = contact_posterior(evidence, held, problem.predictor.observed, shares)
+        own = contact_posterior(evidence, held, shares)
         about = multivariate_normal(own.mean, own.covariance)
         for departure in generator.multivariate_normal(own.mean, own.covariance, _DRAWS):
             log = log_likelihood(problem, evidence, held.moved(departure), shares)

@@ -41,7 +41,7 @@ def fitted_to(observed: Observations):
 def test_what_is_stated_or_seen_leaves_one_reading(airs, stated):
     observed = seen(airs, stated)
     evidence, fitted = fitted_to(observed)
-    one, other = contact_posterior(evidence, fitted, observed, [0.0]), evidence.of(fitted.linearised)
+    one, other = contact_posterior(evidence, fitted, [0.0]), evidence.of(fitted.linearised)
     assert one.log_evidence == other.log_evidence
     np.testing.assert_array_equal(one.mean, other.mean)
 
@@ -80,7 +80,7 @@ def test_where_no_air_is_seen_the_evidence_is_that_of_both_readings():
     assert detected[-1].sd > 2 * touching[-1].sd
     parts = [in_full(fitted, evidence.errors, priors) for priors in (touching, detected)]
     expected = np.logaddexp(parts[0] + np.log(STARTS_AT_CONTACT), parts[1] + np.log(1 - STARTS_AT_CONTACT))
-    found = contact_posterior(evidence, fitted, observed, [0.0])
+    found = contact_posterior(evidence, fitted, [0.0])
     # C20 is bounded below by zero, which the densities above leave out.
     k = fitted.free.index(DEEP_C20)
     sd = np.sqrt(found.covariance[k, k])
@@ -88,7 +88,7 @@ def test_where_no_air_is_seen_the_evidence_is_that_of_both_readings():
     bounded = norm.sf((low - found.mean[k]) / sd) / (norm.cdf(high) - norm.cdf(low))
     assert found.log_evidence == pytest.approx(expected + np.log(bounded), abs=0.05)
     # The expected onset lies between those of the readings, with both one's doubt.
-    mine = contact_posterior(evidence, fitted, observed, [0.0])
+    mine = contact_posterior(evidence, fitted, [0.0])
     alone = evidence.of(fitted.linearised)
     j = fitted.free.index(onset_name(0))
     assert mine.covariance[j, j] >= 0.5 * alone.covariance[j, j]

@@ -13,7 +13,7 @@ from legfem.common.progress import Progress
 from legfem.data import Instrument
 from legfem.inverse.accuracy import Accuracy, measured_strengths
 from legfem.inverse.averaging import unseen_of
-from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, deep_stiffness
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, LawName, deep_stiffness
 from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.errors import ErrorModel, NuisanceEffect, error_model
 from legfem.inverse.explain import explain
@@ -28,7 +28,7 @@ from legfem.inverse.map_fit import base_about_solution, equally_weighted, fit, o
 from legfem.inverse.mechanism import Mechanism, Occurrence, shown_mechanisms
 from legfem.inverse.observations import Observations
 from legfem.inverse.predictive import held_out, misfit_of
-from legfem.inverse.predictor import LawName, Predictor, onset_name, values_of
+from legfem.inverse.predictor import Predictor, onset_name, values_of
 from legfem.inverse.responses import SolvedResponses
 from legfem.inverse.station_test import FittedStations
 from legfem.inverse.trial_noise import estimate_noise

@@ -126,16 +126,11 @@ class JointComparison(Comparison):
 
     @cached_property
     def _own_errors(self) -> dict[ErrorSource, FloatArray]:
-        every = [test.own_errors for test in self.tests]
-        sources = dict.fromkeys(source for errors in every for source in errors)
-        sizes = [len(test.data) for test in self.tests]
-        nothing = [np.zeros((size, size)) for size in sizes]
-        return {
-            source: np.asarray(
-                block_diag(*(errors.get(source, zero) for errors, zero in zip(every, nothing, strict=True)))
-            )
-            for source in sources
-        }
+        found: dict[ErrorSource, FloatArray] = {}
+        for test, span in zip(self.tests, self.spans, strict=True):
+            for source, part in test.own_errors.items():
+                found.setdefault(source, np.zeros((len(self), len(self))))[span, span] = part
+        return found
 
     def _covariances(self, values: Values, predicted: FloatArray) -> dict[ErrorSource, FloatArray]:
         modes: dict[str, Mode] = {}

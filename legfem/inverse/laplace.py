@@ -33,7 +33,6 @@ from scipy.stats import norm
 
 from legfem.common.units import FloatArray
 from legfem.inverse.accuracy import MeasuredStrength
-from legfem.inverse.errors import ErrorModel
 from legfem.inverse.evidence import Evidence, Linearisation
 from legfem.inverse.linearised import LinearisedFit
 from legfem.inverse.map_fit import fit
@@ -47,13 +46,7 @@ STARTS_AT_CONTACT = 0.5
 """Prior probability that trials which show no air begin at first touch."""
 
 
-def contact_posterior(
-    evidence: Evidence,
-    fitted: LinearisedFit,
-    observed: Observations,
-    shares: Sequence[float],
-    errors: ErrorModel | None = None,
-) -> Posterior:
+def contact_posterior(evidence: Evidence, fitted: LinearisedFit, shares: Sequence[float]) -> Posterior:
     """Return what the data say of a model, whether its trials begin at the skin or not.
 
     Parameters
@@ -62,13 +55,10 @@ def contact_posterior(
         Of the observations.
     fitted
         The model.
-    observed
-        The recordings.
     shares
         Logarithms of the shares of unknown errors beside it.
-    errors
-        Beside the model; see `Evidence.of`.
     """
+    observed, errors = fitted.problem.predictor.observed, fitted.problem.errors
     touching = evidence.of(fitted.linearised, shares, errors)
     if observed.starts_at_contact or observed.shows_air:
         return touching
@@ -108,9 +98,8 @@ def laplace_posterior(evidence: Evidence, fitted: LinearisedFit, shares: Sequenc
     shares
         Logarithms of the shares of unknown errors beside it.
     """
-    problem = fitted.problem
-    posterior = contact_posterior(evidence, fitted, problem.predictor.observed, shares, problem.errors)
-    for reading in problem.measured:
+    posterior = contact_posterior(evidence, fitted, shares)
+    for reading in fitted.problem.measured:
         posterior = _told(reading, fitted, posterior)
     return posterior
 

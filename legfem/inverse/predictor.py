@@ -9,14 +9,13 @@ nothing else.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from legfem.common.units import FloatArray, kpa_to_mpa
-from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, deep_stiffness
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, LawName, deep_stiffness
 from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.emulator import At, GridSpline
 from legfem.inverse.library import Library
@@ -26,7 +25,6 @@ from legfem.inverse.parameter import Parameter, Prior
 from legfem.inverse.responses import SolvedResponses
 from legfem.inverse.stations import since_touch
 
-LawName = Literal["neo-hookean", "reduced-polynomial"]
 _FACTOR_NODES = 4
 _CURVES_KEPT = 400
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from legfem.common.units import decimals, mpa_to_kpa
 from legfem.inverse.answer import Answer, Finding, LikelyCause, Tone, Value
 from legfem.inverse.averaging import as_seen, robust_interval
-from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, LawName
 from legfem.inverse.diagnosed_fit import cost_of_model, fits_of_trials, log_of_solutions
 from legfem.inverse.errors import ErrorModel
 from legfem.inverse.estimates import Estimate, correlations_of
@@ -24,7 +24,7 @@ from legfem.inverse.location import MisfitAssessment, SetAside, runs
 from legfem.inverse.notice import FitNotice, Notice
 from legfem.inverse.observations import Observations
 from legfem.inverse.predictive import HeldOut, Misfit
-from legfem.inverse.predictor import LawName, onset_name
+from legfem.inverse.predictor import onset_name
 
 
 def limits_of(explained: Explained) -> tuple[Limit, ...]:

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from legfem.inverse.predictor import LawName
+from legfem.inverse.catalogue import LawName
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import Subject

@@ -16,7 +16,7 @@ from legfem.channels.kinds import CHANNELS
 from legfem.common.units import FloatArray
 from legfem.geometry.indenter import Site
 from legfem.geometry.section import BONES
-from legfem.inverse.predictor import LawName
+from legfem.inverse.catalogue import LawName
 from legfem.legs.subject import Subject
 from legfem.solve.protocol import Protocol
 from studies.cases.forms import drawn_values
