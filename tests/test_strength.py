@@ -90,7 +90,7 @@ def summed(problem, evidence, fitted, shares):
 def test_evidence_and_stiffness_are_those_of_sums_where_a_strength_is_far_from_linear(seed):
     problem, _, fitted, evidence = tense(seed)
     shares = [0.0 if u.covariance is None else -np.inf for u in evidence.unknowns]
-    conditional = partial(contact_posterior, evidence, observed=problem.predictor.observed, shares=shares)
+    conditional = partial(contact_posterior, evidence, shares=shares)
     linear = conditional(fitted)
     found = integrate_strength(fitted, linear, conditional)
     total, mean, sd = summed(problem, evidence, fitted, shares)
@@ -111,7 +111,7 @@ def test_a_strength_that_acts_in_proportion_is_as_a_line_has_it():
     fitted = fit(problem, [mechanism_named("force-drift")], base.values)
     evidence = Evidence(problem.errors, possible_discrepancies(problem.predictor.observed, base.prediction))
     shares = [0.0 if u.covariance is None else -np.inf for u in evidence.unknowns]
-    conditional = partial(contact_posterior, evidence, observed=problem.predictor.observed, shares=shares)
+    conditional = partial(contact_posterior, evidence, shares=shares)
     linear = conditional(fitted)
     found = integrate_strength(fitted, linear, conditional)
     of_any_width = linear.log_evidence + gain_of_widths(fitted, linear)
@@ -131,7 +131,7 @@ def test_a_strength_s_usual_size_decides_little_between_what_does_the_same(monke
     problem, base = problem_of(ramps(), {"force-drift.rate": 0.004}, seed=2)
     evidence = Evidence(problem.errors, possible_discrepancies(problem.predictor.observed, base.prediction))
     shares = [0.0 if u.covariance is None else -np.inf for u in evidence.unknowns]
-    conditional = partial(contact_posterior, evidence, observed=problem.predictor.observed, shares=shares)
+    conditional = partial(contact_posterior, evidence, shares=shares)
 
     def gap() -> float:
         fits = [fit(problem, [one], base.values) for one in (ForceDrift(), VaguerDrift())]

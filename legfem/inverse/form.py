@@ -23,10 +23,10 @@ from numpy.typing import NDArray
 
 from legfem.channels.kinds import FILE_OF
 from legfem.common.units import FloatArray
+from legfem.inverse.intervals import THIRDS, third_of
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
 from legfem.inverse.mechanism import Mechanism, null_of
 
-_THIRDS = 3
 _WIDE = 3.0
 """Standard deviation of a part's share beforehand: as good as none."""
 INEXACT_SHARE = 0.4
@@ -101,10 +101,9 @@ def _families(problem: LinearisedProblem) -> Iterator[tuple[list[str], list[NDAr
     yield list(observed.trials), [kept & one for one in trials]
     phases = list(dict.fromkeys(map(str, observed.phase)))
     yield phases, [kept & (observed.phase[at] == phase) for phase in phases]
-    depth = observed.displacement[at] / observed.depth
-    third = np.clip((depth * _THIRDS).astype(int), 0, _THIRDS - 1)
-    ends = [observed.depth * k / _THIRDS for k in range(_THIRDS + 1)]
-    yield ([f"{a:.0f} to {b:.0f} mm" for a, b in pairwise(ends)], [kept & (third == k) for k in range(_THIRDS)])
+    third = third_of(observed.displacement[at], observed.depth)
+    ends = [observed.depth * k / len(THIRDS) for k in range(len(THIRDS) + 1)]
+    yield ([f"{a:.0f} to {b:.0f} mm" for a, b in pairwise(ends)], [kept & (third == k) for k in range(len(THIRDS))])
     if observed.channels:
         force = np.arange(len(at)) < len(observed.force)
         yield ["force", "all but the force"], [kept & force, kept & ~force]

@@ -237,10 +237,7 @@ def ordinary_fit(problem: LinearisedProblem, starts: Sequence[Mapping[str, float
 def equally_weighted(problem: LinearisedProblem, misfit: FloatArray) -> LinearisedProblem:
     """Return a problem whose weights are equal within each channel, and its misfit's beside what is known."""
     errors = problem.errors
-    sizes = np.empty(len(errors.trial_sd))
-    for span in problem.predictor.observed.data.spans:
-        counted = misfit[span][problem.counted[span]]
-        sizes[span] = max(float(np.sqrt(np.mean(counted**2))), float(np.median(errors.trial_sd[span])))
+    sizes = problem.predictor.observed.data.equal_sizes(misfit, problem.counted, errors.trial_sd)
     equal = replace(
         errors, dense=np.diag(sizes**2), known=0.0 * errors.known, gains=0.0 * errors.gains, zeros=0.0 * errors.zeros
     )

@@ -17,6 +17,7 @@ from scipy.stats import chi2
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.errors import ErrorModel
 from legfem.inverse.explanation import Explanation
+from legfem.inverse.intervals import THIRDS, third_of
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
 from legfem.inverse.map_fit import equally_weighted, fit
 from legfem.inverse.observations import Observations
@@ -115,7 +116,6 @@ def checks_by_phase(model: Explanation) -> tuple[PhaseCheck, ...]:
     return tuple(found)
 
 
-_THIRDS = 3
 _KEPT = 0.3
 """Of the readings, at least, without a part."""
 
@@ -162,8 +162,8 @@ def misfit_of(problem: LinearisedProblem, ordinary: LinearisedFit) -> Misfit:
 
 def _parts(observed: Observations) -> Iterator[NDArray[np.bool_]]:
     """Yield phases and thirds of the depth, those beside which enough is left."""
-    third = np.minimum(observed.displacement / observed.depth * _THIRDS, _THIRDS - 1).astype(int)
-    parts = [observed.phase == name for name in sorted(observed.phases)] + [third == k for k in range(_THIRDS)]
+    third = third_of(observed.displacement, observed.depth)
+    parts = [observed.phase == name for name in sorted(observed.phases)] + [third == k for k in range(len(THIRDS))]
     for part in parts:
         if part.any() and np.mean(~part) > _KEPT:
             yield part[observed.nearest]

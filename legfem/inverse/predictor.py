@@ -9,6 +9,7 @@ nothing else.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,10 +72,8 @@ class Predictor:
     ends: TabulatedCorrection | None = None
     measured: Prior | None = None
     offset: FloatArray | float = 0.0
-    _splines: dict[tuple[float, float], PPoly] = field(default_factory=dict, init=False, repr=False)
-    _curves: dict[tuple[tuple[str, ...], float, float], FloatArray] = field(
-        default_factory=dict, init=False, repr=False
-    )
+    _kept: dict[Any, Any] = field(default_factory=dict, init=False, repr=False)
+    """Curves of the stiffnesses last asked for."""
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -237,20 +236,19 @@ class Predictor:
         def made() -> PPoly:
             return self._grid.through(np.concatenate([[0.0], self.responses.curve(c10, c20)]))
 
-        return self._recalled(self._splines, (float(c10), float(c20)), made)
+        return self._recalled((float(c10), float(c20)), made)
 
     def _beside(self, names: tuple[str, ...], c10: float, c20: float) -> FloatArray:
         """Return channels' courses (m + 1, k) of a stiffness (MPa), kept likewise."""
-        key = names, float(c10), float(c20)
-        return self._recalled(self._curves, key, lambda: self.responses.channel_curves(names, c10, c20))
+        return self._recalled((names, float(c10), float(c20)), lambda: self.responses.channel_curves(names, c10, c20))
 
-    @staticmethod
-    def _recalled[K, V](kept: dict[K, V], key: K, make: Callable[[], V]) -> V:
-        if key not in kept:
-            if len(kept) > _CURVES_KEPT:
-                kept.clear()
-            kept[key] = make()
-        return kept[key]
+    def _recalled[V](self, key: tuple[Any, ...], make: Callable[[], V]) -> V:
+        if key not in self._kept:
+            if len(self._kept) > _CURVES_KEPT:
+                self._kept.clear()
+            self._kept[key] = make()
+        found: V = self._kept[key]
+        return found
 
 
 @dataclass(frozen=True, eq=False)

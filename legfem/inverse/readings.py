@@ -75,6 +75,25 @@ class Data:
         """Number n of readings, of all channels together."""
         return len(self.values)
 
+    def equal_sizes(self, misfit: FloatArray, counted: NDArray[np.bool_], sd: FloatArray) -> FloatArray:
+        """Return standard deviations (n,) that weigh a channel's readings equally.
+
+        Parameters
+        ----------
+        misfit
+            (n,): its root mean square weighs a channel.
+        counted
+            (n,): over which readings that is.
+        sd
+            (n,): of the readings themselves, which no channel is weighed by less than.
+        """
+        found = np.empty(len(misfit))
+        for span in self.spans:
+            left = misfit[span][counted[span]]
+            rms = float(np.sqrt(np.mean(left**2))) if len(left) else 0.0
+            found[span] = max(rms, float(np.median(sd[span])))
+        return found
+
 
 class InstrumentNumber(NamedTuple):
     """A number of the instrument."""

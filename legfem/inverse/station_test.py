@@ -338,13 +338,9 @@ class StationTest:
         model = moved.on_grid(curve, values)[0]
         predicted = moved.station.plain @ model
         moved = replace(moved, slopes=moved.station.matrix(1) @ model)
-        misfit = predicted - self.observed.values
-        sizes = np.empty(len(misfit))
-        for one, span in zip(self.observed.data.channels, self.observed.data.spans, strict=True):
-            kept = np.intersect1d(np.arange(span.start, span.stop), self.rows)
-            rms = float(np.sqrt(np.mean(misfit[kept] ** 2))) if len(kept) else 0.0
-            sizes[span] = max(rms, float(np.median(one.sd)))
-        moved = replace(moved, sizes=sizes)
+        data = self.observed.data
+        counted, sd = np.isin(np.arange(len(data)), self.rows), np.concatenate([one.sd for one in data.channels])
+        moved = replace(moved, sizes=data.equal_sizes(predicted - data.values, counted, sd))
         if noise is None:
             return moved
         errors = error_model(self.observed, noise, predicted, unknowns, images=moved.station.images_elsewhere(curve))

@@ -397,8 +397,6 @@ def _applied(
     """What a correction is at displacements (n,), mm, and the model's values."""
     if correction is None:
         return None
-    c10, c20 = deep_stiffness(values)
-    factor = correction.factor(displacement, np.asarray(c10), np.asarray(c20))
-    modes = correction.relative_errors(displacement, c10, c20)
-    sd = factor * np.sqrt(sum(mode**2 for mode in modes.values()))
-    return AppliedCorrection(correction.name, 1 - factor, sd, "fibres" in correction.sources.values())
+    P = correction.correction(displacement, *map(np.asarray, deep_stiffness(values)))
+    sd, fibrous = correction.standard_deviation(displacement), "fibres" in correction.sources.values()
+    return AppliedCorrection(correction.name, P, sd, fibrous)
