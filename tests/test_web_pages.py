@@ -200,8 +200,9 @@ def test_laws_that_have_first_contact_elsewhere_are_drawn_at_one_recording_s_sta
         ahead = float(course.time[kept][0])
         own = {name: getattr(course, name)[kept] for name in ("displacement", "force", "count")}
         later = replace(course, begun=course.begun + ahead, time=course.time[kept] - ahead, **own)
-        force = replace(one.channels[0], predicted=1.02 * later.force)
-        tests.append(replace(one, recording=replace(one.recording, course=later), channels=(force,)))
+        moved = replace(one.recording, course=later)
+        force = replace(one.channels[0], channel=moved.data.channels[0], predicted=1.02 * later.force)
+        tests.append(replace(one, recording=moved, channels=(force,)))
     other = replace(first, law="reduced-polynomial", tests=tuple(tests))
     for block in curves_of([first, other]):
         recorded, _, line = block.lines
