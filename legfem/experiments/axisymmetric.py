@@ -21,7 +21,7 @@ from legfem.channels.log import ChannelReader
 from legfem.channels.seen import SeenSpecimen
 from legfem.common.errors import InputError, check_positive
 from legfem.experiments.bodies import BallOnLayer, CylinderBetweenPlates, Faces
-from legfem.experiments.experiment import Solved
+from legfem.experiments.experiment import Picklable, Solved
 from legfem.experiments.indentation import Attempt, IndentationModel, IndentationRequest, IndentationTest, leg_model
 from legfem.fem.spaces import LegSpaces, Symmetry, build_spaces
 from legfem.fem.system import System
@@ -310,7 +310,7 @@ def _doubled(solved: Solved) -> Solved:
 
 
 @dataclass(frozen=True, eq=False)
-class HalfwayTest:
+class HalfwayTest(Picklable):
     """Two tests of one body; parameters are those of both.
 
     Parameters

@@ -69,6 +69,13 @@ class Solved:
         return cls({}, ForceCurve(none, none, by), Path(none, none, none, by), SolveReport(0.0, 0.0, False, reason))
 
 
+class ExtendedTest(Experiment[Protocol | float, Solved], typing.Protocol):
+    """A test with a protocol, or a depth (mm), that takes further terms."""
+
+    def with_terms(self, terms: Sequence[Any]) -> typing.Self:
+        """Return the test with more terms."""
+
+
 class cached_in_process[T](cached_property[T]):  # noqa: N801
     """A `cached_property` that is left out when its object is pickled: each process computes its own."""
 

@@ -5,10 +5,10 @@ Everything else (identification, diagnosis, pages, the form in a browser) works 
 
 import typing
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, ClassVar, Literal, Self
+from typing import ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import model_validator
@@ -41,12 +41,13 @@ WORDS: Mapping[Direction, str] = {
 if typing.TYPE_CHECKING:
     # What reads a folder's file doesn't start MPI.
     from legfem.experiments.axisymmetric import Layer
-    from legfem.experiments.experiment import Solved
+    from legfem.experiments.experiment import ExtendedTest
     from legfem.mechanics.materials import Hyperelastic
-    from legfem.solve.protocol import Protocol
 
 type Law = Hyperelastic | tuple[Layer, ...]
 """Law of one tissue, or laws of layers from the base up."""
+type SpecimenTest = ExtendedTest
+"""A test that can be solved and takes mechanisms' terms."""
 
 
 class SizeError(Exception):
@@ -108,25 +109,6 @@ class ShownAxes:
     def load_text(self, force: float) -> str:
         """Return a force (N) with its unit."""
         return f"{self.loads * force:.3g} {self.load_unit}"
-
-
-class SpecimenTest(typing.Protocol):
-    """A test that can be solved, an `legfem.experiments.experiment.Experiment` that takes more terms."""
-
-    @property
-    def parameters(self) -> dict[str, float]:
-        """Every number of the model by full name."""
-
-    def solve(
-        self,
-        values: Mapping[str, float] | None = None,
-        protocol: "Protocol | float | None" = None,
-        sensitivities: Sequence[str] = (),
-    ) -> "Solved":
-        """Return the outcome for a protocol, up to where the solution came."""
-
-    def with_terms(self, terms: Sequence[Any]) -> Self:
-        """Return the test with more terms."""
 
 
 class SpecimenKind[Entry: FileTable, Body](ABC):
