@@ -259,15 +259,10 @@ def identified_law(
         free.append(catalogue.within_prior(parameter))
     if not free:
         raise InputError(Argument("identify"), name, "nothing is left to identify", "name a parameter")
-    tied = {f"{one.name}.D1" for one in tissues} - set(asked.fixed)
-    held = {
-        key: value
-        for key, value in {**known, **asked.fixed}.items()
-        if (key in known or key in INSTRUMENT) and key not in tied
-    }
-    held = {key: value for key, value in held.items() if key not in wanted or key in asked.fixed}
-    if not relaxes:
-        held = {key: value for key, value in held.items() if key not in RELAXATION}
+    away = {*wanted, *(f"{one.name}.D1" for one in tissues)} - set(asked.fixed)
+    away |= set() if relaxes else set(RELAXATION)
+    there = {*known, *INSTRUMENT} - away
+    held = {key: value for key, value in {**known, **asked.fixed}.items() if key in there}
     beside = len(tissues) > 1 or any(catalogue.is_ratio(one.name) for one in free)
     usual = {
         key: within
@@ -288,18 +283,12 @@ def _parameter(name: str, known: catalogue.Values, far: float) -> Parameter:
     tissue, _, key = name.rpartition(".")
     of = "" if tissue == ONE else f" of the {tissue}"
     c10, statement, unit = known[f"{tissue}.C10"], catalogue.STATEMENTS[key] + of, catalogue.UNITS.get(key, "-")
-    if key == "C10":
-        return Parameter(name, unit, (c10 / far, c10 * far), scale="log", statement=statement)
-    if key == "C20":
-        return Parameter(name, unit, (0.0, c10 * far), scale="log", statement=statement)
     if key in ("C30", "stiffening"):
         return Parameter(name, unit, (0.0, c10 * _RELATIVE), statement=statement)
-    if key == catalogue.RATIO:
-        return Parameter(name, unit, catalogue.RATIO_BOUNDS, scale="log", statement=statement)
-    if key == "exponent":
-        return Parameter(name, unit, (0.1, 20.0), scale="log", statement=statement)
     centre = catalogue.centre_of(name, known)
-    return Parameter(name, unit, (centre / far, centre * far), scale="log", statement=statement)
+    within = {"C20": (0.0, c10 * far), catalogue.RATIO: catalogue.RATIO_BOUNDS, "exponent": (0.1, 20.0)}
+    bounds = within.get(key, (centre / far, centre * far))
+    return Parameter(name, unit, bounds, scale="log", statement=statement)
 
 
 def _usual(tissue: str, known: catalogue.Values, relaxes: bool, beside: bool) -> dict[str, tuple[float, float]]:

@@ -1,6 +1,6 @@
 """What of specimens' recordings can be modelled: every test is solved once, and the rest is left out or shortened."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,13 +27,13 @@ _LEAST_SHARE = 0.3
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """Recordings that can be modelled, the tests that they are of, and how stiff they seem."""
+    """Recordings that can be modelled, how deep their tests are solved, and how stiff they seem."""
 
     recordings: tuple[SpecimenRecording, ...]
     left_out: tuple[LeftOut, ...]
     notices: tuple[Notice, ...]
-    tests: tuple[Sizes, ...]
-    depths: tuple[float, ...]
+    depths: Mapping[Sizes, float]
+    """mm that each test is solved to."""
     c10: float
     """MPa: the middle of what each recording asks for by itself, neo-Hookean."""
     doubts: tuple[Doubt, ...]
@@ -93,8 +93,7 @@ def prepare(
         tuple(used),
         tuple(left),
         tuple(notices),
-        tuple(depths),
-        tuple(depths.values()),
+        depths,
         max(float(np.median(list(stiffness.values()))), 1e-9),
         tuple(doubts_about_differing(stiffness)),
     )

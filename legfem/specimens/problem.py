@@ -238,10 +238,9 @@ class SpecimenProblem:
         return seeks_ratio(self.law.names)
 
     def _model(self, recordings: Sequence[SpecimenRecording]) -> JointForward[SpecimenForward]:
-        depth_of = dict(zip(self.prepared.tests, self.prepared.depths, strict=True))
-        tests = tuple(dict.fromkeys(one.sizes for one in recordings))
-        tissues, c10 = tuple(one.of_law(self.law.name) for one in self.folder.tissues), self.prepared.c10
-        return JointForward(tuple(SpecimenForward(sizes, depth_of[sizes], tissues, c10) for sizes in tests))
+        tissues, known = tuple(one.of_law(self.law.name) for one in self.folder.tissues), self.prepared
+        tests = dict.fromkeys(one.sizes for one in recordings)
+        return JointForward(tuple(SpecimenForward(one, known.depths[one], tissues, known.c10) for one in tests))
 
     def _moved(self, now: SpecimenComparison, aheads: Sequence[float]) -> list[SpecimenRecording] | None:
         """Recordings from where a fit has their contacts; None where all stay."""
