@@ -21,21 +21,8 @@ from legfem.report.page import WebPage
 from legfem.report.specimen_results import specimens_document, specimens_page
 from legfem.specimens.diagnosis import DiagnosedSpecimen, diagnose_specimens
 from legfem.specimens.folder import SpecimenFolder
-from legfem.specimens.laws import ParameterRequest, laws_named, request_of_texts
+from legfem.specimens.laws import laws_named, request_of_texts
 from legfem.specimens.problem import fit_specimens
-
-
-def _request(wanted: AskedParameters, folder: SpecimenFolder) -> ParameterRequest:
-    """What is free and held in the tissues of specimens."""
-    found = request_of_texts(wanted.texts, folder.tissues)
-    priors = {name: one.prior for name, one in wanted.given.items() if one.prior is not None}
-    bounds = {name: one.bounds for name, one in wanted.given.items()}
-    return replace(
-        found,
-        priors={**priors, **found.priors},
-        bounds={**bounds, **found.bounds},
-        fixed={**found.fixed, **wanted.numbers},
-    )
 
 
 def identify_specimens(
@@ -47,7 +34,8 @@ def identify_specimens(
     progress: bool,
 ) -> Identification:
     """Return what `legfem.identify` finds in specimens."""
-    laws, asked = laws_named(law), _request(wanted, folder)
+    laws = laws_named(law)
+    asked = request_of_texts(wanted.texts, folder.tissues, wanted.given, wanted.numbers)
     with progress_on(quiet=not progress) as told:
         fits = fit_specimens(folder, laws, asked, leave_out, replace(request, progress=told))
     return Identification(folder, tuple(fits))

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 
 from legfem.common.errors import InputError
 from legfem.common.units import kpa_to_mpa
@@ -160,8 +161,13 @@ def laws_named(name: str | None) -> tuple[catalogue.LawName, ...]:
     return found
 
 
-def request_of_texts(texts: ParameterTexts, tissues: Sequence[SpecimenTissue]) -> ParameterRequest:
-    """Return what a command line asks for.
+def request_of_texts(
+    texts: ParameterTexts,
+    tissues: Sequence[SpecimenTissue],
+    given: Mapping[str, Parameter] = MappingProxyType({}),
+    numbers: catalogue.Values = MappingProxyType({}),
+) -> ParameterRequest:
+    """Return what a command line asks for, beside parameters given whole and numbers to hold, in the model's units.
 
     Raises
     ------
@@ -171,9 +177,9 @@ def request_of_texts(texts: ParameterTexts, tissues: Sequence[SpecimenTissue]) -
     known = dict[str, float]()
     for law in KINDS:
         known |= known_values([replace(one.of_law(law), stated={}) for one in tissues], 1.0)
-    given = {catalogue.DEEP_C10: texts.c10_bounds, catalogue.DEEP_C20: texts.c20_bounds}
-    bounds = dict[str, tuple[float, float]]()
-    if any(given.values()):
+    limits = {catalogue.DEEP_C10: texts.c10_bounds, catalogue.DEEP_C20: texts.c20_bounds}
+    bounds = {name: one.bounds for name, one in given.items()}
+    if any(limits.values()):
         if catalogue.DEEP_C10 not in known:
             raise InputError(
                 Argument("c10_bounds"),
@@ -182,14 +188,16 @@ def request_of_texts(texts: ParameterTexts, tissues: Sequence[SpecimenTissue]) -
                 Remedy("leave it out, or say by ", Argument("prior", "LAYER.C10"), " what is known"),
             )
         checked = {one.name: one.bounds for one in replace(texts, identify=()).parameters(known)}
-        bounds = {name: checked[name] for name, limits in given.items() if limits is not None}
+        bounds |= {name: checked[name] for name, one in limits.items() if one is not None}
     held = texts.held(known)
     for name, value in held.items():
         if catalogue.is_ratio(name) and value < catalogue.RATIO_BOUNDS[0]:
             raise InputError(
                 Argument("fix"), name, f"{value:g} is less along the fibres than across", "give at least 1"
             )
-    return ParameterRequest(tuple(texts.identify), dict(read_prior(text, known) for text in texts.priors), bounds, held)
+    priors = {name: one.prior for name, one in given.items() if one.prior is not None}
+    priors |= dict(read_prior(text, known) for text in texts.priors)
+    return ParameterRequest(tuple(texts.identify), priors, bounds, {**held, **numbers})
 
 
 def known_values(tissues: Sequence[SpecimenTissue], c10: float) -> dict[str, float]:
