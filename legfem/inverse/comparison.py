@@ -174,9 +174,9 @@ class Comparison(ABC):
         """Readings (..., n) of what the model gives on its grid (..., m), by an instrument (..., k)."""
 
     @property
-    @abstractmethod
     def if_deeper(self) -> FloatArray:
-        """Change of the measured readings (n,) per relative change of the displacements."""
+        """Change of the measured readings (n,) per relative change of the displacements; none where none is driven."""
+        return np.zeros(len(self))
 
     def weighted(self, values: FloatArray) -> FloatArray:
         """Scale values (n, ...) so that `objective` is their sum of squares: by the errors, unless overridden."""

@@ -200,10 +200,6 @@ class ContourMisfit:
         found = slice_distances(self.target, SliceSet.of(shape, self.target.levels))
         return np.concatenate([found[name].ravel() for name in CONTOURS]) - self.offset
 
-    def cost(self, distances: FloatArray) -> float:
-        """Return the paper's cost, before its normalisation: the sum of squares (mm2)."""
-        return float(distances @ distances)
-
     def rigid_slopes(self, shape: LegShape) -> FloatArray:
         """Differentiate the distances by rigid motions of a simulated shape as `moved` takes them, (n, 6)."""
         here, steps = self.distances(shape), np.repeat((SHIFT, TURN), 3)

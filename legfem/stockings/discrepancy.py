@@ -1,17 +1,17 @@
 r"""Model discrepancy: where the contours of model and scan differ, and which physics would explain it.
 
-The best fit leaves whitened distances :math:`w`. The part that stiffnesses and nuisances within
+The best fit leaves readings :math:`w` (`legfem.stockings.scan_fit`). The part that stiffnesses and nuisances within
 their priors can explain is projected off. A mechanism has a signature :math:`S`, the derivatives of
-the distances by its parameters at the mechanism's null, projected likewise, and the score
+the readings by its parameters at the mechanism's null, projected likewise, and the score
 
 .. math:: T = w^T S (S^T S)^{-1} S^T w \sim \chi^2_k
 
 where nothing is wrong. Places on the contours are tested in the same way, with a unit distance over
 the place as signature. All p-values are family-wise over the mechanisms, or over the places (Holm).
-The mechanism with the least p-value is put into the model, and the leg is solved anew.
+The mechanism with the least p-value is put into the model, and the search is done again with it.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -19,13 +19,20 @@ import numpy as np
 from scipy.stats import chi2
 
 from legfem.common.p_values import holm
+from legfem.common.progress import Silent
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.geometry.slices import CONTOURS
+from legfem.inverse.catalogue import IdentifiedLaw, Values
+from legfem.inverse.outcome import FullSolver
+from legfem.inverse.parameter import Parameter
+from legfem.inverse.search import Search
+from legfem.inverse.searches import run_together
+from legfem.inverse.settings import IdentificationSettings
 from legfem.stockings.contour_distances import ContourMisfit
-from legfem.stockings.equilibrium import PARAMETERS, Equilibrium, EquilibriumSolver
+from legfem.stockings.equilibrium import PARAMETERS
 from legfem.stockings.forward import StockingForward
-from legfem.stockings.nuisances import RIGID, SECTORS, angle_from_sector, sectors
-from legfem.stockings.scan_fit import BOUNDS, NuisanceFit, ScanComparison, ScanFit, by_name, distances_of
+from legfem.stockings.nuisances import RIGID, SECTORS, angle_from_sector
+from legfem.stockings.scan_fit import ScanComparison, ScanFit, by_name, shape_of, stiffness_priors
 
 SIGNIFICANT = 0.025
 """Family-wise level of the mechanisms, and of the places: 5 % together where nothing is wrong."""
@@ -33,13 +40,8 @@ PLAUSIBLE = kpa_to_mpa(np.array([[1.3, 3.3], [8.1, 20.4]]))
 """C10 of muscle and fat (MPa) at which mechanisms are tested, at the least and at most: the second
 paper's means over and times 2.5. Where one is left out, the best fit may lie far off."""
 type Verdict = Literal["consistent", "named", "ambiguous", "unexplained"]
-REPAIRS = 5
-"""Equilibria with the named mechanism in the model."""
-
-
-_MOTION = slice(2, 2 + RIGID)
-_PRESSURE = slice(2 + RIGID, 2 + RIGID + SECTORS)
-"""Places of nuisances among the derivatives of the fit."""
+REPAIRS = 6
+"""Equilibria with the named mechanism in the model, at most."""
 
 
 @dataclass(frozen=True)
@@ -49,14 +51,10 @@ class _Mechanism:
     name: str
     statement: str
     labels: tuple[str, ...]
-    parameter: str = ""
-    """Full name of the term's strength."""
+    strengths: tuple[Parameter, ...] = ()
+    """The term's only one."""
     lifted: slice = slice(0)
     """Places of the nuisances."""
-
-    def slopes(self, fit: FloatArray, by: Mapping[str, FloatArray]) -> FloatArray:
-        """Return the distances' derivatives (n, k) by its numbers, of those of the fit and by parameters."""
-        return by[self.parameter][:, None] if self.parameter else fit[:, self.lifted]
 
 
 _MECHANISMS = (
@@ -64,34 +62,34 @@ _MECHANISMS = (
         "local-pressure",
         "the pressure on the skin is wrong on one side of the leg",
         tuple(f"at {360 * k / SECTORS:.0f} degrees" for k in range(SECTORS)),
-        lifted=_PRESSURE,
+        lifted=slice(RIGID, RIGID + SECTORS),
     ),
     _Mechanism(
         "volume-loss",
         "the deep tissue has lost volume: blood has drained from it",
         ("share",),
-        "deep.volume_loss.share",
+        (Parameter("deep.volume_loss.share", "-", (-0.2, 0.2)),),
     ),
     _Mechanism(
         "stiffness-gradient",
         "the muscle's stiffness changes along the leg",
         ("gradient a 100 mm",),
-        "deep.stiffness_gradient.gradient",
+        (Parameter("deep.stiffness_gradient.gradient", "-", (-1.0, 1.0)),),
     ),
     _Mechanism(
         "fascia",
         "a sheet round the muscle, its fascia, holds it together",
         ("stiffness (N/mm)",),
-        "fascia.membrane.stiffness",
+        (Parameter("fascia.membrane.stiffness", "N/mm", (0.0, 5.0)),),
     ),
     _Mechanism(
         "misregistration",
         "the two scans lie farther apart than the bones' registration says",
         ("x (mm)", "y (mm)", "z (mm)", "about x (rad)", "about y (rad)", "about z (rad)"),
-        lifted=_MOTION,
+        lifted=slice(RIGID),
     ),
 )
-_NULLS = {one.parameter: 0.0 for one in _MECHANISMS if one.parameter}
+_NULLS = {strength.name: 0.0 for one in _MECHANISMS for strength in one.strengths}
 
 
 @dataclass(frozen=True)
@@ -141,19 +139,8 @@ class ModelDiscrepancy:
     """C10 of muscle and fat with that mechanism, MPa."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Tested:
-    """The leg at the stiffness at which mechanisms are tested, linearised."""
-
-    parameters: FloatArray
-    """C10 of muscle and fat, MPa."""
-    equilibrium: Equilibrium
-    distances: FloatArray
-    """(n,), mm."""
-    slopes: FloatArray
-    """Derivatives of these by both log stiffnesses and k nuisances, (n, 2 + k)."""
-    weights: FloatArray
-    """Reciprocal standard deviations of the priors, 0 of the stiffnesses, (2 + k,)."""
+type _Unexplained = Callable[[FloatArray], FloatArray]
+"""Projects differences or their derivatives (m + s, ...) off all that stiffnesses and nuisances explain."""
 
 
 def model_discrepancy(forward: StockingForward, comparison: ScanComparison, best: ScanFit) -> ModelDiscrepancy:
@@ -162,44 +149,51 @@ def model_discrepancy(forward: StockingForward, comparison: ScanComparison, best
     Parameters
     ----------
     forward, comparison
-        Those of the search.
+        Those of the search, whose sensors have no part in this.
     best
         Its best fit.
     """
+    comparison = comparison.of_contours
     at = np.clip([best.stiffness[name] for name in PARAMETERS], *PLAUSIBLE)
     values = {**by_name(at), **_NULLS}
     outcome = forward.solve(values, (*PARAMETERS, *_NULLS))
-    misfit, nuisances = comparison.misfit, comparison.nuisances
-    distances, by = distances_of(outcome, comparison.bare, misfit)
-    stiffness = [value * by[name] for name, value in by_name(at).items()]
-    slopes = np.column_stack([*stiffness, nuisances.at(at)])
-    weights = np.concatenate([np.zeros(2), 1 / nuisances.sd])
-    tested = _Tested(at, forward.at(values), distances, slopes, weights)
-    fitted = NuisanceFit(misfit.whitened(distances), np.vstack([misfit.whitened(slopes), np.diag(weights)]))
-    signatures = {one: one.slopes(slopes, by) for one in _MECHANISMS}
-    scores = _scores(signatures, misfit, fitted)
-    places = _places(misfit, distances, fitted)
+    differences, by = comparison.differences(outcome)
+    fitted = comparison.fit_nuisances(differences, at)
+    stiffness = comparison.with_nuisances({name: by[name] for name in PARAMETERS}, fitted, values)
+    basis = np.linalg.qr(fitted.projected(stiffness))[0]
+
+    def unexplained(given: FloatArray) -> FloatArray:
+        left = fitted.projected(given)
+        return np.asarray(left - basis @ (basis.T @ left))
+
+    signatures = {
+        one: np.column_stack([*(by[strength.name] for strength in one.strengths), fitted.slopes[:, one.lifted]])
+        for one in _MECHANISMS
+    }
+    scores = _scores(signatures, differences, unexplained)
+    distances = comparison.misfit.distances(shape_of(outcome, comparison.bare))
+    places = _places(comparison.misfit, distances, unexplained(differences), unexplained)
     strongest = scores[0]
     if strongest.p_value > SIGNIFICANT:
         verdict: Verdict = "unexplained" if places else "consistent"
         return ModelDiscrepancy(verdict, (), scores, places, best.rms, None, None)
     # Within 6 by BIC's measure, parameters counted, a mechanism explains the distances as well.
-    penalty = float(np.log(len(fitted.differences)))
+    penalty = float(np.log(len(differences)))
     gains = {score.name: score.statistic - penalty * score.degrees for score in scores}
     alike = tuple(s.name for s in scores if s.p_value < SIGNIFICANT and gains[s.name] > gains[strongest.name] - 6.0)
     chosen = next(one for one in _MECHANISMS if one.name == strongest.name)
-    after, parameters = _refit(forward.solver, misfit, tested, chosen, signatures[chosen])
+    after, parameters = _searched_again(forward, comparison, chosen, values)
     verdict = "named" if len(alike) == 1 else "ambiguous"
     return ModelDiscrepancy(verdict, alike, scores, places, best.rms, after, parameters)
 
 
 def _scores(
-    signatures: Mapping[_Mechanism, FloatArray], misfit: ContourMisfit, fitted: NuisanceFit
+    signatures: Mapping[_Mechanism, FloatArray], differences: FloatArray, unexplained: _Unexplained
 ) -> tuple[MechanismScore, ...]:
-    found = []
+    found, left = [], unexplained(differences)
     for mechanism, slopes in signatures.items():
-        signature = fitted.projected(misfit.whitened(slopes))
-        strengths, _, rank, _ = np.linalg.lstsq(signature, -fitted.left, rcond=1e-4)
+        signature = unexplained(slopes)
+        strengths, _, rank, _ = np.linalg.lstsq(signature, -left, rcond=1e-4)
         statistic = float(np.sum((signature @ strengths) ** 2))
         errors = np.sqrt(np.diag(np.linalg.pinv(signature.T @ signature, rcond=1e-8)))
         named = zip(mechanism.labels, zip(map(float, strengths), map(float, errors), strict=True), strict=True)
@@ -210,7 +204,9 @@ def _scores(
     return tuple(sorted(scores, key=lambda s: (s.p_value, s.degrees - s.statistic)))
 
 
-def _places(misfit: ContourMisfit, distances: FloatArray, fitted: NuisanceFit) -> tuple[DiscrepantPlace, ...]:
+def _places(
+    misfit: ContourMisfit, distances: FloatArray, left: FloatArray, unexplained: _Unexplained
+) -> tuple[DiscrepantPlace, ...]:
     """Test sectors of both contours, in the lower slices, the upper ones, and all."""
     levels = misfit.target.levels
     half = len(levels) // 2
@@ -222,8 +218,8 @@ def _places(misfit: ContourMisfit, distances: FloatArray, fitted: NuisanceFit) -
                 box = np.zeros((2, *within.shape))
                 box[number, span] = within[span]
                 tests.append(("outer" if name == "outer" else "inner", span, sector, box.ravel()))
-    boxes = fitted.projected(misfit.whitened(np.stack([box for *_, box in tests], axis=1)))
-    scores = (fitted.left @ boxes) ** 2 / np.sum(boxes**2, axis=0)
+    boxes = unexplained(misfit.whitened(np.stack([box for *_, box in tests], axis=1)))
+    scores = (left @ boxes) ** 2 / np.sum(boxes**2, axis=0)
     corrected = holm(chi2.sf(scores, 1))
     found = [
         DiscrepantPlace(
@@ -239,33 +235,20 @@ def _places(misfit: ContourMisfit, distances: FloatArray, fitted: NuisanceFit) -
     return tuple(sorted(found, key=lambda place: place.p_value))
 
 
-def _refit(
-    solver: EquilibriumSolver, misfit: ContourMisfit, tested: _Tested, mechanism: _Mechanism, signature: FloatArray
-) -> tuple[float | None, FloatArray]:
-    """Fit stiffnesses, nuisances and mechanism with new equilibria, and derivatives of the tested state.
+def _searched_again(
+    forward: StockingForward, comparison: ScanComparison, mechanism: _Mechanism, start: Values
+) -> tuple[float, FloatArray]:
+    """Search for stiffnesses and a mechanism's strength about a start, beside lifted priors.
 
-    Returns the root-mean-square distance (mm), None where no equilibrium was found, and C10 (MPa).
+    Returns the root-mean-square distance (mm), and C10 (MPa).
     """
-    base, weights = tested.slopes, tested.weights.copy()
-    slopes, outlines = base, slice(_PRESSURE.stop, base.shape[1])
-    if mechanism.parameter:
-        slopes, weights = np.column_stack([base, signature]), np.append(weights, 0.0)
-    else:
-        weights[mechanism.lifted] = 0.0
-    rows = np.vstack([misfit.whitened(slopes), np.diag(weights)])
-    bumps = sectors(solver.model.shape)
-    total = np.zeros(len(weights))
-    parameters, left, here = tested.parameters, tested.distances, tested.equilibrium
-    for _ in range(REPAIRS):
-        right = np.concatenate([misfit.whitened(left), weights * total])
-        total -= np.linalg.lstsq(rows, right, rcond=1e-8)[0]
-        total[:2] = np.clip(total[:2], -1.5, 1.5)
-        parameters = np.clip(tested.parameters * np.exp(total[:2]), *BOUNDS)
-        error = np.maximum(sum(c * b for c, b in zip(total[_PRESSURE], bumps, strict=True)), -1.0)
-        strength = {mechanism.parameter: float(total[-1])} if mechanism.parameter else {}
-        here = solver.solve({**by_name(parameters), **_NULLS, **strength}, (), here, error)
-        if not here.state.report.complete:
-            return None, parameters
-        moved = misfit.distances(here.shape) + base[:, _MOTION] @ total[_MOTION]
-        left = moved + base[:, outlines] @ total[outlines]
-    return float(np.sqrt(np.mean(moved**2))), parameters
+    parameters = (*stiffness_priors().parameters, *mechanism.strengths)
+    names = tuple(one.name for one in parameters)
+    held = {name: null for name, null in _NULLS.items() if name not in names}
+    law, lifted = IdentifiedLaw("neo-hookean", parameters, held, {}), replace(comparison, lifted=mechanism.lifted)
+    with FullSolver(forward, None, 1, Silent(), names) as solver:
+        search = Search(law, lifted, IdentificationSettings(most_solves=REPAIRS), solver, begun=True)
+        search.solve(law.point(start)[None], "design")
+        run_together([search])
+    rms = float(np.sqrt(np.mean(lifted.left(search.best) ** 2)))
+    return rms, search.best.point[: len(PARAMETERS)]

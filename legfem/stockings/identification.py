@@ -135,8 +135,8 @@ class ScanProblem:
         discrepancy = model_discrepancy(self.forward, self.scans, best)
         self.progress.advance(discrepancy.verdict)
         log = log_of(found, mapped=False)
-        pairs = zip(log.solves, found.trials, strict=True)
-        solves = tuple(replace(solve, cost=self.scans.squares(trial)) for solve, trial in pairs)
+        costs = [np.nan if one.prediction is None else np.sum(self.scans.left(one) ** 2) for one in found.trials]
+        solves = tuple(replace(one, cost=float(cost)) for one, cost in zip(log.solves, costs, strict=True))
         # What is emulated are differences in standard deviations, and no forces.
         log = replace(log, solves=solves, generations=(), emulator_error=np.nan)
         details = _dressed(self.leg, self.forward, self.progress, best)
@@ -249,7 +249,7 @@ def _dressed(
         covariance = best.log_covariance if tension is None else tension.log_covariance
     progress.stage("the leg in equilibrium with its stocking")
     error = 0.0 if tension is None else tension.value
-    found = solver.solve(parameters, start=None if best is None else forward.at(best.stiffness), error=error)
+    found = solver.solve(parameters, PARAMETERS, None if best is None else forward.at(best.stiffness), error)
     progress.advance(f"{len(found.changes)} states")
     borne = replace(found, load=found.load.times(1 + error))
     on_scan = None if leg.compressed is None else stocking_load(leg.compressed, leg.stocking)

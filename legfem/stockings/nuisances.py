@@ -172,6 +172,12 @@ class NuisanceSlopes:
         other._samples = [replace(sample, distances=linear(sample.distances)) for sample in self._samples]
         return other
 
+    def without_sensors(self) -> "NuisanceSlopes":
+        """Return the same where nothing was measured under the stocking."""
+        other = copy(self)
+        other._samples = [replace(sample, sensed=sample.sensed[:0]) for sample in self._samples]
+        return other
+
     def of_sensors(self, parameters: FloatArray) -> FloatArray:
         """Return the derivatives (s, len(sd)) of the pressures at the sensors, MPa.
 

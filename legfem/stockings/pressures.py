@@ -264,7 +264,7 @@ to 3 % from that of 30 times as many tetrahedra (`studies/stockings/README.md`).
 
 def vein_pressure_sd(
     solver: EquilibriumSolver,
-    start: Equilibrium,
+    near: Equilibrium,
     probe: PressureProbe,
     veins: Sequence[Vein],
     parameters: Mapping[str, float],
@@ -278,8 +278,8 @@ def vein_pressure_sd(
     ----------
     solver
         Of the leg.
-    start
-        Its equilibrium, which is found again with derivatives.
+    near
+        Its equilibrium with derivatives by both stiffnesses, in which the model is.
     probe
         Evaluation of pressures on the leg's mesh.
     veins
@@ -297,13 +297,10 @@ def vein_pressure_sd(
     Returns
     -------
     ndarray
-        NaN where the state can't be differentiated, or a vein isn't in the tissues.
+        NaN where a vein isn't in the tissues.
     """
     if not veins:
         return np.empty(0)
-    near = solver.solve(parameters, PARAMETERS, start, error)
-    if not near.state.report.complete or set(near.state.sensitivities) != set(PARAMETERS):
-        return np.full(len(veins), np.nan)
     points = np.array([vein.position for vein in veins])
     coupling, model = LinearisedCoupling(solver, near), solver.model
 

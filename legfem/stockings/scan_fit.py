@@ -10,7 +10,7 @@ would draw the stiffness towards where the contours are least sensitive to the n
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -104,6 +104,11 @@ class NuisanceFit:
     differences: FloatArray
     basis: FloatArray
 
+    @property
+    def slopes(self) -> FloatArray:
+        """Derivatives of the differences (m + s, k)."""
+        return self.basis[: len(self.differences)]
+
     @cached_property
     def _factors(self) -> tuple[FloatArray, FloatArray]:
         orthonormal, triangle = np.linalg.qr(self.basis)
@@ -144,12 +149,22 @@ class ScanComparison(Comparison):
         Distances from the scanned contours, and the derivatives by what isn't known.
     sensors
         Under the stocking; there may be none.
+    lifted
+        Places of nuisances that nothing is known of beforehand.
     """
 
     bare: LegShape
     misfit: ContourMisfit
     nuisances: NuisanceSlopes
     sensors: SensorArray
+    lifted: slice = slice(0)
+    reach = "an equilibrium with the stocking"
+
+    @property
+    def of_contours(self) -> "ScanComparison":
+        """The same without sensors."""
+        sensors = SensorArray.on(self.bare, ())
+        return replace(self, sensors=sensors, nuisances=self.nuisances.without_sensors())
 
     @cached_property
     def _white(self) -> NuisanceSlopes:
@@ -175,44 +190,26 @@ class ScanComparison(Comparison):
         return values
 
     @property
-    def if_deeper(self) -> FloatArray:
-        """Nothing is pressed deeper."""
-        return np.zeros(len(self))
-
-    @property
-    def reach(self) -> str:
-        """What a solve has to come to, in words."""
-        return "an equilibrium with the stocking"
-
-    @property
     def linear_scale(self) -> FloatArray:
         """Model values may have either sign, and are in standard deviations."""
         return np.ones(self._size + len(PARAMETERS))
 
-    def differences(
-        self, outcome: Outcome, distances: FloatArray, by: Mapping[str, FloatArray]
-    ) -> tuple[FloatArray, dict[str, FloatArray]]:
-        """Return whitened distances and sensors' differences, (m + s,), and their derivatives by parameters.
+    def differences(self, outcome: Outcome) -> tuple[FloatArray, dict[str, FloatArray]]:
+        """Return whitened distances and sensors' differences, (m + s,), and their derivatives by parameters."""
 
-        Parameters
-        ----------
-        outcome, distances, by
-            An equilibrium, and what `distances_of` gives of it.
-        """
-        pressure, sensors = outcome.fields[PRESSURE], self.sensors
-        sensed = (sensors.averages(pressure.values) - sensors.measured) / sensors.sd
-        slopes = {
-            name: np.concatenate(
-                [self.misfit.whitened(one), sensors.averages(pressure.sensitivities[name]) / sensors.sd]
-            )
-            for name, one in by.items()
-        }
-        return np.concatenate([self.misfit.whitened(distances), sensed]), slopes
+        def read(distances: FloatArray, sensed: FloatArray) -> FloatArray:
+            return np.concatenate([self.misfit.whitened(distances), sensed / self.sensors.sd])
+
+        pressure, averages = outcome.fields[PRESSURE], self.sensors.averages
+        distances, by = distances_of(outcome, self.bare, self.misfit)
+        slopes = {name: read(rate, averages(pressure.sensitivities[name])) for name, rate in by.items()}
+        return read(distances, averages(pressure.values) - self.sensors.measured), slopes
 
     def fit_nuisances(self, differences: FloatArray, parameters: FloatArray) -> NuisanceFit:
         """Fit the nuisances to differences (m + s,) at C10 of muscle and fat (MPa)."""
-        basis = np.vstack([self._slopes(parameters), np.diag(1 / self.nuisances.sd)])
-        return NuisanceFit(differences, basis)
+        weights = 1 / self.nuisances.sd
+        weights[self.lifted] = 0.0
+        return NuisanceFit(differences, np.vstack([self._slopes(parameters), np.diag(weights)]))
 
     def unexplained(self, distances: FloatArray, nuisance: FloatArray, parameters: FloatArray) -> FloatArray:
         """Return distances (n,) less what rigid motions and errors of the pressure explain, mm."""
@@ -220,35 +217,35 @@ class ScanComparison(Comparison):
         shown = [*range(RIGID + SECTORS), *([len(nuisance) - 1] if known.of_tension else [])]
         return np.asarray(distances + known.at(parameters)[:, shown] @ nuisance[shown])
 
-    def squares(self, trial: Trial) -> float:
-        """Return the paper's cost of a full solve: the sum of squared distances (mm2); NaN where no state was found."""
-        if trial.prediction is None:
-            return np.nan
-        fitted = self.fit_nuisances(trial.prediction.model_values[: -len(PARAMETERS)], trial.point)
+    def left(self, trial: Trial) -> FloatArray:
+        """Return the distances (n,) of a full solve less what rigid motions and errors of the pressure explain, mm."""
+        assert trial.prediction is not None
+        stiffness = trial.point[: len(PARAMETERS)]
+        fitted = self.fit_nuisances(trial.prediction.model_values[: -len(PARAMETERS)], stiffness)
         distances = self.misfit.distances(shape_of(trial.outcome, self.bare))
-        return self.misfit.cost(self.unexplained(distances, fitted.nuisance, trial.point))
+        return self.unexplained(distances, fitted.nuisance, stiffness)
 
     def with_nuisances(self, slopes: Mapping[str, FloatArray], fitted: NuisanceFit, values: Values) -> FloatArray:
-        """Return the derivatives (m + s, 2) by the stiffnesses (1/MPa), the nuisances held at their best."""
-        parameters, columns = np.array([values[name] for name in PARAMETERS]), []
+        """Return the derivatives (m + s, p) by parameters, per unit of each, the nuisances held at their best."""
+        parameters, columns = np.array([values[name] for name in PARAMETERS]), dict(slopes)
         for number, name in enumerate(PARAMETERS):
             step = STEP * np.eye(len(PARAMETERS))[number]
             ahead, behind = (self._slopes(parameters * np.exp(sign * step)) for sign in (1, -1))
-            columns.append(slopes[name] + (ahead - behind) @ fitted.nuisance / (2 * STEP * parameters[number]))
-        return np.stack(columns, axis=1)
+            columns[name] = slopes[name] + (ahead - behind) @ fitted.nuisance / (2 * STEP * parameters[number])
+        return np.stack(list(columns.values()), axis=1)
 
     def predict(self, outcome: Outcome, instrument: FloatArray) -> Prediction:
         """Read an equilibrium; the stiffness is among the model's values, since the nuisances' effects follow it."""
         parameters = np.array([outcome.values[name] for name in PARAMETERS])
-        differences, by = self.differences(outcome, *distances_of(outcome, self.bare, self.misfit))
+        differences, by = self.differences(outcome)
         fitted = self.fit_nuisances(differences, parameters)
         slopes = fitted.projected(self.with_nuisances(by, fitted, outcome.values))
-        logs = np.diag(1 / parameters)
+        logs = {name: np.equal(PARAMETERS, name) / parameters for name in by}
         return Prediction(
             fitted.left,
-            dict(zip(PARAMETERS, slopes.T, strict=True)),
+            dict(zip(by, slopes.T, strict=True)),
             np.concatenate([differences, np.log(parameters)]),
-            {name: np.concatenate([by[name], logs[k]]) for k, name in enumerate(PARAMETERS)},
+            {name: np.concatenate([rate, logs[name]]) for name, rate in by.items()},
         )
 
     def read(self, model_values: FloatArray, instrument: FloatArray) -> FloatArray:
@@ -306,7 +303,6 @@ class ScanFit:
         comparison, best, linear = found.search.misfit, found.best, found.linear
         differences = linear.prediction.model_values[: -len(PARAMETERS)]
         fitted = comparison.fit_nuisances(differences, best.point)
-        shape = shape_of(best.outcome, comparison.bare)
         log_covariance = linear.errors(comparison.covariance) / np.outer(best.point, best.point)
         tension = None
         if comparison.nuisances.of_tension:
@@ -321,9 +317,9 @@ class ScanFit:
         return cls(
             by_name(best.point),
             comparison.misfit,
-            shape,
+            shape_of(best.outcome, comparison.bare),
             fitted.nuisance,
-            comparison.unexplained(comparison.misfit.distances(shape), fitted.nuisance, best.point),
+            comparison.left(best),
             fitted.left[len(differences) - len(comparison.sensors) : len(differences)],
             best.objective / (len(differences) + len(found.search.law.priors)),
             log_covariance,
