@@ -9,7 +9,7 @@ from legfem.geometry.leg_shape import SKIN, LegShape, fat_thickness_around
 from legfem.inverse.intervals import quantile
 from legfem.report.answers import span_of
 from legfem.report.curves import Curves, Dash, Line
-from legfem.report.page import Bars, Block, LabelledBar, Prose, WebTable
+from legfem.report.page import Bars, Block, Known, LabelledBar, Prose, WebTable
 from legfem.report.style import DATA_COLOUR, FAINT
 from legfem.report.words import ROUND, Directions, angle_round, round_leg, unwrapped
 from legfem.stockings.details import StockingDetails
@@ -63,27 +63,24 @@ def pressure_blocks(details: StockingDetails) -> list[Block]:
         else "Of the bare leg's shape, since the leg in its stocking could not be computed."
     )
     blocks: list[Block] = [Prose(note), _bars(details)]
-    if details.sensors:
-        used = "They were compared, and nothing was identified from them."
-        if details.best is not None:
-            used = "They are data of the identification"
-            used += (
-                "."
-                if tension_text(details) is not None
-                else ("; the fabric was taken as it was given ([accuracy] tension_relative_sd), so they add little.")
-            )
-        caption = f"Sensors between stocking and skin beside the model, averaged over their faces. {used}"
-        blocks.append(WebTable(caption, ["sensor", "shown, and by the model"], sensor_rows(details)))
     return blocks if details.pressures is None else [*blocks, *_inside(details, details.pressures)]
 
 
-def sensor_rows(details: StockingDetails) -> list[tuple[str, str]]:
-    """Return what each sensor showed beside the model."""
+def sensor_rows(details: StockingDetails) -> list[Known]:
+    """Return what each sensor showed, averaged over its face, beside the model."""
+    used = "compared, and nothing identified from it"
+    if details.best is not None:
+        used = "data of the identification"
+        if details.best.tension is None:
+            used += "; the fabric was taken as it was given ([accuracy] tension_relative_sd), so it adds little"
     return [
-        (
-            one.sensor.name,
+        Known(
+            f"pressure on the skin at the sensor {one.sensor.name!r}",
             f"{mpa_to_mmhg(one.sensor.pressure):.1f} ± {mpa_to_mmhg(one.sensor.sd):.1f} mmHg (sd), "
             f"model {mpa_to_mmhg(one.pressure):.1f} mmHg ({one.standardised_residual:+.1f} sd)",
+            details.leg.origin,
+            "leg.toml",
+            remark=used,
         )
         for one in details.sensors
     ]

@@ -46,15 +46,17 @@ REPAIRS = 6
 
 @dataclass(frozen=True)
 class _Mechanism:
-    """A mechanism: a term of the model, zero at its null, or nuisances with their priors lifted."""
+    """A mechanism: a term of the model, zero at its null, or nuisances that are larger than is known."""
 
     name: str
     statement: str
     labels: tuple[str, ...]
     strengths: tuple[Parameter, ...] = ()
     """The term's only one."""
-    lifted: slice = slice(0)
-    """Places of the nuisances."""
+    nuisances: slice = slice(0)
+    """Places of these."""
+    sd: float = np.inf
+    """Standard deviation of the nuisances where the mechanism is there, in their units."""
 
 
 _MECHANISMS = (
@@ -62,7 +64,8 @@ _MECHANISMS = (
         "local-pressure",
         "the pressure on the skin is wrong on one side of the leg",
         tuple(f"at {360 * k / SECTORS:.0f} degrees" for k in range(SECTORS)),
-        lifted=slice(RIGID, RIGID + SECTORS),
+        nuisances=slice(RIGID, RIGID + SECTORS),
+        sd=0.3,
     ),
     _Mechanism(
         "volume-loss",
@@ -86,7 +89,7 @@ _MECHANISMS = (
         "misregistration",
         "the two scans lie farther apart than the bones' registration says",
         ("x (mm)", "y (mm)", "z (mm)", "about x (rad)", "about y (rad)", "about z (rad)"),
-        lifted=slice(RIGID),
+        nuisances=slice(RIGID),
     ),
 )
 _NULLS = {strength.name: 0.0 for one in _MECHANISMS for strength in one.strengths}
@@ -167,7 +170,7 @@ def model_discrepancy(forward: StockingForward, comparison: ScanComparison, best
         return np.asarray(left - basis @ (basis.T @ left))
 
     signatures = {
-        one: np.column_stack([*(by[strength.name] for strength in one.strengths), fitted.slopes[:, one.lifted]])
+        one: np.column_stack([*(by[strength.name] for strength in one.strengths), fitted.slopes[:, one.nuisances]])
         for one in _MECHANISMS
     }
     scores = _scores(signatures, differences, unexplained)
@@ -238,17 +241,19 @@ def _places(
 def _searched_again(
     forward: StockingForward, comparison: ScanComparison, mechanism: _Mechanism, start: Values
 ) -> tuple[float, FloatArray]:
-    """Search for stiffnesses and a mechanism's strength about a start, beside lifted priors.
+    """Search for stiffnesses and a mechanism's strength about a start, beside its nuisances' wider priors.
 
     Returns the root-mean-square distance (mm), and C10 (MPa).
     """
     parameters = (*stiffness_priors().parameters, *mechanism.strengths)
     names = tuple(one.name for one in parameters)
     held = {name: null for name, null in _NULLS.items() if name not in names}
-    law, lifted = IdentifiedLaw("neo-hookean", parameters, held, {}), replace(comparison, lifted=mechanism.lifted)
+    law, sd = IdentifiedLaw("neo-hookean", parameters, held, {}), comparison.nuisances.sd
+    sd[mechanism.nuisances] = mechanism.sd
+    wider = replace(comparison, nuisances_sd=sd)
     with FullSolver(forward, None, 1, Silent(), names) as solver:
-        search = Search(law, lifted, IdentificationSettings(most_solves=REPAIRS), solver, begun=True)
+        search = Search(law, wider, IdentificationSettings(most_solves=REPAIRS), solver, begun=True)
         search.solve(law.point(start)[None], "design")
         run_together([search])
-    rms = float(np.sqrt(np.mean(lifted.left(search.best) ** 2)))
+    rms = float(np.sqrt(np.mean(wider.left(search.best) ** 2)))
     return rms, search.best.point[: len(PARAMETERS)]

@@ -21,7 +21,6 @@ from legfem.inverse.catalogue import IdentifiedLaw, LawName
 from legfem.inverse.intervals import profile_interval, profile_point, quantile
 from legfem.inverse.least_squares import Residual, least_residual
 from legfem.inverse.outcome import FullSolver
-from legfem.inverse.parameter import Priors
 from legfem.inverse.problem import fit_with, log_of, search_settings
 from legfem.inverse.search import Search, SearchError
 from legfem.inverse.searches import Found
@@ -91,15 +90,10 @@ class ScanProblem:
     weighs_shared_errors: bool = False
 
     @cached_property
-    def priors(self) -> Priors:
-        """The stiffnesses (MPa) with what is known of them."""
-        return stiffness_priors(self.leg.elastography)
-
-    @cached_property
     def unknowns(self) -> Mapping[LawName, IdentifiedLaw]:
         """Stiffness of muscle and fat, looked for from where the nuisances' effects are computed."""
-        starts = tuple(map(by_name, SAMPLED_AT))
-        return {LAW: IdentifiedLaw(LAW, self.priors.parameters, {}, self.forward.nominal, starts=starts)}
+        parameters, starts = stiffness_priors(self.leg.elastography).parameters, tuple(map(by_name, SAMPLED_AT))
+        return {LAW: IdentifiedLaw(LAW, parameters, {}, self.forward.nominal, starts=starts)}
 
     def fitted(self, settings: IdentificationSettings) -> StockingFit:
         """Search, from where the nuisances' effects are computed.

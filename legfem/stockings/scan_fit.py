@@ -149,15 +149,15 @@ class ScanComparison(Comparison):
         Distances from the scanned contours, and the derivatives by what isn't known.
     sensors
         Under the stocking; there may be none.
-    lifted
-        Places of nuisances that nothing is known of beforehand.
+    nuisances_sd : (k,) array, optional
+        Standard deviations of the nuisances' priors, where they aren't those that are known.
     """
 
     bare: LegShape
     misfit: ContourMisfit
     nuisances: NuisanceSlopes
     sensors: SensorArray
-    lifted: slice = slice(0)
+    nuisances_sd: FloatArray | None = None
     reach = "an equilibrium with the stocking"
 
     @property
@@ -207,9 +207,8 @@ class ScanComparison(Comparison):
 
     def fit_nuisances(self, differences: FloatArray, parameters: FloatArray) -> NuisanceFit:
         """Fit the nuisances to differences (m + s,) at C10 of muscle and fat (MPa)."""
-        weights = 1 / self.nuisances.sd
-        weights[self.lifted] = 0.0
-        return NuisanceFit(differences, np.vstack([self._slopes(parameters), np.diag(weights)]))
+        sd = self.nuisances.sd if self.nuisances_sd is None else self.nuisances_sd
+        return NuisanceFit(differences, np.vstack([self._slopes(parameters), np.diag(1 / sd)]))
 
     def unexplained(self, distances: FloatArray, nuisance: FloatArray, parameters: FloatArray) -> FloatArray:
         """Return distances (n,) less what rigid motions and errors of the pressure explain, mm."""

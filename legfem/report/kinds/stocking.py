@@ -166,8 +166,7 @@ def _given(details: StockingDetails) -> list[web.Known]:
     if (text := stocking_pressures.tension_text(details)) is not None:
         source = both + (" and the sensors" if details.sensors else "")
         rows.append(web.Known("tension of the fabric, relative to what was given", text, "estimated", source))
-    for name, text in stocking_pressures.sensor_rows(details):
-        rows.append(web.Known(f"pressure on the skin at the sensor {name!r}", text, data, "leg.toml"))
+    rows += stocking_pressures.sensor_rows(details)
     rows += modulus_rows(leg.elastography, leg.origin)
     rows.append(web.Known("length of leg that was modelled", f"{leg.bare.length:.0f} mm", data, "scan of the bare leg"))
     return rows
