@@ -67,7 +67,7 @@ def searched(fat_sd: float, softest: float = 0.0) -> Found[Measured]:
 
 
 def intervals(found: Found[Measured]):
-    return profile_intervals(found, np.diag([0.1, found.search.misfit.fat_sd]) ** 2)
+    return np.array(profile_intervals(found, np.diag([0.1, found.search.misfit.fat_sd]) ** 2))
 
 
 def test_ends_are_as_lopsided_as_what_was_measured():

@@ -143,7 +143,7 @@ def widened(searched, half_width: float, **others):
     fit, best, found, _ = searched[1]
     best, found = others.get("best", best), others.get("found", found)
     half = math.asinh(half_width)
-    return compared(fit, best, found, found.best.point[:, None] * np.exp([[-half, half]]))
+    return compared(fit, best, found, [(value * math.exp(-half), value * math.exp(half)) for value in found.best.point])
 
 
 def test_a_scan_made_by_the_model_itself_is_met(result):
@@ -242,7 +242,7 @@ def test_verdict_follows_the_interval(searched, half_width, verdict):
 
 
 def test_an_open_interval_is_said_in_words_and_null(searched):
-    other = compared(*searched[1][:3], np.array([[2e-3, 4e-3], [1.5e-3, np.inf]]))
+    other = compared(*searched[1][:3], [(2e-3, 4e-3), (1.5e-3, np.inf)])
     assert "(95 % at least 1.5); estimated, both scans; not identifiable" in words_on(other)
     assert "C10 of the superficial tissue (fat) cannot be determined" in words_on(other)
     found = document(other)["parameters"]["c10_superficial"]
@@ -278,7 +278,7 @@ def test_scans_that_add_nothing_to_what_was_known_do_not_identify(searched):
     shear = ShearModulus("superficial", "across", 12e-3, 2e-4, "an article")
     fit, best, found, _ = searched[1]
     law = replace(found.search.law, parameters=stiffness_priors((shear,)).parameters)
-    known = compared(fit, best, replace(found, search=replace(found.search, law=law)), None).estimates
+    known = compared(fit, best, replace(found, search=replace(found.search, law=law)), []).estimates
     fat = known["superficial.C10"]
     assert fat.adds_nothing == (fat.identifiability == "not identifiable") is True
     assert "both scans add nothing to its prior" in fat.why

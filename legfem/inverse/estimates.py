@@ -121,8 +121,8 @@ class Optimum:
         What it means where the law doesn't describe the data, in words.
     data : str
         What was measured, in words.
-    intervals : (p, 2) array, optional
-        95 % intervals, infinite or 0 at an open end; by profiles of the cost without them.
+    intervals : sequence of tuple of float
+        95 % intervals, infinite or 0 at an open end; none where profiles of the cost say them.
     """
 
     found: Found[Any]
@@ -133,7 +133,7 @@ class Optimum:
     plane: bool = False
     missed: str = _LAW_MISSES
     data: str = "the recordings"
-    intervals: FloatArray | None = None
+    intervals: Sequence[tuple[float, float]] = ()
 
     @cached_property
     def spread(self) -> FloatArray:
@@ -192,10 +192,8 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
         if curvature[k, k] > 0:
             error = math.sqrt(spread[k, k])
             rise = cut_height(optimum.times, float(spread[k, k]), float(curvature[k, k]))
-            if optimum.intervals is None:
-                interval = profile_interval(residual, at, k, rise, bounds, optimum.times * error)
-            else:
-                interval = float(optimum.intervals[k, 0]), float(optimum.intervals[k, 1])
+            given = optimum.intervals
+            interval = given[k] if given else profile_interval(residual, at, k, rise, bounds, optimum.times * error)
             if bounds[k, 0] < interval[0] and interval[1] < bounds[k, 1]:
                 # A tangent leaves a curved valley long before the sum of squares rises.
                 error = _half_width(parameter, float(at[k]), interval) / optimum.times

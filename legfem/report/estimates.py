@@ -84,21 +84,6 @@ def estimated(what: str, found: Estimate, data: int | str, isotropic: bool) -> K
     return Known(what, value_text(found), how, source, interval_text(found), remark)
 
 
-def computed(fit: Fit[Any], source: str) -> list[Known]:
-    """Return the rows of what follows from a fit, where it is known."""
-    return [
-        Known(
-            one.name,
-            f"{number(one.value, one.standard_error)}{spaced(one.unit)}",
-            "computed",
-            source,
-            " to ".join(number(end, one.standard_error) for end in one.ci95 if math.isfinite(end)),
-        )
-        for one in fit.computed.values()
-        if math.isfinite(one.value)
-    ]
-
-
 _WIDENED = 8.0
 """Standard errors in a 95 % interval, of which noise alone makes some four."""
 

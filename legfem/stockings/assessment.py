@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from legfem.common.documents import versions_of
-from legfem.common.units import FloatArray, mpa_to_mmhg, spans_of
+from legfem.common.units import mpa_to_mmhg, spans_of
 from legfem.geometry.slices import CONTOURS
 from legfem.inverse.catalogue import LawName
 from legfem.inverse.comparison import Covariances
@@ -111,7 +111,7 @@ def noticed(fit: StockingFit) -> StockingFit:
 
 
 def compared(
-    fit: StockingFit, best: ScanFit, found: Found[ScanComparison], intervals: FloatArray | None
+    fit: StockingFit, best: ScanFit, found: Found[ScanComparison], intervals: Sequence[tuple[float, float]]
 ) -> StockingFit:
     """Return the result of a run that compared nothing, with what a search found.
 
@@ -123,8 +123,8 @@ def compared(
         The best fit of both scans.
     found
         The finished search.
-    intervals : (2, 2) array, optional
-        95 % intervals of the stiffnesses, MPa.
+    intervals : sequence of tuple of float
+        95 % intervals of the stiffnesses, MPa; none where the search didn't settle.
     """
     missed = "" if found.search.converged else "the search ended before it had settled"
     missed = "the model misses the scan, so the interval doesn't hold" if best.misses else missed

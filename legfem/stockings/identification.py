@@ -124,7 +124,7 @@ class ScanProblem:
     def assessed(self, found: Found[ScanComparison]) -> StockingFit:
         """Result of the finished search, with the leg in equilibrium with its stocking."""
         best = ScanFit.of(found)
-        intervals = profile_intervals(found, best.log_covariance) if found.search.converged else None
+        intervals = profile_intervals(found, best.log_covariance) if found.search.converged else []
         self.progress.stage("where model and scan differ")
         discrepancy = model_discrepancy(self.forward, self.scans, best)
         self.progress.advance(discrepancy.verdict)
@@ -144,8 +144,8 @@ LEAST_WAY = 0.2
 """Distance in log stiffness beyond the nearest equilibrium that one more is worth."""
 
 
-def profile_intervals(found: Found[ScanComparison], log_covariance: FloatArray) -> FloatArray:
-    """Return 95 % intervals of the stiffnesses, (2, 2), by profile likelihood, MPa; 0 and infinity where open.
+def profile_intervals(found: Found[ScanComparison], log_covariance: FloatArray) -> list[tuple[float, float]]:
+    """Return 95 % intervals of the stiffnesses by profile likelihood, MPa; 0 and infinity where open.
 
     The profile of one stiffness is the least sum of squares with it held, over the other stiffness and the nuisances,
     between the equilibria that were solved (`legfem.inverse.emulator`). Where an end of an interval lies too far from
@@ -180,7 +180,7 @@ def profile_intervals(found: Found[ScanComparison], log_covariance: FloatArray) 
         farthest = int(np.argmax(np.where(share < 1.0, way, 0.0)))
         search.solve(np.exp(nearest + share[:, None] * (points - nearest))[[farthest]], "design")
     known = (share >= 1.0).reshape(ends.shape) & (np.abs(ends - box) > 1e-9)
-    return np.where(known, np.exp(ends), (0.0, np.inf))
+    return [(float(low), float(high)) for low, high in np.where(known, np.exp(ends), (0.0, np.inf))]
 
 
 def identify_in_stocking(

@@ -21,7 +21,7 @@ from legfem.report.folder import ReportFile
 from legfem.report.kinds import ReportKind
 from legfem.report.stocking_figures import stocking_pressure_figure, stocking_section_figure
 from legfem.report.style import save
-from legfem.report.words import DataKind, capital
+from legfem.report.words import DataKind, capital, number
 from legfem.stockings.assessment import KIND
 from legfem.stockings.details import StockingDetails, StockingFit
 
@@ -66,12 +66,7 @@ class StockingReport(ReportKind):
 
     def known(self, fits: Sequence[StockingFit]) -> list[web.Known]:
         """Return the stiffness, the pressures, and what they rest on."""
-        return [
-            *_stiffness(fits[0]),
-            *estimates.computed(fits[0], "the model in equilibrium with its stocking"),
-            *_stocking(fits[0].details),
-            *_given(fits[0].details),
-        ]
+        return [*_stiffness(fits[0]), *_pressures(fits[0]), *_stocking(fits[0].details), *_given(fits[0].details)]
 
     def chapters(self, fits: Sequence[StockingFit], pressed: web.PressedSection | None, note: str) -> list[web.Chapter]:
         """Return the leg to turn, pressures, stiffness, where model and scan differ, and how it was computed."""
@@ -145,6 +140,20 @@ def _stiffness(fit: StockingFit) -> list[web.Known]:
     return found + [
         web.Known(f"{words_of(name)}, used for the pressures", held_text(name, value), "assumed", "leg.toml")
         for name, value in given.items()
+    ]
+
+
+def _pressures(fit: StockingFit) -> list[web.Known]:
+    return [
+        web.Known(
+            one.name,
+            f"{number(one.value, one.standard_error)} {one.unit}",
+            "computed",
+            "the model in equilibrium with its stocking",
+            " to ".join(number(end, one.standard_error) for end in one.ci95 if np.isfinite(end)),
+        )
+        for one in fit.computed.values()
+        if np.isfinite(one.value)
     ]
 
 
