@@ -259,7 +259,7 @@ def test_fat_is_named_only_beyond_what_is_known_of_it(factor, named):
     observed, predictor = problem.predictor.observed, problem.predictor
     mechanism = mechanism_named("superficial-stiffness")
     force = predictor({**TRUTH, "superficial-stiffness.factor": factor}, [mechanism])
-    known = NuisanceChanges(GRID, {}, {"superficial.C10": fat(GRID)})
+    known = NuisanceChanges(GRID, {}, {"superficial.C10": {"force": fat(GRID)}})
     effects = nuisance_effects(known, observed, force, ShapeAccuracy())
     seen = noisy(observed.with_force(force), force, 3)
     errors = error_model(seen, problem.errors.noise, force, effects)

@@ -207,8 +207,9 @@ def test_nuisances_beside_a_mechanism_are_in_proportion_to_what_it_does() -> Non
     """Solved at one strength; a dermis of twice that stretches little more, and those of two add up."""
 
     def changes(aim: float, rise: float) -> NuisanceChanges:
-        own = NuisanceChanges(np.append(0.0, GRID), {"aim": np.full(len(GRID) + 1, rise)}, {})
-        return NuisanceChanges(GRID, {"aim": np.full(len(GRID), aim), "tibia": GRID}, {}, {FAT: own, "other": own})
+        own = np.full(len(GRID) + 1, rise)
+        of_aim = {"force": np.full(len(GRID), aim), FAT: own, "other": own}
+        return NuisanceChanges(GRID, {"aim": of_aim, "tibia": {"force": GRID}}, {})
 
     fat, dermis = tissue("superficial-stiffness"), tissue("dermis")
     done = {fat.name: np.log(fat.strengths), dermis.name: np.sqrt(dermis.strengths)}
@@ -221,8 +222,8 @@ def test_nuisances_beside_a_mechanism_are_in_proportion_to_what_it_does() -> Non
     present = [(fat, {"factor": 1.7}), (dermis, {"stiffness": 1.0})]
     found = library.nuisances_beside([*present, (mechanism_named("force-drift"), {"rate": 0.1})])
     shares = np.log(1.7) / np.log(3.5), np.sqrt(1.0 / 0.3)
-    np.testing.assert_allclose(found.geometric["aim"], 0.01 + shares[0] * 0.02 + shares[1] * 0.1)
-    np.testing.assert_allclose(found.channels[FAT].geometric["aim"], 0.5 + shares[0] * 0.3 - shares[1] * 0.2)
+    np.testing.assert_allclose(found.geometric["aim"]["force"], 0.01 + shares[0] * 0.02 + shares[1] * 0.1)
+    np.testing.assert_allclose(found.geometric["aim"][FAT], 0.5 + shares[0] * 0.3 - shares[1] * 0.2)
 
 
 def test_a_tabulated_pair_is_in_proportion_to_both_departures() -> None:

@@ -47,8 +47,10 @@ def blank():
     """A leg's observations and force, with changes that differ from geometry to geometry."""
     observed, predictor = observations(ramps())
     force = predictor({DEEP_C10: 0.001, DEEP_C20: 0.0008})
-    geometric = {own.name: 0.01 * np.cos((k + 1) * GRID / 15) for k, own in enumerate(displaced_geometries())}
-    return observed, force, NuisanceChanges(GRID, geometric, {"superficial.C10": fat(GRID)})
+    geometric = {
+        own.name: {"force": 0.01 * np.cos((k + 1) * GRID / 15)} for k, own in enumerate(displaced_geometries())
+    }
+    return observed, force, NuisanceChanges(GRID, geometric, {"superficial.C10": {"force": fat(GRID)}})
 
 
 def test_an_effect_is_the_force_times_its_relative_change_by_one_standard_deviation(blank):
@@ -57,7 +59,7 @@ def test_an_effect_is_the_force_times_its_relative_change_by_one_standard_deviat
     expected = MATERIAL_LOG_SD["superficial.C10"] * fat(observed.displacement) * force
     deep = observed.displacement > GRID[0]
     np.testing.assert_allclose(effects["stiffness of the fat"][deep], expected[deep], rtol=1e-3)
-    aim = CubicSpline(GRID, nuisances.geometric["aim"])(observed.displacement) * force
+    aim = CubicSpline(GRID, nuisances.geometric["aim"]["force"])(observed.displacement) * force
     np.testing.assert_allclose(effects["aim"][deep], aim[deep], rtol=1e-9)
 
 
@@ -92,7 +94,8 @@ def test_modes_of_an_outline_have_its_error_s_covariance_along_the_arc(blank):
         hats = [g for g in displaced_geometries() if g.name.startswith(f"outline of the {part}")]
         arcs = np.array([g.moved.arc for g in hats])
         apart = (arcs[:, None] - arcs[None, :]) / CONTOUR_ARC_MM
-        each = np.array([force * CubicSpline(GRID, nuisances.geometric[g.name])(observed.displacement) for g in hats])
+        courses = [nuisances.geometric[g.name]["force"] for g in hats]
+        each = np.array([force * CubicSpline(GRID, course)(observed.displacement) for course in courses])
         expected = each.T @ np.exp(-0.5 * apart**2) @ each
         found = modes.T @ modes
         shallow = observed.displacement < GRID[0]

@@ -54,37 +54,33 @@ def unchanged(mechanism: TissueMechanism, length: int) -> Table:
 
 @dataclass(frozen=True, eq=False)
 class NuisanceChanges:
-    """Changes of the elastic courses at a grid of displacement by what isn't known exactly, of the force relative.
+    """Changes of the elastic courses by what isn't known exactly, of the force relative.
 
     Parameters
     ----------
     grid
-        (m,), mm.
+        (m,), mm: of the force; that of other channels begins at zero.
     geometric
-        By the name of a displaced geometry, (m,).
+        By the name of a displaced geometry.
     material
-        By a parameter's full name: per relative change of it, (m,).
-    channels
-        By channel the absolute changes, at a grid that begins at zero.
+        By a parameter's full name, per relative change of it.
     """
 
     grid: FloatArray
-    geometric: Mapping[str, FloatArray]
-    material: Mapping[str, FloatArray]
-    channels: Mapping[str, "NuisanceChanges"] = field(default_factory=dict)
+    geometric: Mapping[str, Columns]
+    material: Mapping[str, Columns]
 
     def plus(self, times: float, more: "NuisanceChanges") -> "NuisanceChanges":
         """Return these changes with ``times`` others added, of what those know."""
 
-        def added(own: Mapping[str, FloatArray], others: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-            return {name: row + times * others[name] if name in others else row for name, row in own.items()}
+        def added_to(own: Columns, other: Columns) -> Columns:
+            return {one: row + times * other[one] if one in other else row for one, row in own.items()}
 
-        return NuisanceChanges(
-            self.grid,
-            added(self.geometric, more.geometric),
-            added(self.material, more.material),
-            {n: own.plus(times, more.channels[n]) if n in more.channels else own for n, own in self.channels.items()},
-        )
+        def added(own: Mapping[str, Columns], others: Mapping[str, Columns]) -> dict[str, Columns]:
+            return {name: added_to(columns, others.get(name, {})) for name, columns in own.items()}
+
+        geometric, material = added(self.geometric, more.geometric), added(self.material, more.material)
+        return NuisanceChanges(self.grid, geometric, material)
 
 
 @dataclass(frozen=True, eq=False)

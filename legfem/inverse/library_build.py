@@ -1,6 +1,6 @@
 """Building a body's library of responses: the tables of what was solved."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.interpolate import make_smoothing_spline
@@ -149,18 +149,13 @@ def _nuisances(
 ) -> NuisanceChanges:
     """Return what is known of nuisances, beside a mechanism or without any."""
     own = [(t, o) for t, o in done if (t.beside[0] if t.beside else None) is beside]
-    geometric = {t.geometry.name: o[ONE] for t, o in own if t.geometry is not None}
+
+    def known(change: Columns) -> Columns:
+        return {"force": smoothed(grid, change["force"]), **{name: change[name] for name in names if name in change}}
+
+    geometric = {t.geometry.name: known(o[ONE]) for t, o in own if t.geometry is not None}
     material = next((o for t, o in own if t.material), {})
-
-    def courses(of: Mapping[str, Columns], channel: str) -> dict[str, FloatArray]:
-        return {name: change[channel] for name, change in of.items() if channel in change}
-
-    def forces(of: Mapping[str, Columns]) -> dict[str, FloatArray]:
-        return {name: smoothed(grid, change) for name, change in courses(of, "force").items()}
-
-    from_zero = np.concatenate([[0.0], grid])
-    beside_force = {one: NuisanceChanges(from_zero, courses(geometric, one), courses(material, one)) for one in names}
-    return NuisanceChanges(grid, forces(geometric), forces(material), beside_force)
+    return NuisanceChanges(grid, geometric, {name: known(change) for name, change in material.items()})
 
 
 def _known_channels(done: Sequence[tuple[Task, Outcome]]) -> tuple[str, ...]:

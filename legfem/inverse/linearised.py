@@ -282,22 +282,19 @@ def nuisance_effects(
     """
     d, force = observed.displacement, prediction[: len(observed.force)]
 
-    def along(of: NuisanceChanges) -> dict[str, FloatArray]:
-        rows = {**of.geometric, **of.material}
-        stacked = np.reshape(list(rows.values()), (len(rows), len(of.grid)))
-        every = CubicSpline(of.grid, stacked, axis=1)(np.maximum(d, of.grid[0]))
-        return dict(zip(rows, every, strict=True))
-
-    of_force = along(changes)
+    every = {**changes.geometric, **changes.material}
 
     @cache
-    def of_course(course: str) -> dict[str, FloatArray]:
-        return along(changes.channels[course])
+    def along(course: str) -> dict[str, FloatArray]:
+        grid = changes.grid if course == "force" else np.concatenate([[0.0], changes.grid])
+        rows = {name: columns[course] for name, columns in every.items() if course in columns}
+        there = CubicSpline(grid, np.array(list(rows.values())), axis=1)(np.maximum(d, grid[0]))
+        return dict(zip(rows, there, strict=True))
 
     @cache
     def effect(name: str) -> FloatArray:
-        further = [one.read(lambda course: of_course(course)[name]) for one in observed.channels]
-        return np.concatenate([force * of_force[name], *further])
+        further = [one.read(lambda course: along(course)[name]) for one in observed.channels]
+        return np.concatenate([force * along("force")[name], *further])
 
     found: list[NuisanceEffect] = []
     for name in changes.material:

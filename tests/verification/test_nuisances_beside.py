@@ -57,8 +57,7 @@ def test_an_aim_does_to_a_film_beside_stiff_fat_what_another_code_says():
 
     def changes(solution: Solution) -> NuisanceChanges:
         found = solved.displaced(aim, (1e-3 * C10_KPA, 0.0), solution)
-        by_name = {name: NuisanceChanges(solved.grid, {"aim": found[name]}, {}) for name in NAMES}
-        return NuisanceChanges(solved.grid, {"aim": found["force"]}, {}, by_name)
+        return NuisanceChanges(solved.grid, {"aim": {name: found[name] for name in ("force", *NAMES)}}, {})
 
     plain = changes(PLAIN)
     altered = changes(fat.solution({"factor": pair_strength(fat)})).plus(-1.0, plain)
@@ -70,7 +69,7 @@ def test_an_aim_does_to_a_film_beside_stiff_fat_what_another_code_says():
     library = Library(solved.grid, None, plain, middle, beside=beside, altered={fat.name: altered})  # type: ignore[arg-type]
 
     def tabulated(of: NuisanceChanges) -> FloatArray:
-        return np.array([of.channels[name].geometric["aim"][-1] for name in NAMES])
+        return np.array([of.geometric["aim"][name][-1] for name in NAMES])
 
     theirs = by_felupe(FACTOR)
     ours = tabulated(library.nuisances_beside([(fat, {"factor": FACTOR})]))
