@@ -219,8 +219,8 @@ def test_every_error_is_as_large_as_it_is_said_to_be(tmp_path, kind):
 def test_outlines_make_a_thickness_err(subject):
     sure, unsure = (about_the_truth(replace(subject, accuracy=LegAccuracy(contour_sd=sd))) for sd in (0.0, 0.5))
     own = layer_thicknesses(subject.section, subject.indenter.aim, subject.indenter.direction)["fat_thickness"]
-    assert not any("outlines" in one.name for one in sure.unknowns)
-    (effect,) = (one.effect for one in unsure.unknowns if "outlines" in one.name)
+    assert not any("outlines" in name for name in sure.errors.stated)
+    (effect,) = (one.effect for name, one in unsure.errors.stated.items() if "outlines" in name)
     read = unsure.data.spans[1]
     at_rest = read.start + int(np.argmin(unsure.data.channels[1].station))
     assert effect[at_rest] == pytest.approx(np.sqrt(2) * 0.5 * 6.0 / own, rel=0.1)

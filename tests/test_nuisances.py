@@ -14,6 +14,7 @@ from legfem.geometry.section import BONES
 from legfem.inverse.accuracy import GEOMETRY_DOF, MATERIAL_LOG_SD, Cause
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.correction import read_correction
+from legfem.inverse.errors import NuisanceEffect
 from legfem.inverse.explain import explain
 from legfem.inverse.library import NuisanceChanges
 from legfem.inverse.library_build import smoothed
@@ -130,8 +131,8 @@ def test_a_variance_that_a_bound_makes_small_keeps_its_degrees_of_freedom():
     """A bound takes variance away, not what the errors' sizes are known by."""
     problem, base = problem_of(ramps(), seed=1)
     known, names = 0.1 * base.sensitivities[:, :1], ("outline of the skin, mode 1",)
-    problem = replace(problem, errors=replace(problem.errors, known=known, names=names))
-    problem = replace(problem, causes={names[0]: OUTLINE})
+    stated = {names[0]: NuisanceEffect(names[0], known[:, 0], OUTLINE)}
+    problem = replace(problem, errors=replace(problem.errors, known=known, names=names, stated=stated))
     one = explain(replace(base, problem=problem), SOUGHT[:1]).base
     assert np.isfinite(one.degrees_of_freedom[0])
     posterior = replace(one.posterior, covariance=1e-6 * one.posterior.covariance)
@@ -143,13 +144,15 @@ def test_what_is_known_poorly_of_the_leg_widens_intervals():
     problem, base = problem_of(ramps(), seed=1)
     errors = problem.errors
     effect = base.sensitivities[:, :1]
-    known = replace(errors, known=effect, names=("outline of the skin, mode 1",))
+    name = "outline of the skin, mode 1"
+    stated = {name: NuisanceEffect(name, effect[:, 0], OUTLINE)}
+    known = replace(errors, known=effect, names=(name,), stated=stated)
     estimator = np.linalg.pinv(base.sensitivities)
     variance = np.full((len(base.free),) * 2, 1.0)
-    degrees = variance_degrees(variance, estimator, known, {known.names[0]: OUTLINE})
+    degrees = variance_degrees(variance, estimator, known)
     assert degrees[0] == pytest.approx(3.0)
     exact = replace(known, names=("load cell's gain",))
-    assert variance_degrees(variance, estimator, exact, {})[0] == np.inf
+    assert variance_degrees(variance, estimator, exact)[0] == np.inf
 
 
 def test_waves_of_elements_that_come_into_contact_go_and_the_course_stays():

@@ -216,7 +216,7 @@ def _begun(
     else:
         problem, found, error = _about(given.identified, problem)
     noise = estimate_noise(observed, given.instrument, slowest, found.residual[: len(observed.force)])
-    problem = problem.with_nuisances(noise, found, given.nuisances(found))
+    problem = replace(problem, errors=problem.errors_about(noise, found, given.nuisances(found)))
     return base_about_solution(problem, found, solved) if given.identified is None else (problem, found, error)
 
 
@@ -288,5 +288,5 @@ def ordinary_explanation(problem: LinearisedProblem, fitted: LinearisedFit, base
         base,
         fit=replace(fitted, problem=same),
         posterior=replace(base.posterior, mean=fitted.prior_z, covariance=covariance),
-        degrees=variance_degrees(covariance, estimator, problem.errors, problem.causes),
+        degrees=variance_degrees(covariance, estimator, problem.errors),
     )

@@ -196,6 +196,19 @@ _UNBOUNDED = 1e6
 
 
 @dataclass(frozen=True, eq=False)
+class NuisanceEffect:
+    """What one standard deviation of a thing that isn't known exactly does to the readings."""
+
+    name: str
+    effect: FloatArray
+    """Change of the readings (N,), in their units."""
+    cause: Cause
+    source: ErrorSource = "shape"
+    shared: bool = False
+    """Whether all tests of a problem have it alike."""
+
+
+@dataclass(frozen=True, eq=False)
 class ErrorModel:
     """The covariance of the N readings about the prediction, in its parts.
 
@@ -218,6 +231,8 @@ class ErrorModel:
         Of the columns of ``known``.
     of_model
         (N, N): the model's own error among ``dense``.
+    stated
+        What isn't the instruments' of the known effects, by their names.
     """
 
     noise: Noise
@@ -230,6 +245,7 @@ class ErrorModel:
     zero_sd: float = 0.02
     names: tuple[str, ...] = field(default_factory=tuple)
     of_model: FloatArray | None = None
+    stated: Mapping[str, NuisanceEffect] = field(default_factory=dict)
 
     @property
     def zero_sds(self) -> tuple[float, ...]:
@@ -282,19 +298,6 @@ class ErrorModel:
         marginal = np.diag(self.covariance)
         inverse = np.linalg.inv(self.covariance)
         return float(np.sum(1.0 / (marginal * np.diag(inverse))))
-
-
-@dataclass(frozen=True, eq=False)
-class NuisanceEffect:
-    """What one standard deviation of a thing that isn't known exactly does to the readings."""
-
-    name: str
-    effect: FloatArray
-    """Change of the readings (N,), in their units."""
-    cause: Cause
-    source: ErrorSource = "shape"
-    shared: bool = False
-    """Whether all tests of a problem have it alike."""
 
 
 def error_model(
@@ -355,6 +358,7 @@ def error_model(
         zero_sd=noise.zero_sd,
         names=tuple(columns),
         of_model=np.asarray(block_diag(*of_model)),
+        stated={one.name: one for one in unknowns},
     )
 
 

@@ -64,7 +64,7 @@ class Explanation:
         gain = spread @ solve_triangular(errors.lower, white, lower=True, trans="T").T
         # Bounds make a variance smaller, not its parts: their shares are those of the whole.
         whole = np.maximum(np.diag(self.posterior.covariance), np.diag(spread))
-        return variance_degrees(np.diag(whole), gain, errors, self.problem.causes)
+        return variance_degrees(np.diag(whole), gain, errors)
 
     @property
     def problem(self) -> LinearisedProblem:

@@ -29,9 +29,7 @@ from legfem.inverse.predictor import Predictor
 from legfem.inverse.trial_noise import Noise
 
 
-def variance_degrees(
-    covariance: FloatArray, estimator: FloatArray, errors: ErrorModel, causes: Mapping[str, Cause]
-) -> FloatArray:
+def variance_degrees(covariance: FloatArray, estimator: FloatArray, errors: ErrorModel) -> FloatArray:
     """Return the degrees of freedom (p,) of the variances of estimates, by Welch and Satterthwaite.
 
     Parameters
@@ -41,15 +39,13 @@ def variance_degrees(
     estimator
         (p, n), 1/N: what an error of the observations adds to them.
     errors
-        Of the observations.
-    causes
-        Of the errors' known effects, by their names; those without one have a known size.
+        Of the observations; known effects that aren't stated with a cause have a known size.
 
     See `legfem.inverse.intervals.effective_degrees`.
     """
     by_cause: dict[Cause, FloatArray] = {}
     for name, effect in zip(errors.names, errors.known.T, strict=True):
-        cause = causes.get(name, Cause(name))
+        cause = errors.stated[name].cause if name in errors.stated else Cause(name)
         by_cause[cause] = by_cause.get(cause, np.zeros(len(covariance))) + (estimator @ effect) ** 2
     return np.array(
         [
@@ -197,8 +193,6 @@ class LinearisedProblem:
     """(n,): the observations that are fitted; all without it."""
     measured: tuple[MeasuredStrength, ...] = ()
     """Strengths that were measured by themselves: they count in a fit's posterior."""
-    causes: Mapping[str, Cause] = field(default_factory=dict)
-    """By the names of the errors' known effects."""
     possible: Mapping[str, Occurrence] = field(default_factory=dict)
     """Which strengths mechanisms may have, by their names; within their bounds without it."""
     unseen: tuple[Unseen, ...] = ()
@@ -225,19 +219,16 @@ class LinearisedProblem:
         """Return the problem with the predictor shifted to a full solution."""
         return replace(self, predictor=replace(self.predictor, offset=offset))
 
-    def with_nuisances(
-        self, noise: Noise, about: LinearisedFit, effects: Sequence[NuisanceEffect]
-    ) -> "LinearisedProblem":
-        """Return the problem with the errors of noise, nuisance parameters and images' places about a fit."""
+    def errors_about(self, noise: Noise, about: LinearisedFit, effects: Sequence[NuisanceEffect]) -> ErrorModel:
+        """Return the errors by noise, nuisance parameters and images' places about a fit."""
         images = self.predictor.images_elsewhere(about.values, about.mechanisms)
-        errors = error_model(self.predictor.observed, noise, about.prediction, effects, images=images)
-        return replace(self, errors=errors, causes={one.name: one.cause for one in effects})
+        return error_model(self.predictor.observed, noise, about.prediction, effects, images=images)
 
     def beside(self, fitted: LinearisedFit) -> "LinearisedProblem":
         """Return the problem with what nuisances and images' places do to a fit, beside its mechanisms."""
         if self.nuisances is None or not fitted.mechanisms:
             return self
-        made = self.with_nuisances(self.errors.noise, fitted, self.nuisances(fitted)).errors
+        made = self.errors_about(self.errors.noise, fitted, self.nuisances(fitted))
         # Errors of the readings themselves are one for all explanations.
         return replace(self, errors=replace(made, dense=self.errors.dense, trial_sd=self.errors.trial_sd))
 

@@ -72,8 +72,6 @@ class StationTest:
         First contacts about which the readings are linear (mm), after those counted from; as expected without it.
     errors : ErrorModel, optional
         Errors of all readings about a fit; equal ones in each channel without it.
-    unknowns : tuple of NuisanceEffect
-        Those of the known effects among ``errors`` that aren't the instruments'.
     slopes : (N,) array, optional
         Derivatives of all readings by the displacement, from a fit; those of the recordings without it.
     sizes : (N,) array, optional
@@ -88,7 +86,6 @@ class StationTest:
     by_instrument: bool = False
     onsets: FloatArray | None = None
     errors: ErrorModel | None = None
-    unknowns: tuple[NuisanceEffect, ...] = ()
     slopes: FloatArray | None = None
     sizes: FloatArray | None = None
 
@@ -270,7 +267,7 @@ class StationTest:
         source: ErrorSource
         if self.errors is None:
             return found
-        stated = {one.name: one for one in self.unknowns}
+        stated = self.errors.stated
         for name, effect in zip(self.errors.names, self.errors.known.T, strict=True):
             source, shared = "channels", False
             if name in stated:
@@ -337,14 +334,13 @@ class StationTest:
         moved = replace(self, onsets=contacts)
         model = moved.on_grid(curve, values)[0]
         predicted = moved.station.plain @ model
-        moved = replace(moved, slopes=moved.station.matrix(1) @ model)
-        data = self.observed.data
+        errors, data = self.errors, self.observed.data
         counted, sd = np.isin(np.arange(len(data)), self.rows), np.concatenate([one.sd for one in data.channels])
-        moved = replace(moved, sizes=data.equal_sizes(predicted - data.values, counted, sd))
-        if noise is None:
-            return moved
-        errors = error_model(self.observed, noise, predicted, unknowns, images=moved.station.images_elsewhere(curve))
-        return replace(moved, errors=errors, unknowns=tuple(unknowns))
+        sizes = data.equal_sizes(predicted - data.values, counted, sd)
+        if noise is not None:
+            images = moved.station.images_elsewhere(curve)
+            errors = error_model(self.observed, noise, predicted, unknowns, images=images)
+        return replace(moved, slopes=moved.station.matrix(1) @ model, sizes=sizes, errors=errors)
 
     @property
     def contact_sd(self) -> FloatArray:
