@@ -20,7 +20,7 @@ from legfem.inverse.intervals import (
     quantile,
     verdict_on,
 )
-from legfem.inverse.least_squares import gain_matrix, gauss_newton_step, inverse_in_units, least_residual, sandwich
+from legfem.inverse.least_squares import gauss_newton_step, inverse_in_units, least_residual, sandwich
 from legfem.inverse.parameter import Domain, Parameter, Prior, Priors
 from legfem.inverse.settings import Genetic, Minimum
 
@@ -61,7 +61,7 @@ def test_profile_intervals_of_a_linear_gaussian_model_are_the_closed_form(p: int
     found = start + gauss_newton_step(jacobian, residual(start), bounds - start[:, None])
     assert found == pytest.approx(exact, rel=1e-10)
     assert least_residual(residual, start, bounds) == pytest.approx(exact, rel=1e-6)
-    gain = gain_matrix(jacobian, block_diag(weighting, 1.0))
+    gain = inverse_in_units(jacobian) @ block_diag(weighting, 1.0)
     assert sandwich(gain, block_diag(covariance, 1.0)) == pytest.approx(spread, rel=1e-9)
     curvature = np.linalg.inv(jacobian.T @ jacobian)
     for k in range(p):
@@ -74,7 +74,7 @@ def test_profile_intervals_of_a_linear_gaussian_model_are_the_closed_form(p: int
 
 def test_weighting_that_is_not_that_of_the_errors_has_the_sandwich_as_covariance() -> None:
     matrix, data, covariance, _ = linear_gaussian(2)
-    gain = gain_matrix(matrix, np.eye(len(data)))
+    gain = inverse_in_units(matrix)
     spread = sandwich(gain, covariance)
     rng = np.random.default_rng(3)
     noise = rng.multivariate_normal(np.zeros(len(data)), covariance, size=20_000)

@@ -47,19 +47,6 @@ def inverse_in_units(jacobian: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.pinv(jacobian / units, rcond=_PARALLEL) / units[:, None])
 
 
-def gain_matrix(jacobian: FloatArray, weighting: FloatArray) -> FloatArray:
-    """Return how the parameters follow the data; (p, n).
-
-    Parameters
-    ----------
-    jacobian : (m, p) array
-        Of the weighted residual.
-    weighting : (m, n) array
-        The weighting W, with a row of its own for every prior.
-    """
-    return inverse_in_units(jacobian) @ weighting
-
-
 def sandwich(gain: FloatArray, covariance: FloatArray) -> FloatArray:
     """Return the covariance (p, p) of the parameters' errors from that of the data, (n, n)."""
     return np.asarray(gain @ covariance @ gain.T)

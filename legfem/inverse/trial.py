@@ -12,7 +12,7 @@ from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import IdentifiedLaw, Values
 from legfem.inverse.comparison import Comparison, Prediction
 from legfem.inverse.emulator import Emulator
-from legfem.inverse.least_squares import gain_matrix, gauss_newton_step, sandwich
+from legfem.inverse.least_squares import gauss_newton_step, inverse_in_units, sandwich
 from legfem.inverse.outcome import Outcome
 from legfem.inverse.parameter import Parameter
 
@@ -170,7 +170,7 @@ class Linearised:
     @property
     def gain(self) -> FloatArray:
         """How the parameters follow forces and priors; (p, n + k)."""
-        return gain_matrix(self.jacobian, self.with_priors(self.misfit.weighting_matrix))
+        return inverse_in_units(self.jacobian) @ self.with_priors(self.misfit.weighting_matrix)
 
     def with_priors(self, matrix: FloatArray) -> FloatArray:
         """Return a matrix (n, n) of the readings with the priors, which have errors of one; (n + k, n + k)."""

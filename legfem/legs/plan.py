@@ -85,9 +85,7 @@ def plan_after(found: Diagnosis, subject: Subject, diagnoser: Diagnoser, progres
     plain = replace(found.base_model.problem.predictor, responses=wider, offset=0.0)
     told = [(" + ".join(one.names) or "something unknown", one, one.posterior) for one in models]
     candidates = [Candidate(name, one.fit, own.mean, own.covariance, one.probability) for name, one, own in told]
-    found_by_tests = _reckoned(
-        tests, candidates, plain, wider, subject, found.errors.noise, found.best.posterior.gain_sd
-    )
+    found_by_tests = _reckoned(tests, candidates, plain, subject, found.errors.noise, found.best.posterior.gain_sd)
     accuracy = accuracy_of(subject)
     known = {one.effect for one in accuracy.effects}
     by_readings = evaluate_readings([m for m in asked if m.name not in known], candidates, accuracy)
@@ -135,20 +133,20 @@ def plan_before(subject: Subject, diagnoser: Diagnoser, expected: Expected, prog
     force = predictor(values)
     problem = LinearisedProblem(predictor, error_model(observed.with_force(force), noise, force))
     candidates = prior_candidates(fit(problem, (), values, evaluations=0), able)
-    return ranked(_reckoned(tests, candidates, predictor, library, subject, noise, USUAL_GAIN_SD))
+    return ranked(_reckoned(tests, candidates, predictor, subject, noise, USUAL_GAIN_SD))
 
 
 def _reckoned(
     tests: list[Design],
     candidates: list[Candidate],
     predictor: Predictor,
-    library: Library,
     subject: Subject,
     noise: Noise,
     gain_sd: float,
 ) -> list[DesignValue]:
     """Return what tests are worth whose responses are known."""
-    known = accuracy_of(subject)
+    known, library = accuracy_of(subject), predictor.responses
+    assert isinstance(library, Library)
 
     def nuisances(test: Design, blank: Observations, readings: FloatArray) -> list[NuisanceEffect]:
         accuracy = replace(known, contour_sd=0.0) if test.outlines_known else known
