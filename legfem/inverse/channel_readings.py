@@ -5,7 +5,7 @@ cylinder moves and by time where it is held, so that a dense record and a single
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, Self
 
@@ -42,8 +42,8 @@ a record of fewer than 20."""
 
 
 @dataclass(frozen=True, eq=False)
-class ChannelReadings:
-    """Readings of one channel in all trials of a test; arrays are (k,)."""
+class StationChannel:
+    """Readings of one channel in all trials of a test, means of its course at stations; arrays are (k,)."""
 
     kind: ChannelKind
     accuracy: ChannelAccuracy
@@ -59,9 +59,11 @@ class ChannelReadings:
     """In the channel's unit."""
     white_variance: FloatArray
     """Of what is independent from reading to reading, in that squared."""
-    course: NDArray[np.int_] | None = field(default=None, kw_only=True)
+    weights: FloatArray
+    """(k, n): of the course at the n stations of all trials."""
+    course: NDArray[np.int_] | None = None
     """Number of each reading's place; None of a channel that has no places."""
-    places: tuple[tuple[float, ...], ...] = field(default=(), kw_only=True)
+    places: tuple[tuple[float, ...], ...] = ()
     """At which it is read."""
 
     @property
@@ -127,28 +129,10 @@ class ChannelReadings:
         return self.kind.name
 
     @property
-    def is_force(self) -> bool:
-        """Whether it is a force on the cylinder."""
-        return self.kind.is_force
-
-    @property
-    def follows_force(self) -> bool:
-        """Whether what acts on the force by a factor acts on it."""
-        return self.kind.follows_force
-
-    @property
     def channel(self) -> Channel:
         """The readings as a channel of a test's data."""
         sd = np.sqrt(self.white_variance)
         return Channel(self.name, self.kind.unit, self.displacement, "displacement_mm", self.values, sd)
-
-
-@dataclass(frozen=True, eq=False)
-class StationChannel(ChannelReadings):
-    """Readings that are weighted means of the channel's course at stations."""
-
-    weights: FloatArray
-    """(k, n): of the course at the n stations of all trials."""
 
     def read(self, course: Callable[[str], FloatArray]) -> FloatArray:
         """Return the readings (k,) of courses (n,) at the stations, by their names."""

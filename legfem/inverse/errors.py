@@ -32,7 +32,7 @@ from legfem.channels.kinds import FILE_OF
 from legfem.common.units import FloatArray
 from legfem.data.noise import EXPECTED_GAIN_SD, contrasts_of
 from legfem.inverse.accuracy import Cause
-from legfem.inverse.channel_readings import ChannelReadings
+from legfem.inverse.channel_readings import StationChannel
 from legfem.inverse.comparison import ErrorSource
 from legfem.inverse.intervals import NUMERICAL_ERROR, NUMERICAL_LENGTH_MM
 from legfem.inverse.observations import Observations
@@ -51,7 +51,7 @@ displacement; from place to place it is alike over `ChannelKind.model_length`.""
 
 
 def reading_covariance(
-    one: ChannelReadings, slope: FloatArray, slowest: float, repeated: Sequence[Sequence[int]]
+    one: StationChannel, slope: FloatArray, slowest: float, repeated: Sequence[Sequence[int]]
 ) -> FloatArray:
     """Return the covariance (k, k) of the instrument's errors that aren't alike in all readings, in its unit squared.
 
@@ -79,7 +79,7 @@ def reading_covariance(
     return np.asarray(_excess_of_repeats(one, own, repeated) * own)
 
 
-def model_covariance(one: ChannelReadings, since_touch: FloatArray) -> FloatArray:
+def model_covariance(one: StationChannel, since_touch: FloatArray) -> FloatArray:
     """Return the covariance (k, k) of the model's own error; ``since_touch`` (k,) is what it says of the change since.
 
     Meshes err by a share of all that a channel changes by; of what is read at many places, by a share of each reading.
@@ -92,7 +92,7 @@ def model_covariance(one: ChannelReadings, since_touch: FloatArray) -> FloatArra
     return np.asarray(total * one.alike(one.kind.model_length))
 
 
-def _excess_of_repeats(one: ChannelReadings, own: FloatArray, repeated: Sequence[Sequence[int]]) -> float:
+def _excess_of_repeats(one: StationChannel, own: FloatArray, repeated: Sequence[Sequence[int]]) -> float:
     """Return the factor on a channel's variance by which repeats differ by more than stated; one where they don't.
 
     Of contrasts between trials of a programme, which don't hold the true course: their squares over the stated
@@ -110,7 +110,7 @@ def _excess_of_repeats(one: ChannelReadings, own: FloatArray, repeated: Sequence
     return max(1.0, squares / count) if count else 1.0
 
 
-def shared_errors(one: ChannelReadings, predicted: FloatArray, force: FloatArray) -> dict[str, FloatArray]:
+def shared_errors(one: StationChannel, predicted: FloatArray, force: FloatArray) -> dict[str, FloatArray]:
     """Return by name what one standard deviation of an error does that all of a channel's readings share (k,).
 
     Parameters
@@ -131,7 +131,7 @@ def shared_errors(one: ChannelReadings, predicted: FloatArray, force: FloatArray
     return {f"{one.kind.title}: {name}": effect for name, effect in found.items()}
 
 
-def errors_of_places(one: ChannelReadings, predicted: FloatArray) -> dict[str, FloatArray]:
+def errors_of_places(one: StationChannel, predicted: FloatArray) -> dict[str, FloatArray]:
     """Return by name what one standard deviation does of what readings at several places share, (k,)."""
     if one.course is None:
         return {}
@@ -149,12 +149,12 @@ type Elsewhere = Mapping[str, FloatArray]
 """By the way in which an image lies elsewhere, what one standard deviation of it does to a channel's readings, (k,)."""
 
 
-def errors_of_image(one: ChannelReadings, laid: Elsewhere) -> dict[str, FloatArray]:
+def errors_of_image(one: StationChannel, laid: Elsewhere) -> dict[str, FloatArray]:
     """Return the same by the names of errors: channels that are read in one image have them together."""
     return {f"{one.kind.image}: {way}": effect for way, effect in laid.items()}
 
 
-def covariance_of_places(one: ChannelReadings, predicted: FloatArray, laid: Elsewhere) -> FloatArray:
+def covariance_of_places(one: StationChannel, predicted: FloatArray, laid: Elsewhere) -> FloatArray:
     """Return the covariance (k, k) of errors at each place alone, alike in all frames, in its unit squared.
 
     Parameters
@@ -172,7 +172,7 @@ def covariance_of_places(one: ChannelReadings, predicted: FloatArray, laid: Else
     return np.asarray(here * (each.T @ each))
 
 
-def alike_in_both(one: ChannelReadings, other: ChannelReadings) -> FloatArray:
+def alike_in_both(one: StationChannel, other: StationChannel) -> FloatArray:
     """Return the covariance (k, m) of a channel's errors in two tests of k and m readings: what one instrument has."""
     accuracy, rest = one.accuracy, one.kind.at_rest
     changes = np.outer(one.values - rest, other.values - rest)

@@ -74,9 +74,9 @@ def discrepancy_scales(observed: Observations, prediction: FloatArray) -> tuple[
     largest = float(np.abs(prediction[: len(observed.force)]).max())
     lengths = dict.fromkeys((one.name for one in observed.channels), observed.depth)
     for one, span in zip(observed.channels, observed.data.spans[1:], strict=True):
-        if one.follows_force:
+        if one.kind.follows_force:
             # A pressure's own size; another force is small beside that along the travel.
-            lengths[one.name] = largest if one.is_force else float(np.abs(prediction[span]).max())
+            lengths[one.name] = largest if one.kind.is_force else float(np.abs(prediction[span]).max())
     return largest, *lengths.values()
 
 

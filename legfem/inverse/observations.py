@@ -69,7 +69,7 @@ class Observations:
 
     def following_force(self, relative: FloatArray) -> FloatArray:
         """Return what changes the force relatively (n,) as relative changes of all readings (N,) that follow it."""
-        further = (one.weights @ (one.follows_force * relative) for one in self.channels)
+        further = (one.weights @ (one.kind.follows_force * relative) for one in self.channels)
         return np.concatenate([relative, *further])
 
     def spread(self, by_protocol: Sequence[FloatArray]) -> NDArray[np.float64]:

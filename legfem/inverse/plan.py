@@ -270,7 +270,7 @@ def _readings(
     for one in mechanisms:
         given |= one.by_full_name(one.for_length(values_of(given, one), design.length_factor))
     found = new({**given, **(onsets or {})}, mechanisms)
-    are_forces = [True, *(one.is_force for one in new.observed.channels)]
+    are_forces = [True, *(one.kind.is_force for one in new.observed.channels)]
     for is_force, span in zip(are_forces, new.observed.data.spans, strict=True):
         found[span] *= design.length_factor if is_force else 1.0
     return found

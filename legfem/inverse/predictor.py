@@ -2,7 +2,7 @@
 
 The tissue's response comes from `Responses`, solved once for a section; everything else is exact
 arithmetic on it. How far the tissue is pressed follows from the force; further channels are read there. What acts by
-a factor on the force acts so on other forces and pressures on the cylinder (`ChannelReadings.follows_force`), and on
+a factor on the force acts so on other forces and pressures on the cylinder (`ChannelKind.follows_force`), and on
 nothing else.
 """
 
@@ -194,7 +194,7 @@ class Predictor:
     @cached_property
     def _follows(self) -> NDArray[np.bool_]:
         """Which courses are multiplied by what acts by a factor on the force."""
-        return np.array([one.follows_force for one in self.observed.channels for _ in one.courses])
+        return np.array([one.kind.follows_force for one in self.observed.channels for _ in one.courses])
 
     @cached_property
     def _read(self) -> tuple[NDArray[np.int_], FloatArray]:

@@ -124,7 +124,7 @@ class StationReading:
                 level = curve.channel(course, knots)
                 rates = {name: curve.channel_sensitivity(course, name, knots) for name in names}
                 change, by_change = level[1:] - level[0], {name: rate[1:] - rate[0] for name, rate in rates.items()}
-                if one.follows_force:
+                if one.kind.follows_force:
                     change, by_change = corrected(change, by_change)
                 parts += [level[:1], change]
                 for name in names:

@@ -292,7 +292,7 @@ class StationTest:
             name: Mode(source, observed.following_force(mode)[self.rows] * predicted)
             for name, (source, mode) in modes.items()
         }
-        share = {one.name: 0.0 if one.follows_force else _ENDS_OF_LENGTHS for one in observed.channels}
+        share = {one.name: 0.0 if one.kind.follows_force else _ENDS_OF_LENGTHS for one in observed.channels}
         unlike = (share[one.name] * one.displacement * one.slope(one.values) for one in observed.channels)
         shape = np.concatenate([np.zeros(len(lean)), *unlike])
         if shape.any():

@@ -15,7 +15,7 @@ from scipy.stats import multivariate_normal
 from legfem.channels.kinds.face_strain import ACROSS, ALONG, FACE_STRAIN
 from legfem.common.units import FloatArray
 from legfem.experiments.bodies import HomogeneousBody
-from legfem.inverse.channel_readings import ChannelReadings
+from legfem.inverse.channel_readings import StationChannel
 from legfem.specimens.comparison import SpecimenComparison
 from legfem.specimens.kinds import kind_of
 
@@ -105,7 +105,7 @@ def face_fit(comparison: SpecimenComparison, predicted: FloatArray) -> FaceFit |
     )
 
 
-def _profile(readings: Sequence[ChannelReadings], seen: FloatArray, model: FloatArray) -> FloatArray:
+def _profile(readings: Sequence[StationChannel], seen: FloatArray, model: FloatArray) -> FloatArray:
     """Return heights, and the mean over recordings of strains across at the deepest readings there, (3, h)."""
     height, way = np.concatenate([one.place for one in readings]).T
     depth = np.concatenate([one.displacement for one in readings])

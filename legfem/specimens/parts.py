@@ -199,7 +199,7 @@ class Part:
             return elastic
         numbers, ends = instrument[..., len(INSTRUMENT) :], np.cumsum([len(one.values) for one in self.channels])
         felt = [
-            relaxed(one.time, one.displacement / self.depth, block, numbers) if one.follows_force else block
+            relaxed(one.time, one.displacement / self.depth, block, numbers) if one.kind.follows_force else block
             for one, block in zip(self.channels, np.split(elastic, ends[:-1], axis=-1), strict=True)
         ]
         return np.concatenate(felt, axis=-1)
