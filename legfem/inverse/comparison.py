@@ -17,6 +17,7 @@ from scipy.linalg import solve_triangular
 
 from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import Values
+from legfem.inverse.emulator import LinearScale
 from legfem.inverse.outcome import Outcome
 
 Weighting = Literal["paper", "covariance", "equal"]
@@ -137,9 +138,9 @@ class Comparison(ABC):
         return {}
 
     @property
-    def linear_scale(self) -> FloatArray | None:
-        """Sizes (m,) of model values that may have either sign, 0 for forces along the travel; None of these alone."""
-        return None
+    def linear_scale(self) -> LinearScale:
+        """Sizes (m,) of model values that may have either sign; 0 for forces along the travel."""
+        return 0.0
 
     def of_force(self, values: FloatArray) -> FloatArray:
         """Return those of values (..., n) that are of forces along the travel: all, where there is nothing else."""

@@ -159,6 +159,10 @@ NUGGET = 1e-8
 _SMALLEST_FORCE_N = 1e-9
 
 
+type LinearScale = FloatArray | float
+"""Sizes (m,) of what may have either sign; 0 for forces along the travel, or where all are such."""
+
+
 class Emulator:
     """Force on a grid of displacement anywhere, from solved samples.
 
@@ -170,27 +174,21 @@ class Emulator:
         N.
     by : (n, p, m) array
         Derivatives of the force by the coordinates (N).
-    linear_scale : (m,) array, optional
+    linear_scale : (m,) array
         Sizes of those that may have either sign, in the unit that they have in the place of N; 0 for forces.
     """
 
-    def __init__(
-        self, at: FloatArray, force: FloatArray, by: FloatArray, linear_scale: FloatArray | None = None
-    ) -> None:
-        self._size = linear_scale
-        least = np.maximum(force, _SMALLEST_FORCE_N)
-        slopes, values = by / least[:, None, :], np.log(least)
-        if linear_scale is not None:
-            linear, safe = linear_scale > 0, np.where(linear_scale > 0, linear_scale, 1.0)
-            slopes, values = np.where(linear, by / safe, slopes), np.where(linear, force / safe, values)
-        self._log_force = Kriging(at, values, slopes, NUGGET)
+    def __init__(self, at: FloatArray, force: FloatArray, by: FloatArray, linear_scale: LinearScale = 0.0) -> None:
+        self._linear, self._size = np.greater(linear_scale, 0), linear_scale
+        least, size = np.maximum(force, _SMALLEST_FORCE_N), np.where(self._linear, linear_scale, 1.0)
+        values = np.where(self._linear, force / size, np.log(least))
+        self._log_force = Kriging(at, values, by / np.where(self._linear, size, least)[:, None, :], NUGGET)
 
     def __call__(self, at: FloatArray) -> FloatArray:
         """Return the force (..., m) in N at coordinates (..., p)."""
-        found, size = self._log_force(at), self._size
+        found = self._log_force(at)
         # Far outside the samples the trend may run away.
-        force = np.exp(np.clip(found, -30.0, 30.0))
-        return np.asarray(force if size is None else np.where(size > 0, size * found, force))
+        return np.where(self._linear, self._size * found, np.exp(np.clip(found, -30.0, 30.0)))
 
 
 type At = Callable[[FloatArray], FloatArray]

@@ -47,7 +47,7 @@ class JointComparison(Comparison):
 
     @cached_property
     def _model_spans(self) -> list[slice]:
-        return spans_of(test.model_size for test in self.tests)
+        return spans_of(test.station.size for test in self.tests)
 
     @cached_property
     def measured(self) -> FloatArray:
@@ -73,13 +73,9 @@ class JointComparison(Comparison):
         return {name: np.concatenate(places) for name, places in found.items()}
 
     @cached_property
-    def linear_scale(self) -> FloatArray | None:
-        """Sizes (m,) of model values that may have either sign, 0 for forces along the travel; None of these alone."""
-        every = [test.linear_scale for test in self.tests]
-        if all(one is None for one in every):
-            return None
-        pairs = zip(every, self.tests, strict=True)
-        return np.concatenate([np.zeros(test.model_size) if one is None else one for one, test in pairs])
+    def linear_scale(self) -> FloatArray:
+        """Sizes (m,) of model values that may have either sign, 0 for forces along the travel."""
+        return np.concatenate([test.station.linear_scale for test in self.tests])
 
     @property
     def if_deeper(self) -> FloatArray:

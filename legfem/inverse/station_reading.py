@@ -96,10 +96,8 @@ class StationReading:
         return self.matrix()
 
     @cached_property
-    def linear_scale(self) -> FloatArray | None:
-        """Sizes (m,) of what isn't a force along the travel, which is 0; None where all is."""
-        if not self.courses:
-            return None
+    def linear_scale(self) -> FloatArray:
+        """Sizes (m,) of what isn't a force along the travel, which is 0."""
         channels = self.observed.channels
         sizes = [max(float(np.ptp(one.values)), 3 * one.kind.usual.reading) for one in channels for _ in one.courses]
         return np.concatenate([np.zeros(len(self.grid)), np.repeat(sizes, 1 + len(self.grid))])

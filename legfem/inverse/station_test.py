@@ -100,10 +100,10 @@ class StationTest:
     @cached_property
     def contacts(self) -> FloatArray:
         """First contacts (K,) about which the readings are linear, mm."""
-        return self._expected[0] if self.onsets is None else self.onsets
+        return self.onset_priors[0] if self.onsets is None else self.onsets
 
     @cached_property
-    def _expected(self) -> tuple[FloatArray, FloatArray]:
+    def onset_priors(self) -> tuple[FloatArray, FloatArray]:
         """First contacts as the recordings by themselves have them, and standard deviations of these; (K,) each."""
         priors = [onset_prior(self.observed, trial) for trial in range(len(self.observed.trials))]
         return np.array([one.centre for one in priors]), np.array([one.sd for one in priors])
@@ -117,16 +117,6 @@ class StationTest:
     @cached_property
     def _force_rows(self) -> NDArray[np.int_]:
         return self.rows[self.rows < len(self.observed.force)]
-
-    @property
-    def model_size(self) -> int:
-        """Number m of values on the model's grid: forces, and of each course its value at rest and changes."""
-        return self.station.size
-
-    @property
-    def linear_scale(self) -> FloatArray | None:
-        """Sizes (m,) of what isn't a force along the travel, which is 0; None where all is."""
-        return self.station.linear_scale
 
     @property
     def reach(self) -> str:
@@ -174,7 +164,7 @@ class StationTest:
     @cached_property
     def _shift(self) -> FloatArray:
         """What contacts that are expected elsewhere than the readings are linear about change of these, (n,)."""
-        return np.asarray((self._onset_effects @ (self.contacts - self._expected[0]))[self.rows])
+        return np.asarray((self._onset_effects @ (self.contacts - self.onset_priors[0]))[self.rows])
 
     @cached_property
     def _onset_effects(self) -> FloatArray:
@@ -239,7 +229,7 @@ class StationTest:
 
     @cached_property
     def _of_onsets(self) -> FloatArray:
-        effects = self._onset_effects * self._expected[1]
+        effects = self._onset_effects * self.onset_priors[1]
         return np.asarray(effects @ effects.T)
 
     @cached_property
@@ -307,7 +297,7 @@ class StationTest:
         left
             (n,): predicted less measured readings over the covariance of their errors, contacts left open in it.
         """
-        centre, sd = self._expected
+        centre, sd = self.onset_priors
         return np.asarray(centre + sd**2 * (self._onset_effects[self.rows].T @ left))
 
     def about(
@@ -341,11 +331,6 @@ class StationTest:
             images = moved.station.images_elsewhere(curve)
             errors = error_model(self.observed, noise, predicted, unknowns, images=images)
         return replace(moved, slopes=moved.station.matrix(1) @ model, sizes=sizes, errors=errors)
-
-    @property
-    def contact_sd(self) -> FloatArray:
-        """Standard deviations (K,) of first contacts beforehand, mm."""
-        return self._expected[1]
 
     def derivatives(self, curve: ForceCurve, values: Values) -> dict[str, FloatArray]:
         """Return the derivatives (N,) of all readings of a solve by the model's parameters, by their names."""

@@ -132,7 +132,7 @@ class LegProblem:
         pairs = zip(now.tests, best.outcome.curves, now.spans, strict=True)
         tests = tuple(test.about(curve, best.values, test.contacts_of(left[span])) for test, curve, span in pairs)
         stays = all(
-            one.slopes is not None and np.all(np.abs(one.contacts - then.contacts) <= _STAYS * then.contact_sd)
+            one.slopes is not None and np.all(np.abs(one.contacts - then.contacts) <= _STAYS * then.onset_priors[1])
             for one, then in zip(now.tests, tests, strict=True)
         )
         return None if stays and weighting == now.weighting else replace(moved, tests=tests)

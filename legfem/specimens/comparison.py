@@ -171,10 +171,8 @@ class SpecimenComparison(Comparison):
         return [grid_to(depth) for depth in self.depths]
 
     @cached_property
-    def linear_scale(self) -> FloatArray | None:
-        """Sizes of the model's values, 0 of forces; None of these alone."""
-        if not self._beside:
-            return None
+    def linear_scale(self) -> FloatArray:
+        """Sizes of the model's values, 0 of forces."""
         return np.concatenate([np.zeros(GRID * len(self.depths)), *(part.scale for part in self.parts)])
 
     @property

@@ -183,7 +183,6 @@ class Part:
         """Sizes of the model's values beside its forces: of each course its value at rest and changes on the grid."""
         if self.beside is None:
             return np.zeros(0)
-        assert self.beside.linear_scale is not None
         return self.beside.linear_scale[len(self.beside.grid) :]
 
     def _matrix_beside(self, offset: float) -> FloatArray:
