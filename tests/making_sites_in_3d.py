@@ -13,11 +13,10 @@ from making_identification import DEPTH, AnalyticLeg, pressed_leg
 from legfem.data import Recording
 from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO
 from legfem.inverse.fibre_ratio import slopes_at_ratio
-from legfem.inverse.outcome import Outcome
+from legfem.inverse.outcome import Outcome, needed_for, through
 from legfem.legs.model_3d import LegModels
 from legfem.legs.placement import spatial_leg
 from legfem.legs.subject import SitedLeg
-from legfem.solve.path import needed_for, through
 
 RISES = {"along": 0.06, "across": 0.12}
 """Of the force a unit of the fibres' ratio, by how the cylinder lies."""

@@ -102,7 +102,9 @@ class ChannelLog:
             self.values = {name: [value] for name, (value, _) in first.items()}
             self._rates = {name: [rates] for name, (_, rates) in first.items()}
 
-    def take(self, contact_force: FloatArray, tracker: SensitivityTracker | None, whole: float) -> None:
+    def take(
+        self, contact_force: FloatArray, tracker: SensitivityTracker | None, chain: FloatArray, whole: float
+    ) -> None:
         """Read the state that a step came to.
 
         Parameters
@@ -110,7 +112,9 @@ class ChannelLog:
         contact_force
             On the model, N.
         tracker
-            Derivatives there by the parameters.
+            Derivatives there, by the names that the chain rule starts from.
+        chain
+            Derivatives of those by the parameters, (names, parameters).
         whole
             Force of the whole cylinder over that on the model.
         """
@@ -122,8 +126,9 @@ class ChannelLog:
         force_rates: FloatArray = np.zeros((0, len(contact_force)))
         nodal_rates: FloatArray = np.zeros((0, *nodal.shape))
         if tracker is not None:
-            rates = np.array(list(tracker.state_rates().values()))
-            force_rates, nodal_rates = tracker.contact_force_rates, tracker.nodal_force_rates.copy()
+            rates = chain.T @ np.array(list(tracker.state_rates().values()))
+            force_rates = chain.T @ tracker.contact_force_rates
+            nodal_rates = np.tensordot(chain.T, tracker.nodal_force_rates, axes=1)
         read = self._reader.read(
             ReadState(
                 unknown,

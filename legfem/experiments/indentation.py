@@ -20,7 +20,7 @@ from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.model import Formulation, LegModel, named_parameters
 from legfem.mechanics.terms import NormalContact, TangentialContact, Tissue
 from legfem.solve.newton import NewtonSolver
-from legfem.solve.path import Chain, Path, needed_for, through
+from legfem.solve.path import Path
 from legfem.solve.protocol import Protocol
 from legfem.solve.settings import StepSettings
 from legfem.solve.stepping import follow
@@ -89,17 +89,16 @@ class IndentationModel(Meshed):
         States are kept in a folder, with the hash of what else they depend on, if one is given;
         derivatives aren't, so that a solution with sensitivities keeps none.
         """
-        protocol, on_step = asked.protocol, asked.on_step
+        protocol, sensitivities, on_step = asked.protocol, asked.sensitivities, asked.on_step
         values = self.system.model.values(asked.values)
         values |= self._contact_numbers(softness * self.contact.penalty(values, self.radius))
         self.system.set_parameters(values)
-        chain = self._chain(asked.sensitivities, softness)
-        names = needed_for(chain)
+        names, chain = self._chain(tuple(sensitivities), softness)
         tracker = self.trackers.fresh(names)
         time, displacement = [float(protocol.time[0])], [float(protocol.displacement[0])]
         force = [0.0]
-        derivatives: list[FloatArray] = [np.zeros(len(names))]
-        log = ChannelLog(self.reader, names)
+        derivatives: list[FloatArray] = [np.zeros(len(sensitivities))]
+        log = ChannelLog(self.reader, tuple(sensitivities))
 
         def record(now: float, at: float) -> None:
             time.append(now)
@@ -107,13 +106,13 @@ class IndentationModel(Meshed):
             contact = self.system.contact_force()
             force.append(float(contact @ self.system.direction) * self.whole)
             if tracker is not None:
-                derivatives.append(tracker.step(self.solver) * self.whole)
-            log.take(contact, tracker, self.whole)
+                derivatives.append(tracker.step(self.solver) @ chain * self.whole)
+            log.take(contact, tracker, chain, self.whole)
             if on_step is not None:
                 on_step(at)
 
         checkpoint = None
-        if keep_in is not None and not names:
+        if keep_in is not None and not sensitivities:
             folder, key = keep_in
             given = key, values, protocol.time, protocol.displacement, self.steps
             checkpoint = Checkpoint(folder, key_of(given), self.system.comm)
@@ -134,10 +133,9 @@ class IndentationModel(Meshed):
             np.array(time),
             np.array(displacement),
             np.array(force),
-            {name: columns[:, k] for k, name in enumerate(names)},
+            {name: columns[:, k] for k, name in enumerate(sensitivities)},
             *log.channels(),
         )
-        path = through(chain, path)
         return Solved(values, path.loading, path, report)
 
     def _contact_numbers(self, penalty: float) -> dict[str, float]:
@@ -148,16 +146,30 @@ class IndentationModel(Meshed):
         along = {"friction.stiffness": penalty}
         return numbers | {name: value for name, value in along.items() if name in model.parameters}
 
-    def _chain(self, asked: Sequence[str], softness: float) -> Chain:
-        """Return the derivatives of the model's own parameters by those that are asked for.
+    def _chain(self, asked: tuple[str, ...], softness: float) -> tuple[tuple[str, ...], FloatArray]:
+        """Return what to differentiate by, and the chain rule from that to what was asked for.
 
         The penalty is in proportion to the tissue's stiffness, so that a derivative by that one
         counts the penalty's too.
+
+        Returns
+        -------
+        names : tuple of str
+            Those asked for first.
+        chain : ndarray
+            (names, asked).
         """
         one, two = self._contact_numbers(1.0), self._contact_numbers(2.0)
+        slopes = {name: two[name] - one[name] for name in one if two[name] != one[name]}
+        raising = [name for name in asked if name in self.contact.stiffnesses]
+        tied = [name for name in slopes if raising and name not in asked]
+        names = (*asked, *tied)
+        chain = np.eye(len(names), len(asked))
         rise = softness * self.contact.penalty_slope(self.radius)
-        tied = {name: rise * (two[name] - one[name]) for name in one if two[name] != one[name]}
-        return {name: {name: 1.0} | (tied if name in self.contact.stiffnesses else {}) for name in asked}
+        for parameter in raising:
+            for name, slope in slopes.items():
+                chain[names.index(name), asked.index(parameter)] += rise * slope
+        return names, chain
 
 
 @dataclass(frozen=True, eq=False)

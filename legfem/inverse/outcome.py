@@ -2,15 +2,17 @@
 
 import pathlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
+
+import numpy as np
 
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import Values, stiffness_in_words
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
-from legfem.solve.path import ForceCurve, SolveReport
+from legfem.solve.path import ForceCurve, Path, SolveReport
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,3 +245,26 @@ def key_of_values(values: Values) -> Key:
 def _prepared(models: Sequence[Forward]) -> None:
     for model in models:
         model.prepare()
+
+
+type Chain = Mapping[str, Mapping[str, float]]
+"""Derivatives of the model's own parameters by each parameter that is asked for; full names."""
+
+
+def needed_for(chain: Chain) -> tuple[str, ...]:
+    """Return the model's own parameters by which it has to be differentiated."""
+    return tuple(dict.fromkeys(name for row in chain.values() for name in row))
+
+
+def through[Course: (ForceCurve, Path)](chain: Chain, curve: Course) -> Course:
+    """Return a curve or path with derivatives by what is asked for, of one with those of `needed_for`."""
+
+    def summed(by: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+        nothing = np.zeros_like(curve.displacement)
+        return {
+            asked: np.asarray(sum((weight * by[name] for name, weight in row.items()), nothing))
+            for asked, row in chain.items()
+        }
+
+    channels = {name: summed(by) for name, by in curve.channel_sensitivities.items()}
+    return replace(curve, sensitivities=summed(curve.sensitivities), channel_sensitivities=channels)

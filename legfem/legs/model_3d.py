@@ -16,7 +16,7 @@ from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, membra
 from legfem.inverse.catalogue import DEEP_RATIO, Values, stiffness_in_words
 from legfem.inverse.elastography import FibreRatio
 from legfem.inverse.fibre_ratio import USUAL_RATIO, moduli, slopes_at_ratio
-from legfem.inverse.outcome import Forward, Outcome
+from legfem.inverse.outcome import Chain, Forward, Outcome, needed_for, through
 from legfem.inverse.settings import SearchRequest
 from legfem.jobs.pool import Together
 from legfem.jobs.store import key_of
@@ -27,7 +27,6 @@ from legfem.legs.placement import SpatialLeg, spatial_leg
 from legfem.legs.subject import SitedLeg, Subject
 from legfem.mechanics.materials import NeoHookean
 from legfem.mechanics.terms import Fascia
-from legfem.solve.path import Chain, needed_for, through
 
 SOLVES = "solves-3d"
 """In a folder of results."""

@@ -1,7 +1,7 @@
 """What a solution gives: force, further channels and derivatives along its path, and the report of its work."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 
@@ -180,29 +180,6 @@ class Path:
 
 def _part(values: Mapping[str, FloatArray], part: slice) -> dict[str, FloatArray]:
     return {name: one[part] for name, one in values.items()}
-
-
-type Chain = Mapping[str, Mapping[str, float]]
-"""Derivatives of the model's own parameters by each parameter that is asked for; full names."""
-
-
-def needed_for(chain: Chain) -> tuple[str, ...]:
-    """Return the model's own parameters by which it has to be differentiated."""
-    return tuple(dict.fromkeys(name for row in chain.values() for name in row))
-
-
-def through[Course: (ForceCurve, Path)](chain: Chain, curve: Course) -> Course:
-    """Return a curve or path with derivatives by what is asked for, of one with those of `needed_for`."""
-
-    def summed(by: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-        nothing = np.zeros_like(curve.displacement)
-        return {
-            asked: np.asarray(sum((weight * by[name] for name, weight in row.items()), nothing))
-            for asked, row in chain.items()
-        }
-
-    channels = {name: summed(by) for name, by in curve.channel_sensitivities.items()}
-    return replace(curve, sensitivities=summed(curve.sensitivities), channel_sensitivities=channels)
 
 
 @dataclass(frozen=True)

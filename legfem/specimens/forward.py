@@ -8,11 +8,10 @@ from legfem.experiments.axisymmetric import Layer
 from legfem.experiments.experiment import Picklable, Solved, cached_in_process
 from legfem.inverse.catalogue import Values, is_ratio
 from legfem.inverse.fibre_ratio import moduli, ratio_of, slopes_at_ratio
-from legfem.inverse.outcome import Outcome
+from legfem.inverse.outcome import Chain, Outcome, needed_for, through
 from legfem.jobs.store import code_fingerprint
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.terms import Fibres
-from legfem.solve.path import Chain, needed_for, through
 from legfem.solve.protocol import Protocol
 from legfem.specimens.kind import AXES, SpecimenTest
 from legfem.specimens.laws import ONE, SpecimenTissue
