@@ -64,11 +64,6 @@ class Estimate(Estimated):
         return self.parameter.unit
 
     @property
-    def adds_nothing(self) -> bool:
-        """Whether the data say nothing beyond the prior."""
-        return self.error_over_prior > ADDS_NOTHING
-
-    @property
     def shown(self) -> Shown:
         """The numbers as people read them: stresses in kPa."""
         unit, factor = readable_unit(self.unit)
