@@ -262,9 +262,11 @@ def _of_the_stiffness(fit: StockingFit) -> Iterator[Notice]:
     if best.misses:
         expected = best.misfit.accuracy.expected_rms
         yield Notice.of(StockingNotice.SCAN_MISSED, rms=best.rms, times=MISSED_BEYOND, expected=expected)
-    for name, known in fit.estimates.items():
+    # How far a fit may depart from its priors is a matter of curvature: an interval's half may be wider than a prior's.
+    for k, (name, known) in enumerate(fit.estimates.items()):
         if (prior := known.parameter.prior) is not None:
-            yield from disagreement(name, prior, known.value, known.standard_error, "the fit of both scans")
+            error = known.value * float(np.sqrt(best.log_covariance[k, k]))
+            yield from disagreement(name, prior, known.value, error, "the fit of both scans")
 
 
 def _of_the_scans(details: StockingDetails) -> Iterator[Notice]:
