@@ -285,11 +285,6 @@ class IdentifiedLaw:
         """Those of the free parameters."""
         return Priors(self.parameters)
 
-    @property
-    def reads(self) -> bool:
-        """Whether the instrument has free or held numbers of its own."""
-        return any(name in INSTRUMENT for name in (*self.names, *self.fixed))
-
     def index(self, name: str) -> int | None:
         """Return which free parameter has a name."""
         return self.names.index(name) if name in self.names else None

@@ -146,8 +146,9 @@ def read_at_offsets(matrix_at: Callable[[float], FloatArray], values: FloatArray
     """
     shape = np.broadcast_shapes(values.shape[:-1], offset.shape)
     values, offset = np.broadcast_to(values, (*shape, values.shape[-1])), np.broadcast_to(offset, shape)
-    every = {float(at): matrix_at(float(at)) for at in np.unique(offset)}
-    found = np.empty((*shape, len(next(iter(every.values())))))
+    # A minimiser may ask for no point at all.
+    every = {float(at): matrix_at(float(at)) for at in (0.0, *np.unique(offset))}
+    found = np.empty((*shape, len(every[0.0])))
     for at, matrix in every.items():
         found[offset == at] = values[offset == at] @ matrix.T
     return found

@@ -66,8 +66,6 @@ class StationTest:
         Of the force in plane strain for the cylinder's ends.
     beyond : float
         How much deeper than the recordings the model's grid goes (mm), for contact that began before their zero.
-    by_instrument : bool
-        Whether the instrument has a gain, zero or contact offset that is free or held.
     onsets : (K,) array, optional
         First contacts about which the readings are linear (mm), after those counted from; as expected without it.
     errors : ErrorModel, optional
@@ -83,7 +81,6 @@ class StationTest:
     rows: NDArray[np.int_]
     correction: TabulatedCorrection | None = None
     beyond: float = 0.0
-    by_instrument: bool = False
     onsets: FloatArray | None = None
     errors: ErrorModel | None = None
     slopes: FloatArray | None = None
@@ -174,12 +171,18 @@ class StationTest:
 
     def read(self, model_values: FloatArray, instrument: FloatArray) -> FloatArray:
         """Readings (..., n) that the instrument shows of the model's (..., m)."""
-        if not self.by_instrument:
-            return np.asarray(model_values @ self._reading.T + self._shift)
+        return np.asarray(self._shown(model_values, instrument) + self._shift)
+
+    def _shown(self, model_values: FloatArray, instrument: FloatArray) -> FloatArray:
+        """Return the same but for contacts that are expected elsewhere."""
         gain, zero, offset = np.moveaxis(instrument, -1, 0)[: len(INSTRUMENT)]
         seen = read_at_offsets(self._matrix, model_values, offset)
-        forces = self.rows < len(self.observed.force)
-        return np.where(forces, gain[..., None] * seen + zero[..., None], seen) + self._shift
+        return np.where(self._of_force, gain[..., None] * seen + zero[..., None], seen)
+
+    @property
+    def _of_force(self) -> NDArray[np.bool_]:
+        """Which of the readings (n,) are forces along the travel."""
+        return self.rows < len(self.observed.force)
 
     def _matrix(self, offset: float) -> FloatArray:
         """Return what the readings take of the model's values, all trials touching later by an offset (mm); (n, m)."""
@@ -188,19 +191,13 @@ class StationTest:
     def predict(self, curve: ForceCurve, values: Values, instrument: FloatArray) -> Prediction:
         """Corrected force of a solve, and further channels, as the instrument shows them."""
         model, by = self.on_grid(curve, values)
-        if not self.by_instrument:
-            seen = {name: self._reading @ rates for name, rates in by.items()}
-            return Prediction(self._reading @ model + self._shift, seen, model, by)
         numbers = instrument[: len(INSTRUMENT)]
-        linear = numbers * (1.0, 0.0, 1.0)
-        seen = {name: self.read(rates, linear) - self._shift for name, rates in by.items()}
-        forces = self.rows < len(self.observed.force)
         slope = self.station.matrix(1, float(numbers[2]))[self.rows] @ model
-        ones = numbers * (0.0, 0.0, 1.0) + (1.0, 0.0, 0.0)
-        seen |= {
-            GAIN: np.where(forces, self.read(model, ones) - self._shift, 0.0),
-            ZERO: forces.astype(float),
-            OFFSET: -np.where(forces, numbers[0], 1.0) * slope,
+        linear, of_gain = numbers * (1.0, 0.0, 1.0), numbers * (0.0, 0.0, 1.0) + (1.0, 0.0, 0.0)
+        seen = {name: self._shown(rates, linear) for name, rates in by.items()} | {
+            GAIN: np.where(self._of_force, self._shown(model, of_gain), 0.0),
+            ZERO: self._of_force.astype(float),
+            OFFSET: -np.where(self._of_force, numbers[0], 1.0) * slope,
         }
         return Prediction(self.read(model, numbers), seen, model, by)
 

@@ -107,11 +107,9 @@ class LegProblem:
         return JointComparison(tuple(tests), weighting, about)
 
     def _read_by(self, law: IdentifiedLaw, tests: Sequence[StationTest]) -> tuple[StationTest, ...]:
-        """Return tests as the instrument shows them whose numbers a law has; several sites have one each."""
-        if len(tests) > 1:
-            return tuple(tests)
+        """Return tests on a grid that goes as deep as a law's instrument may show them."""
         beyond = beyond_of(law.parameters, law.fixed)
-        return (replace(tests[0], beyond=beyond, by_instrument=law.reads),)
+        return tuple(replace(one, beyond=beyond) for one in tests)
 
     @property
     def sensitivities(self) -> tuple[str, ...]:
