@@ -166,6 +166,7 @@ def test_effective_samples_are_all_of_independent_errors_and_few_of_slow_ones(se
         np.zeros((count, 3)),
         np.zeros((count, 3)),
         np.full(count, 0.2),
+        of_model=np.zeros((count, count)),
     )
     assert white.effective_samples == pytest.approx(count)
     assert error_model(observed, NOISE, force).effective_samples < 0.7 * count

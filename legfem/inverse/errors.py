@@ -232,7 +232,7 @@ class ErrorModel:
     of_model
         (N, N): the model's own error among ``dense``.
     stated
-        What isn't the instruments' of the known effects, by their names.
+        Known effects with their causes and sources, by their names.
     """
 
     noise: Noise
@@ -244,7 +244,7 @@ class ErrorModel:
     gain_sd: float = EXPECTED_GAIN_SD
     zero_sd: float = 0.02
     names: tuple[str, ...] = field(default_factory=tuple)
-    of_model: FloatArray | None = None
+    of_model: FloatArray = field(kw_only=True)
     stated: Mapping[str, NuisanceEffect] = field(default_factory=dict)
 
     @property
@@ -333,9 +333,7 @@ def error_model(
     spread: list[FloatArray] = [np.sqrt(np.diag(own))]
     columns = {COMMON_GAIN: np.concatenate([COMMON_GAIN_SD * force, np.zeros(len(others))])}
     columns |= {one.name: one.effect for one in unknowns}
-    first = len(force)
-    for one in observed.channels:
-        here = slice(first, first + len(one.values))
+    for one, here in zip(observed.channels, observed.data.spans[1:], strict=True):
         predicted = prediction[here]
         own = reading_covariance(one, one.slope(predicted), noise.correlation_time, observed.repeated)
         laid = (images or {}).get(one.name, {})
@@ -346,7 +344,9 @@ def error_model(
         shared |= errors_of_places(one, predicted) | errors_of_image(one, laid)
         for name, effect in shared.items():
             columns.setdefault(name, np.zeros(len(prediction)))[here] = effect
-        first = here.stop
+    gain = NuisanceEffect(COMMON_GAIN, columns[COMMON_GAIN], Cause(COMMON_GAIN), "recordings", True)
+    stated = {name: NuisanceEffect(name, effect, Cause(name), "channels") for name, effect in columns.items()}
+    stated |= {one.name: one for one in (gain, *unknowns)}
     none = np.zeros((len(others), trials.shape[1]))
     return ErrorModel(
         noise,
@@ -358,7 +358,7 @@ def error_model(
         zero_sd=noise.zero_sd,
         names=tuple(columns),
         of_model=np.asarray(block_diag(*of_model)),
-        stated={one.name: one for one in unknowns},
+        stated=stated,
     )
 
 

@@ -22,7 +22,7 @@ from legfem.data.phases import LOADING
 from legfem.inverse.catalogue import Values, deep_stiffness
 from legfem.inverse.comparison import Covariances, ErrorSource, Mode, Prediction
 from legfem.inverse.correction import TabulatedCorrection, corrected
-from legfem.inverse.errors import COMMON_GAIN, ErrorModel, NuisanceEffect, error_model
+from legfem.inverse.errors import ErrorModel, NuisanceEffect, error_model
 from legfem.inverse.intervals import by_third, third_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.predictor import onset_prior
@@ -236,7 +236,6 @@ class StationTest:
             return {"recordings": self.equal_covariance}
         errors, forces = self.errors, len(self.observed.force)
         by_trial = np.hstack([errors.gain_sd * errors.gains, errors.zero_sd * errors.zeros])
-        assert errors.of_model is not None
         read = errors.dense - errors.of_model
         channels = read.copy()
         channels[:forces, :forces] = 0.0
@@ -250,18 +249,12 @@ class StationTest:
 
     def shared_errors(self, values: Values, predicted: FloatArray) -> Mapping[str, Mode]:
         """Errors of the correction, and known effects: of the instrument, and of what isn't known exactly."""
-        found: dict[str, Mode] = {}
-        source: ErrorSource
         if self.errors is None:
-            return found
-        stated = self.errors.stated
-        for name, effect in zip(self.errors.names, self.errors.known.T, strict=True):
-            source, shared = "channels", False
-            if name in stated:
-                source, shared = stated[name].source, stated[name].shared
-            elif name == COMMON_GAIN:
-                source, shared = "recordings", True
-            found[name if shared else f"{self.name}: {name}"] = Mode(source, effect[self.rows])
+            return {}
+        found = {
+            name if one.shared else f"{self.name}: {name}": Mode(one.source, one.effect[self.rows])
+            for name, one in self.errors.stated.items()
+        }
         if self.correction is not None:
             found |= self._of_correction(values, predicted)
         return found

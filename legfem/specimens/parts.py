@@ -167,7 +167,6 @@ class Part:
             return np.zeros((0, 0)), np.zeros((0, 0))
         observed, instrument = self.beside.observed, self.course.instrument
         found = error_model(observed, estimate_noise(observed, instrument, observed.slowest), observed.values)
-        assert found.of_model is not None
         forces = len(observed.force)
         return found.covariance[forces:, forces:], found.of_model[forces:, forces:]
 
