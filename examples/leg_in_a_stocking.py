@@ -13,7 +13,7 @@ import numpy as np
 import legfem as lf
 from legfem.experiments.compression import CompressionSettings
 from legfem.mechanics.materials import NeoHookean
-from legfem.meshing.solid_leg import SolidMeshSettings
+from legfem.meshing.leg_sizes import SolidMeshSettings
 from legfem.stockings.equilibrium import EquilibriumSolver, LegModel3D
 from legfem.stockings.fabric import stocking_load
 
