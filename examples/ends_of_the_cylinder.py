@@ -26,7 +26,7 @@ for girth in (300, 360, 420):
     radius = girth / (2 * np.pi)
     leg = sizes.of_leg(reference, radius, 0.55 * radius)
     factor = leg.factor(depth, c10, c20)
-    error = 1.96 * factor * np.sqrt(sum(mode**2 for mode in leg.relative_errors(depth, 1.0, 0.0).values()))
+    error = 1.96 * leg.standard_deviation(depth)
     axes.plot(depth, factor, label=f"girth {girth} mm")
     axes.fill_between(depth, factor - error, factor + error, alpha=0.15)
 axes.set(xlabel="displacement (mm)", ylabel="force in 3D over plane strain, 1 - P(d)")

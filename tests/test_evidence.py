@@ -35,7 +35,6 @@ def errors_of(white: float = 0.05, known: int = 2) -> ErrorModel:
         trials * FORCE[:, None],
         trials,
         np.full(N, white),
-        names=("gain", "fat")[:known],
         of_model=np.zeros((N, N)),
     )
 

@@ -130,9 +130,9 @@ def test_displaced_geometries_are_one_standard_deviation_off_each():
 def test_a_variance_that_a_bound_makes_small_keeps_its_degrees_of_freedom():
     """A bound takes variance away, not what the errors' sizes are known by."""
     problem, base = problem_of(ramps(), seed=1)
-    known, names = 0.1 * base.sensitivities[:, :1], ("outline of the skin, mode 1",)
-    stated = {names[0]: NuisanceEffect(names[0], known[:, 0], OUTLINE)}
-    problem = replace(problem, errors=replace(problem.errors, known=known, names=names, stated=stated))
+    known, name = 0.1 * base.sensitivities[:, :1], "outline of the skin, mode 1"
+    stated = {name: NuisanceEffect(name, known[:, 0], OUTLINE)}
+    problem = replace(problem, errors=replace(problem.errors, known=known, stated=stated))
     one = explain(replace(base, problem=problem), SOUGHT[:1]).base
     assert np.isfinite(one.degrees_of_freedom[0])
     posterior = replace(one.posterior, covariance=1e-6 * one.posterior.covariance)
@@ -146,12 +146,13 @@ def test_what_is_known_poorly_of_the_leg_widens_intervals():
     effect = base.sensitivities[:, :1]
     name = "outline of the skin, mode 1"
     stated = {name: NuisanceEffect(name, effect[:, 0], OUTLINE)}
-    known = replace(errors, known=effect, names=(name,), stated=stated)
+    known = replace(errors, known=effect, stated=stated)
     estimator = np.linalg.pinv(base.sensitivities)
     variance = np.full((len(base.free),) * 2, 1.0)
     degrees = variance_degrees(variance, estimator, known)
     assert degrees[0] == pytest.approx(3.0)
-    exact = replace(known, names=("load cell's gain",))
+    of_cell = NuisanceEffect("load cell's gain", effect[:, 0], Cause("load cell's gain"))
+    exact = replace(known, stated={of_cell.name: of_cell})
     assert variance_degrees(variance, estimator, exact)[0] == np.inf
 
 

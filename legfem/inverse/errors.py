@@ -227,12 +227,10 @@ class ErrorModel:
         (N,): of one trial's values by its noise.
     gain_sd, zero_sd
         What `covariance` takes, of a trial's gain and zero (N).
-    names
-        Of the columns of ``known``.
     of_model
         (N, N): the model's own error among ``dense``.
     stated
-        Known effects with their causes and sources, by their names.
+        Known effects with their causes and sources, by their names, in the order of the columns of ``known``.
     """
 
     noise: Noise
@@ -243,9 +241,13 @@ class ErrorModel:
     trial_sd: FloatArray
     gain_sd: float = EXPECTED_GAIN_SD
     zero_sd: float = 0.02
-    names: tuple[str, ...] = field(default_factory=tuple)
     of_model: FloatArray = field(kw_only=True)
     stated: Mapping[str, NuisanceEffect] = field(default_factory=dict)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the columns of ``known``."""
+        return tuple(self.stated)
 
     @property
     def zero_sds(self) -> tuple[float, ...]:
@@ -356,7 +358,6 @@ def error_model(
         np.vstack([trials, none]),
         np.concatenate(spread),
         zero_sd=noise.zero_sd,
-        names=tuple(columns),
         of_model=np.asarray(block_diag(*of_model)),
         stated=stated,
     )

@@ -39,14 +39,13 @@ def variance_degrees(covariance: FloatArray, estimator: FloatArray, errors: Erro
     estimator
         (p, n), 1/N: what an error of the observations adds to them.
     errors
-        Of the observations; known effects that aren't stated with a cause have a known size.
+        Of the observations.
 
     See `legfem.inverse.intervals.effective_degrees`.
     """
     by_cause: dict[Cause, FloatArray] = {}
-    for name, effect in zip(errors.names, errors.known.T, strict=True):
-        cause = errors.stated[name].cause if name in errors.stated else Cause(name)
-        by_cause[cause] = by_cause.get(cause, np.zeros(len(covariance))) + (estimator @ effect) ** 2
+    for one, effect in zip(errors.stated.values(), errors.known.T, strict=True):
+        by_cause[one.cause] = by_cause.get(one.cause, np.zeros(len(covariance))) + (estimator @ effect) ** 2
     return np.array(
         [
             effective_degrees(whole, [(part[k], cause.degrees_of_freedom) for cause, part in by_cause.items()])
