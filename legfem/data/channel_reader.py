@@ -182,23 +182,15 @@ def with_channels(
     entries: dict[str, RecordedChannelEntry] = {name: entry for name, entry in given if entry is not None}
     for key, entry in entries.items():
         frames = OF_FRAMES.get(key)
-        if frames is not None:
-            if recordings and site is not None:
-                if entry.file is None or entry.column is not None:
-                    remedy = f"give file, of {','.join(('time_s', *frames.columns))}"
-                    raise InputError(toml, f"channels.{key}", "frames have a file of their own", remedy)
-                paths = [_channel_file(toml, entry, one, len(recordings), key, name) for one in recordings]
-                read = _of_frames(paths, frames, site, recordings)
-                each = zip(paths, read, recordings, strict=True)
-                recordings = [_with_frames(toml, path, entry, found, one) for path, found, one in each]
+        accuracy = None if frames else entry.accuracy(CHANNELS[key], toml)
+        if not recordings or (frames and site is None):
             continue
-        kind = CHANNELS[key]
-        accuracy = entry.accuracy(kind, toml)
-        if not recordings:
-            continue
-        if entry.file is None:
+        if frames and (entry.file is None or entry.column is not None):
+            remedy = f"give file, of {','.join(('time_s', *frames.columns))}"
+            raise InputError(toml, f"channels.{key}", "frames have a file of their own", remedy)
+        if entry.file is None and accuracy is not None:
             if not any(channel.name == key for one in recordings for channel in one.channels):
-                problem = f"no recording has a column {kind.column}"
+                problem = f"no recording has a column {CHANNELS[key].column}"
                 remedy = "add it, its cells empty where nothing was read, or name a file"
                 raise InputError(toml, f"channels.{key}", problem, remedy)
             stated = [
@@ -207,7 +199,12 @@ def with_channels(
             recordings = [replace(one, channels=tuple(c)) for one, c in zip(recordings, stated, strict=True)]
             continue
         paths = [_channel_file(toml, entry, one, len(recordings), key, name) for one in recordings]
-        recordings = [_with_file(path, entry, kind, accuracy, one) for path, one in zip(paths, recordings, strict=True)]
+        if frames and site is not None:
+            read = _of_frames(paths, frames, site, recordings)
+        else:
+            read = [[Read(key, *read_channel(path, CHANNELS[key], entry.column))] for path in paths]
+        each = zip(paths, read, recordings, strict=True)
+        recordings = [_with_read(toml, path, entry, found, one) for path, found, one in each]
     return tuple(recordings)
 
 
@@ -262,10 +259,10 @@ def _of_frames(
         raise error.at(paths[0]) from None
 
 
-def _with_frames(
+def _with_read(
     toml: Path, path: Path, entry: RecordedChannelEntry, found: Sequence[Read], recording: Recording
 ) -> Recording:
-    """Return a recording with the channels that frames give, without what is below an instrument's threshold."""
+    """Return a recording with the channels that a file gives, without what is below an instrument's threshold."""
     taken = {one.name for one in recording.channels} & {one.name for one in found}
     if taken:
         raise InputError(path, "channels", f"{', '.join(taken)} is given already", "keep one of the two")
@@ -281,18 +278,6 @@ def _with_frames(
         course = None if one.course is None else one.course[told]
         channels.append(RecordedChannel(one.name, one.time[told], one.values[told], accuracy, path, course, one.places))
     return replace(recording, channels=(*recording.channels, *channels))
-
-
-def _with_file(
-    path: Path, entry: RecordedChannelEntry, kind: ChannelKind, accuracy: ChannelAccuracy, recording: Recording
-) -> Recording:
-    if any(one.name == kind.name for one in recording.channels):
-        raise InputError(
-            path, kind.name, f"{recording.trial} has a column {kind.column} too", "keep the column or the file"
-        )
-    time, values = read_channel(path, kind, entry.column)
-    channel = RecordedChannel(kind.name, time, values, accuracy, path)
-    return replace(recording, channels=(*recording.channels, channel))
 
 
 def read_channel(path: Path, kind: ChannelKind, column: str | None = None) -> tuple[FloatArray, FloatArray]:

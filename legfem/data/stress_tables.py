@@ -5,12 +5,14 @@ count.
 """
 
 import re
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal, Self
 
 import numpy as np
+from pydantic import model_validator
 
 from legfem.common.errors import InputError
+from legfem.common.input_files import FileTable, Text, trouble
 from legfem.common.units import FloatArray
 from legfem.data.formats import Column, Sheet, read_sheets
 from legfem.data.formats.labels import UNIT_OF, unit_named
@@ -24,32 +26,30 @@ _ORDER = 3
 _LEAST_ROWS = 6
 
 
-@dataclass(frozen=True)
-class StressTable:
-    """Where stretch and stress are found.
+class StressTableEntry(FileTable):
+    """``table`` in ``[recordings]``: files are tables of stretch and stress without a time."""
 
-    Parameters
-    ----------
-    strain : str
-        Column of the deformation.
-    stress : str
-        Column of the stress.
-    unit : str
-        Unit of the stress.
-    stretch : bool
-        Whether the column is a length over the undeformed one; else it is a strain.
-    percent : bool
-        Whether the strain is in percent.
-    sheet : str, optional
-        Sheet of a workbook, where there are several.
-    """
-
-    strain: str
-    stress: str
-    unit: str
-    stretch: bool = False
+    stretch: Text | None = None
+    """Column of the stretch: length over undeformed length."""
+    strain: Text | None = None
+    """Column of the strain (stretch less one, or the amount of shear), in place of the stretch."""
     percent: bool = False
-    sheet: str | None = None
+    """Whether the strain is in percent."""
+    stress: Text
+    """Column of the stress."""
+    unit: Text
+    """Unit of the stress."""
+    measure: Literal["nominal", "true"] | None = None
+    """Nominal (engineering) stress is the force over the undeformed area; in simple shear both are alike."""
+    sheet: Text | None = None
+    """Name of the table or sheet in files that have several."""
+
+    @model_validator(mode="after")
+    def _one_deformation(self) -> Self:
+        if (self.stretch is None) == (self.strain is None):
+            many = "is missing" if self.stretch is None else "is given beside strain"
+            raise trouble("stretch", many, "give the column of one of them")
+        return self
 
 
 def stretch_and_stress(sheet: Sheet, timed: bool = False) -> tuple[Column, Column] | None:
@@ -100,7 +100,7 @@ def refuse_untimed(path: Path, sheet: Sheet) -> InputError:
     )
 
 
-def read_stress_table(path: Path, columns: StressTable) -> tuple[FloatArray, FloatArray]:
+def read_stress_table(path: Path, columns: StressTableEntry) -> tuple[FloatArray, FloatArray]:
     """Read strain (n,) and stress (n,), MPa.
 
     Raises
@@ -113,7 +113,9 @@ def read_stress_table(path: Path, columns: StressTable) -> tuple[FloatArray, Flo
     if len(named) != 1:
         names = ", ".join(f"'{one.name}'" for one in sheets)
         raise InputError(path, "recordings.table.sheet", f"names {len(named)} of the tables {names}", "name one")
-    strain, stress = (_column(path, named[0], name) for name in (columns.strain, columns.stress))
+    strain, stress = (
+        _column(path, named[0], name) for name in (columns.stretch or columns.strain or "", columns.stress)
+    )
     unit, (_, line) = unit_named(columns.unit), table_line(strain, stress)
     if unit is None or unit.quantity != "pressure":
         raise InputError(
@@ -128,7 +130,7 @@ def read_stress_table(path: Path, columns: StressTable) -> tuple[FloatArray, Flo
     values, loads = strain.values, stress.values * unit.factor
     rows = np.isfinite(values) & np.isfinite(loads)
     values, loads = values[rows], loads[rows]
-    if columns.stretch:
+    if columns.stretch is not None:
         if len(values) and values.min() <= 0:
             raise InputError(
                 path,

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from legfem.channels.kind import ReadingsAtSite
+from legfem.channels.kind import Impossible, ReadingsAtSite
 from legfem.channels.kinds import FILE_OF
 from legfem.common.errors import Doubt, InputError
 from legfem.common.units import FloatArray, spaced_unit
@@ -261,56 +261,43 @@ def check_channels(trial: Segmentation, section: LegSection, indenter: Indenter,
         For what can't be; names file, channel and remedy.
     """
     for channel in trial.recording.channels:
-        source = trial.source
-        _check_time(channel, trial, source)
-        force = np.interp(channel.time, trial.recording.time, trial.recording.force - trial.contact.baseline)
-        depths, values = trial.loading_depths(channel.time), channel.values
-        recorded = ReadingsAtSite(
-            values, depths, force, channel.accuracy, Site(section, indenter), outline_sd, channel.place
-        )
-        found = FILE_OF[channel.name].check(channel.kind, recorded)
+        found = _untimely(channel, trial)
+        if found is None:
+            force = np.interp(channel.time, trial.recording.time, trial.recording.force - trial.contact.baseline)
+            depths, site = trial.loading_depths(channel.time), Site(section, indenter)
+            recorded = ReadingsAtSite(channel.values, depths, force, channel.accuracy, site, outline_sd, channel.place)
+            found = FILE_OF[channel.name].check(channel.kind, recorded)
         if found is not None:
-            raise InputError(source, channel.name, found.what, found.remedy)
+            raise InputError(trial.source, channel.name, found.what, found.remedy)
 
 
-def _check_time(channel: RecordedChannel, trial: Segmentation, source: str) -> None:
+def _untimely(channel: RecordedChannel, trial: Segmentation) -> Impossible | None:
+    """Return why a channel wasn't read in a trial; None where it may have been."""
     if not np.isfinite(channel.values).all() or not len(channel.values):
-        raise InputError(source, channel.name, "has no readings", "leave the column out")
+        return Impossible("has no readings", "leave the column out")
+    time = trial.recording.time
     if not np.isfinite(trial.loading_depths(channel.time)).any():
-        t = trial.recording.time
-        raise InputError(
-            source,
-            channel.name,
-            f"none of its readings ({channel.time[0]:g} to {channel.time[-1]:g} s) lies in the loading of a recording "
-            f"from {t[0]:g} to {t[-1]:g} s",
-            "give its times on the recording's clock",
-        )
-    most = float(np.ptp(trial.recording.time))
-    if np.ptp(channel.time) > _TIMES_AS_LONG * most:
-        raise InputError(
-            source,
-            channel.name,
-            f"its readings last {np.ptp(channel.time):.4g} s, and the recording {most:.4g} s",
+        lies = f"({channel.time[0]:g} to {channel.time[-1]:g} s) lies in the loading of a recording from {time[0]:g} to"
+        return Impossible(f"none of its readings {lies} {time[-1]:g} s", "give its times on the recording's clock")
+    lasts, most = float(np.ptp(channel.time)), float(np.ptp(time))
+    if lasts > _TIMES_AS_LONG * most:
+        return Impossible(
+            f"its readings last {lasts:.4g} s, and the recording {most:.4g} s",
             "give its times in s on the recording's clock, or its part within the recording",
         )
     if len(channel.values) >= _FEWEST_READINGS and not np.ptp(channel.values):
-        raise InputError(
-            source,
-            channel.name,
+        return Impossible(
             f"all its {len(channel.values)} readings are {channel.values[0] + 0.0:g}{spaced_unit(channel.kind.unit)}",
             "check that the sensor was connected, or leave the channel out",
         )
     # The place that moves most shows it best.
     lag = seen_lag(max((one for _, one in channel.at_each_place()), key=lambda one: float(np.ptp(one.values))), trial)
-    if abs(lag) >= LONGEST_LAG_S:
-        raise InputError(
-            source,
-            channel.name,
-            f"it follows the displacement {lag:+.1f} s late"
-            if lag > 0
-            else f"it is {-lag:.1f} s ahead of the displacement",
-            f"subtract {lag:.1f} s from its times, and check the clocks",
-        )
+    if abs(lag) < LONGEST_LAG_S:
+        return None
+    late = (
+        f"it follows the displacement {lag:+.1f} s late" if lag > 0 else f"it is {-lag:.1f} s ahead of the displacement"
+    )
+    return Impossible(late, f"subtract {lag:.1f} s from its times, and check the clocks")
 
 
 def seen_lag(channel: RecordedChannel, trial: Segmentation) -> float:

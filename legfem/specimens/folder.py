@@ -18,7 +18,6 @@ from legfem.data.plausibility import refuse_copies, trial_doubts
 from legfem.data.recording import Origin
 from legfem.data.stress_tables import refuse_untimed, stretch_and_stress
 from legfem.specimens.course import course_of
-from legfem.specimens.kind import SizeError
 from legfem.specimens.laws import SpecimenTissue, tissues_of
 from legfem.specimens.recording_files import named_recordings, unread_files
 from legfem.specimens.schema import SIZES, BaseLaw, SeveralTests, SpecimenFile, parse_specimen_file
@@ -348,12 +347,9 @@ def _sizes(toml: Path, given: SpecimenFile, number: int | None) -> Sizes:
     entry = None if number is None else given.specimen[number]
     try:
         return sizes_of(given, entry)
-    except SizeError as error:
-        key, problem, remedy = error.args
-        where = "" if entry is None else f"specimen {entry.name}, "
-        raise InputError(toml, f"{where}{key}", problem, remedy) from None
     except InputError as error:
-        raise error.at(toml) from None
+        where = "" if entry is None else f"specimen {entry.name}, "
+        raise error.at(toml, f"{where}{error.field}") from None
 
 
 def tissue_asked_for(folder: SpecimenFolder) -> SpecimenTissue:

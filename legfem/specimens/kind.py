@@ -8,19 +8,19 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import ClassVar, Literal, Self
+from types import get_original_bases
+from typing import ClassVar, Literal
 
 import numpy as np
-from pydantic import model_validator
 
 from legfem.channels.kind import Face
 from legfem.common.errors import MISSING, Doubt, InputError, PhysicalRange
-from legfem.common.input_files import FileTable, Text, trouble
+from legfem.common.input_files import FileTable
 from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.data import Instrument, Recording, Segmentation
 from legfem.data.folder import RecordingsEntry
 from legfem.data.reader import read_samples
-from legfem.data.stress_tables import StressTable, read_stress_table
+from legfem.data.stress_tables import StressTableEntry, read_stress_table
 from legfem.experiments.bodies import HomogeneousBody
 from legfem.specimens.course import read_specimen, read_table
 
@@ -48,43 +48,6 @@ type Law = Hyperelastic | tuple[Layer, ...]
 """Law of one tissue, or laws of layers from the base up."""
 type SpecimenTest = ExtendedTest
 """A test that can be solved and takes mechanisms' terms."""
-
-
-class SizeError(Exception):
-    """A size, what is wrong with it and how to mend that."""
-
-
-class StressTableEntry(FileTable):
-    """``table`` in ``[recordings]``: files are tables of stretch and stress without a time."""
-
-    stretch: Text | None = None
-    """Column of the stretch: length over undeformed length."""
-    strain: Text | None = None
-    """Column of the strain (stretch less one, or the amount of shear), in place of the stretch."""
-    percent: bool = False
-    """Whether the strain is in percent."""
-    stress: Text
-    """Column of the stress."""
-    unit: Text
-    """Unit of the stress."""
-    measure: Literal["nominal", "true"] | None = None
-    """Nominal (engineering) stress is the force over the undeformed area; in simple shear both are alike."""
-    sheet: Text | None = None
-    """Name of the table or sheet in files that have several."""
-
-    @model_validator(mode="after")
-    def _one_deformation(self) -> Self:
-        if (self.stretch is None) == (self.strain is None):
-            many = "is missing" if self.stretch is None else "is given beside strain"
-            raise trouble("stretch", many, "give the column of one of them")
-        return self
-
-    @property
-    def columns(self) -> StressTable:
-        """Where stretch and stress are found."""
-        stretched = self.stretch is not None
-        column = self.stretch or self.strain or ""
-        return StressTable(column, self.stress, self.unit, stretched, self.percent, self.sheet)
 
 
 class SpecimenRecordingsEntry(RecordingsEntry):
@@ -118,6 +81,7 @@ class SpecimenKind[Entry: FileTable, Body](ABC):
     """Name of its table in ``specimen.toml``."""
     entry: ClassVar[type[FileTable]]
     body: ClassVar[type]
+    """This and the entry are those that its class is declared with."""
     words: ClassVar[str]
     """What it is: "a ball on a layer"."""
     done: ClassVar[str]
@@ -128,6 +92,8 @@ class SpecimenKind[Entry: FileTable, Body](ABC):
     """What displacement and force stand for, where that isn't plain, as sentences."""
     own: ClassVar[Mapping[str, str]]
     """Sizes of the body by the keys of its table that specimens of one folder may have of their own."""
+    pressing: ClassVar[Mapping[str, str]] = {}
+    """The same of what presses or draws them."""
     ranges: ClassVar[Mapping[str, PhysicalRange]] = {}
     """Plausible ranges of the keys that it alone has."""
     beside: ClassVar[frozenset[str]] = frozenset()
@@ -159,15 +125,23 @@ class SpecimenKind[Entry: FileTable, Body](ABC):
     to_know: ClassVar[str] = ""
     """How that could be known, as a sentence without its end."""
 
-    @abstractmethod
+    def __init_subclass__(cls) -> None:
+        """Take entry and body from what the class is declared with."""
+        if declared := typing.get_args(get_original_bases(cls)[0]):
+            cls.entry, cls.body = declared
+
     def body_of(self, given: Entry) -> Body:
-        """Return the sizes that a table states.
+        """Return the sizes that a table states, radii as diameters; what is no size is called alike in both.
 
         Raises
         ------
-        SizeError
+        InputError
             For one that is missing.
         """
+        keys = {**self.own, **self.pressing}
+        sizes = {name: needed(given, key) * (0.5 if name.endswith("radius") else 1.0) for key, name in keys.items()}
+        body: Body = self.body(**sizes, **{key: value for key, value in given if key not in keys})
+        return body
 
     @abstractmethod
     def model(self, body: Body, law: Law, depth: float) -> SpecimenTest:
@@ -242,12 +216,12 @@ def needed(entry: FileTable, key: str, remedy: str = "give it with the test, or 
 
     Raises
     ------
-    SizeError
+    InputError
         If it doesn't.
     """
     value: float | None = getattr(entry, key)
     if value is None:
-        raise SizeError(key, MISSING, remedy)
+        raise InputError("specimen", key, MISSING, remedy)
     return value
 
 
@@ -282,10 +256,6 @@ class HomogeneousKind[Entry: FileTable, Body: HomogeneousBody](SpecimenKind[Entr
     one_way: ClassVar[str] = ""
     """What a table of strains below none would have to state in ``specimen.toml``; none where the sign is a choice."""
 
-    @abstractmethod
-    def body_of(self, given: Entry) -> Body:
-        """Return the sizes."""
-
     def model(self, body: Body, law: Law, depth: float) -> SpecimenTest:
         """Return the test in closed form."""
         from legfem.experiments.homogeneous import HomogeneousTest
@@ -309,7 +279,7 @@ class HomogeneousKind[Entry: FileTable, Body: HomogeneousBody](SpecimenKind[Entr
         """Read a recording, or a table."""
         if given.table is None:
             return super().read(path, given, body, errors, name)
-        strain, stress = read_stress_table(path, given.table.columns)
+        strain, stress = read_stress_table(path, given.table)
         strain, stress = self._in_the_test_s_direction(path, body, strain, stress, given.table.stretch is not None)
         factor = body.nominal_over_true(strain)
         if given.table.measure is None and not np.allclose(factor, 1.0):

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -33,6 +33,12 @@ _STEP = 1e-5
 def grid_to(depth: float) -> FloatArray:
     """Return the grid (m,), mm, of a test pressed to a depth: finer at first."""
     return np.asarray(depth * (np.arange(1, GRID + 1) / GRID) ** 1.3)
+
+
+@cache
+def _spline_to(depth: float) -> CubicSpline:
+    """Return what a way takes of a test's force on its grid: recordings of one test share it."""
+    return unit_spline(grid_to(depth))
 
 
 def slopes_by_readings(read: Callable[[FloatArray], FloatArray], readings: FloatArray) -> dict[str, FloatArray]:
@@ -108,19 +114,15 @@ class Part:
         return self.recording.course
 
     @cached_property
-    def _spline(self) -> CubicSpline:
-        return unit_spline(grid_to(self.depth))
-
-    @cached_property
     def _plain(self) -> FloatArray:
         """What its forces take of the model's, (s, `GRID`)."""
-        return np.asarray(self._spline(self.course.displacement))
+        return np.asarray(_spline_to(self.depth)(self.course.displacement))
 
     def _matrix(self, offset: float) -> FloatArray:
         """Return what its forces take of the model's, contact having begun at an offset (mm); (s, `GRID`)."""
         if not offset:
             return self._plain
-        return np.asarray(self._spline(np.maximum(self.course.displacement - offset, 0.0)))
+        return np.asarray(_spline_to(self.depth)(np.maximum(self.course.displacement - offset, 0.0)))
 
     def felt(self, forces: FloatArray, instrument: FloatArray) -> FloatArray:
         """Return what is felt (..., s) of all tests' forces (..., m), before gain and zero."""

@@ -7,6 +7,7 @@ import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
@@ -72,7 +73,7 @@ class SpecimenProblem:
     prepared: Prepared
     held_out: frozenset[str]
 
-    @property
+    @cached_property
     def forward(self) -> JointForward[SpecimenForward]:
         """Models of the fitted recordings' tests."""
         return self._model([one for one in self.prepared.recordings if one.name not in self.held_out])
@@ -107,11 +108,10 @@ class SpecimenProblem:
         moved = self._moved(now, now.aheads(now.of_forces(search.best.prediction.values)))
         if moved is None:
             return None
-        model = self.forward
-        by_itself = comparison_of(moved, model, self.folder, self._seeks_ratio)
+        by_itself = comparison_of(moved, self.forward, self.folder, self._seeks_ratio)
         readings = search.law.readings(search.best.point)
         slopes = by_itself.slopes(search.best.prediction.model_values, readings)
-        return self._with_channels(comparison_of(moved, model, self.folder, self._seeks_ratio, slopes=slopes))
+        return self._with_channels(comparison_of(moved, self.forward, self.folder, self._seeks_ratio, slopes=slopes))
 
     def assessed(self, found: Found[SpecimenComparison]) -> Fit[SpecimenDetails]:
         """Fit of a finished search."""

@@ -10,8 +10,6 @@ from legfem.data.channel_reader import is_channel_file
 from legfem.data.formats import READERS, is_litter, recording_files
 from legfem.specimens.schema import SpecimenEntry, SpecimenFile
 
-FILE = "specimen.toml"
-
 
 def unread_files(directory: Path, given: SpecimenFile, read: Sequence[Path]) -> list[Doubt]:
     """Return a doubt about files beside the recordings that nothing reads, if there are any."""

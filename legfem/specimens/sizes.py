@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from legfem.channels.kinds.layer_thickness import between_of
-from legfem.common.errors import MISSING, Doubt, PhysicalRange
+from legfem.common.errors import MISSING, Doubt, InputError, PhysicalRange
 from legfem.common.input_files import FileTable
 from legfem.common.units import mpa_to_kpa
 from legfem.data import Recording, Segmentation, ranges
@@ -20,17 +20,7 @@ from legfem.data.contact import Contact
 from legfem.data.plausibility import loading_doubts
 from legfem.inverse.readings import Channel, Data
 from legfem.specimens.course import Course, course_of
-from legfem.specimens.kind import (
-    LABS,
-    LENGTH_UNITS,
-    WORDS,
-    Direction,
-    ShownAxes,
-    SizeError,
-    SpecimenKind,
-    length_range,
-    needed,
-)
+from legfem.specimens.kind import LABS, LENGTH_UNITS, WORDS, Direction, ShownAxes, SpecimenKind, length_range, needed
 from legfem.specimens.kinds import kind_of, kinds
 from legfem.specimens.schema import SIZES, SpecimenEntry, SpecimenFile
 
@@ -129,7 +119,7 @@ def sizes_of(given: SpecimenFile, specimen: SpecimenEntry | None) -> Sizes:
 
     Raises
     ------
-    SizeError
+    InputError
         For a size that the test hasn't, or that isn't given; for fibres of no direction, or of one
         that breaks the test's symmetry.
     """
@@ -138,11 +128,11 @@ def sizes_of(given: SpecimenFile, specimen: SpecimenEntry | None) -> Sizes:
     own = {**{key: size for key, size in cube.items() if getattr(given.test, key) is None}, **stated}
     for key in own:
         if key not in type(given.test).model_fields:
-            raise SizeError(key, "is not a size of this test", "remove it")
+            raise InputError("specimen", key, "is not a size of this test", "remove it")
     layers = _layers(given, specimen)
     if layers:
         if "thickness_mm" in own or getattr(given.test, "thickness_mm", None) is not None:
-            raise SizeError("thickness_mm", "is that of the layers together", "remove it")
+            raise InputError("specimen", "thickness_mm", "is that of the layers together", "remove it")
         own["thickness_mm"] = sum(thickness for _, thickness in layers)
     return Sizes(given.kind.body_of(given.test.model_copy(update=own)), layers, _fibres(given, specimen))
 
@@ -155,12 +145,15 @@ def _fibres(given: SpecimenFile, specimen: SpecimenEntry | None) -> Direction | 
     direction, kind = own or given.fibres.direction, given.kind
     key = "fibres.direction" if own is None else "fibres"
     if direction is None:
-        raise SizeError(key, MISSING, "give it in [fibres], or as fibres with every [[specimen]]")
+        raise InputError("specimen", key, MISSING, "give it in [fibres], or as fibres with every [[specimen]]")
     if direction not in kind.directions:
         names = " or ".join(f'"{one}"' for one in kind.directions)
         give = f"give {names}; other directions" if names else "remove [fibres]; they"
-        raise SizeError(
-            key, f'"{direction}" breaks the symmetry of {kind.words}', f"{give} take a cylinder across a block, or bars"
+        raise InputError(
+            "specimen",
+            key,
+            f'"{direction}" breaks the symmetry of {kind.words}',
+            f"{give} take a cylinder across a block, or bars",
         )
     return direction
 
@@ -171,7 +164,9 @@ def _layers(given: SpecimenFile, specimen: SpecimenEntry | None) -> tuple[tuple[
     if own is None:
         own = [needed(layer, "thickness_mm", "give it, or layers_mm with every [[specimen]]") for layer in given.layers]
     elif len(own) != len(given.layers):
-        raise SizeError("layers_mm", f"{len(own)} thicknesses of {len(given.layers)} [[layers]]", "give one a layer")
+        raise InputError(
+            "specimen", "layers_mm", f"{len(own)} thicknesses of {len(given.layers)} [[layers]]", "give one a layer"
+        )
     names = [layer.name for layer in given.layers]
     return tuple(zip(reversed(names), reversed(own), strict=True))
 

@@ -4,7 +4,7 @@ from typing import ClassVar
 
 from legfem.common.input_files import FileTable, Positive
 from legfem.experiments.bodies import BallOnLayer, Base, Faces
-from legfem.specimens.kind import Law, SpecimenKind, SpecimenTest, length_range, needed
+from legfem.specimens.kind import Law, SpecimenKind, SpecimenTest, length_range
 
 
 class BallEntry(FileTable):
@@ -26,8 +26,6 @@ class BallKind(SpecimenKind[BallEntry, BallOnLayer]):
     """The ball."""
 
     table: ClassVar = "ball"
-    entry: ClassVar = BallEntry
-    body: ClassVar = BallOnLayer
     words: ClassVar = "a ball on a layer"
     done: ClassVar = "a ball pressed them on a rigid base"
     # Hertz.
@@ -35,16 +33,12 @@ class BallKind(SpecimenKind[BallEntry, BallOnLayer]):
         "a ball_diameter_mm of half the true value makes it about 1.4 times as large, or twice on a thin layer"
     )
     own: ClassVar = {"thickness_mm": "thickness", "diameter_mm": "layer_radius"}
+    pressing: ClassVar = {"ball_diameter_mm": "ball_radius"}
     ranges: ClassVar = {"ball_diameter_mm": length_range("a ball's diameter", 0.5, 80.0)}
     layered: ClassVar = True
     free_faces: ClassVar = {"ball": "frictionless"}
     # Hertz's 3/2 on what is smooth and even; on beef the force begins in proportion to the displacement.
     onset_power: ClassVar = None
-
-    def body_of(self, given: BallEntry) -> BallOnLayer:
-        """Return the sizes."""
-        thickness, diameter = needed(given, "thickness_mm"), needed(given, "diameter_mm")
-        return BallOnLayer(thickness, given.ball_diameter_mm / 2, diameter / 2, given.ball, given.base)
 
     def model(self, body: BallOnLayer, law: Law, depth: float) -> SpecimenTest:
         """Return the test, solved by finite elements."""

@@ -26,8 +26,6 @@ class BarKind(HomogeneousKind[BarEntry, UniaxialSpecimen]):
     """The bar."""
 
     table: ClassVar = "uniaxial"
-    entry: ClassVar = BarEntry
-    body: ClassVar = UniaxialSpecimen
     words: ClassVar = "a bar"
     done: ClassVar = "a bar pulled or pressed along its length"
     beside: ClassVar = frozenset({LATERAL_STRETCH.name, FACE_STRAIN.name})

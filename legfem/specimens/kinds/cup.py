@@ -10,7 +10,7 @@ from legfem.common.input_files import FileTable, Positive
 from legfem.common.units import mpa_to_kpa
 from legfem.data import Recording
 from legfem.experiments.bodies import Base, CupOnLayer
-from legfem.specimens.kind import Law, ShownAxes, SpecimenKind, SpecimenTest, length_range, needed
+from legfem.specimens.kind import Law, ShownAxes, SpecimenKind, SpecimenTest, length_range
 
 ATMOSPHERE_KPA = 101.325
 _SLACK = 1.05
@@ -42,8 +42,6 @@ class CupKind(SpecimenKind[SuctionEntry, CupOnLayer]):
     """The cup, which lies on the skin before it draws."""
 
     table: ClassVar = "suction"
-    entry: ClassVar = SuctionEntry
-    body: ClassVar = CupOnLayer
     words: ClassVar = "a suction cup on a layer"
     done: ClassVar = "a suction cup drew them up"
     # A dome as wide as its opening.
@@ -53,6 +51,7 @@ class CupKind(SpecimenKind[SuctionEntry, CupOnLayer]):
         "cup's opening; the cup does not move."
     )
     own: ClassVar = {"thickness_mm": "thickness", "diameter_mm": "layer_radius"}
+    pressing: ClassVar = {"opening_mm": "opening_radius", "rim_mm": "rim_width"}
     ranges: ClassVar = {
         "opening_mm": length_range("a cup's opening", 1.0, 60.0),
         "rim_mm": length_range("a cup's rim", 0.2, 20.0),
@@ -62,11 +61,6 @@ class CupKind(SpecimenKind[SuctionEntry, CupOnLayer]):
     relaxes_as_a_whole: ClassVar = True
     starts_at_contact: ClassVar = True
     load_field: ClassVar = "pressure"
-
-    def body_of(self, given: SuctionEntry) -> CupOnLayer:
-        """Return the sizes."""
-        thickness, diameter = needed(given, "thickness_mm"), needed(given, "diameter_mm")
-        return CupOnLayer(thickness, given.opening_mm / 2, given.rim_mm, diameter / 2, given.rim, given.base)
 
     def model(self, body: CupOnLayer, law: Law, depth: float) -> SpecimenTest:
         """Return the test, solved by finite elements."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from legfem.common.input_files import FileTable, Positive
 from legfem.experiments.bodies import HomogeneousBody
-from legfem.specimens.kind import HomogeneousKind, needed
+from legfem.specimens.kind import HomogeneousKind
 
 
 class EquibiaxialEntry(FileTable):
@@ -45,13 +45,7 @@ class EquibiaxialKind(HomogeneousKind[EquibiaxialEntry, StretchedSheet]):
     """The sheet."""
 
     table: ClassVar = "equibiaxial"
-    entry: ClassVar = EquibiaxialEntry
-    body: ClassVar = StretchedSheet
     words: ClassVar = "a sheet in equibiaxial tension"
     done: ClassVar = "a sheet pulled alike in both directions of its plane"
     no_slip: ClassVar = "a sheet's grips are taken to hold it"
     one_way: ClassVar = '[uniaxial] with direction = "compression", if it was pressed'
-
-    def body_of(self, given: EquibiaxialEntry) -> StretchedSheet:
-        """Return the sizes."""
-        return StretchedSheet(needed(given, "length_mm"), needed(given, "area_mm2"))

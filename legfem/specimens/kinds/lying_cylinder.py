@@ -4,7 +4,7 @@ from typing import ClassVar
 
 from legfem.common.input_files import FileTable, Positive
 from legfem.experiments.bodies import Base, CylinderOnBlock, Faces
-from legfem.specimens.kind import WORDS, Direction, Law, SpecimenKind, SpecimenTest, length_range, needed
+from legfem.specimens.kind import WORDS, Direction, Law, SpecimenKind, SpecimenTest, length_range
 
 
 class CylinderEntry(FileTable):
@@ -28,22 +28,16 @@ class LyingCylinderKind(SpecimenKind[CylinderEntry, CylinderOnBlock]):
     """The cylinder."""
 
     table: ClassVar = "cylinder"
-    entry: ClassVar = CylinderEntry
-    body: ClassVar = CylinderOnBlock
     words: ClassVar = "a cylinder across a block"
     done: ClassVar = "a cylinder lying across a block pressed it"
     followed: ClassVar = "a length_mm of half the true value doubles the stiffness"
     own: ClassVar = {"thickness_mm": "thickness", "width_mm": "width", "length_mm": "length"}
+    pressing: ClassVar = {"cylinder_diameter_mm": "cylinder_radius"}
     ranges: ClassVar = {"cylinder_diameter_mm": length_range("a cylinder's diameter", 1.0, 100.0)}
     layered: ClassVar = True
     free_faces: ClassVar = {"cylinder": "frictionless"}
     directions: ClassVar = ("load", "across", "cylinder")
     as_force: ClassVar = ("length",)
-
-    def body_of(self, given: CylinderEntry) -> CylinderOnBlock:
-        """Return the sizes."""
-        thickness, width, length = (needed(given, key) for key in self.own)
-        return CylinderOnBlock(thickness, width, length, given.cylinder_diameter_mm / 2, given.cylinder, given.base)
 
     def model(self, body: CylinderOnBlock, law: Law, depth: float) -> SpecimenTest:
         """Return the test, solved by finite elements."""

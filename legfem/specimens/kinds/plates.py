@@ -9,7 +9,7 @@ from legfem.channels.kinds.face_strain import FACE_STRAIN
 from legfem.channels.kinds.lateral_stretch import LATERAL_STRETCH
 from legfem.common.input_files import FileTable, Positive
 from legfem.experiments.bodies import CylinderBetweenPlates
-from legfem.specimens.kind import Law, SpecimenKind, SpecimenTest, needed
+from legfem.specimens.kind import Law, SpecimenKind, SpecimenTest
 
 
 class PlatesEntry(FileTable):
@@ -32,8 +32,6 @@ class PlatesKind(SpecimenKind[PlatesEntry, CylinderBetweenPlates]):
     """The plates."""
 
     table: ClassVar = "plates"
-    entry: ClassVar = PlatesEntry
-    body: ClassVar = CylinderBetweenPlates
     words: ClassVar = "between plates"
     done: ClassVar = "pressed between plates, end-on (round specimens)"
     followed: ClassVar = "a diameter_mm of half the true value makes it at least four times as large"
@@ -53,8 +51,8 @@ class PlatesKind(SpecimenKind[PlatesEntry, CylinderBetweenPlates]):
 
     def body_of(self, given: PlatesEntry) -> CylinderBetweenPlates:
         """Return the sizes, with ends that stick where it isn't known."""
-        diameter, height = needed(given, "diameter_mm"), needed(given, "height_mm")
-        return CylinderBetweenPlates(diameter / 2, height, "sliding" if given.ends == "sliding" else "bonded")
+        ends = "sliding" if given.ends == "sliding" else "bonded"
+        return super().body_of(given.model_copy(update={"ends": ends}))
 
     def alternatives(self, given: PlatesEntry) -> tuple[str, ...]:
         """Return what the ends may do."""

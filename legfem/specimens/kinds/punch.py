@@ -5,7 +5,7 @@ from typing import ClassVar
 
 from legfem.common.input_files import FileTable, Positive
 from legfem.experiments.bodies import Base, Faces, PunchOnLayer
-from legfem.specimens.kind import Law, SpecimenKind, SpecimenTest, length_range, needed
+from legfem.specimens.kind import Law, SpecimenKind, SpecimenTest, length_range
 
 
 class PunchEntry(FileTable):
@@ -29,22 +29,20 @@ class PunchKind(SpecimenKind[PunchEntry, PunchOnLayer]):
     """The punch."""
 
     table: ClassVar = "punch"
-    entry: ClassVar = PunchEntry
-    body: ClassVar = PunchOnLayer
     words: ClassVar = "a flat punch on a layer"
     done: ClassVar = "a flat punch pressed them on a rigid base"
     # Boussinesq.
     followed: ClassVar = "a punch_diameter_mm of half the true value makes it at least twice as large"
     own: ClassVar = {"thickness_mm": "thickness", "diameter_mm": "layer_radius"}
+    pressing: ClassVar = {"punch_diameter_mm": "radius", "edge_mm": "edge"}
     ranges: ClassVar = {"punch_diameter_mm": length_range("a punch's diameter", 0.5, 80.0)}
     layered: ClassVar = True
     free_faces: ClassVar = {"punch": "frictionless"}
 
     def body_of(self, given: PunchEntry) -> PunchOnLayer:
-        """Return the sizes."""
-        radius, edge = given.punch_diameter_mm / 2, given.edge_mm
-        thickness, diameter = needed(given, "thickness_mm"), needed(given, "diameter_mm")
-        return PunchOnLayer(thickness, radius, edge or 0.05 * radius, diameter / 2, given.punch, given.base)
+        """Return the sizes, with the usual rounding where none is stated."""
+        edge = given.edge_mm or 0.05 * (given.punch_diameter_mm / 2)
+        return super().body_of(given.model_copy(update={"edge_mm": edge}))
 
     def model(self, body: PunchOnLayer, law: Law, depth: float) -> SpecimenTest:
         """Return the test, solved by finite elements."""

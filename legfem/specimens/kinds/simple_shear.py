@@ -14,7 +14,7 @@ import numpy as np
 
 from legfem.common.input_files import FileTable, Positive
 from legfem.experiments.bodies import HomogeneousBody
-from legfem.specimens.kind import HomogeneousKind, needed
+from legfem.specimens.kind import HomogeneousKind
 
 
 class ShearEntry(FileTable):
@@ -46,15 +46,9 @@ class SimpleShearKind(HomogeneousKind[ShearEntry, ShearedBlock]):
     """The block."""
 
     table: ClassVar = "simple_shear"
-    entry: ClassVar = ShearEntry
-    body: ClassVar = ShearedBlock
     words: ClassVar = "a block in simple shear"
     done: ClassVar = "a block that sticks to two plates, sheared by one of them"
     own: ClassVar = {"height_mm": "length", "area_mm2": "area"}
     cube: ClassVar = {"height_mm": 10.0, "area_mm2": 100.0}
     no_slip: ClassVar = "the plates are said to hold the block"
     strain: ClassVar = "amount of shear"
-
-    def body_of(self, given: ShearEntry) -> ShearedBlock:
-        """Return the sizes."""
-        return ShearedBlock(needed(given, "height_mm"), needed(given, "area_mm2"))

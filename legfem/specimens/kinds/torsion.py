@@ -20,7 +20,7 @@ from legfem.data.recording import RecordedChannel, check_increasing
 from legfem.data.smoothing import sample_noise
 from legfem.experiments.bodies import TwistedCylinder
 from legfem.specimens.course import read_specimen
-from legfem.specimens.kind import Law, ShownAxes, SpecimenKind, SpecimenRecordingsEntry, SpecimenTest, needed
+from legfem.specimens.kind import Law, ShownAxes, SpecimenKind, SpecimenRecordingsEntry, SpecimenTest
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -51,8 +51,6 @@ class TorsionKind(SpecimenKind[TorsionEntry, TwistedCylinder]):
     """The twisted cylinder."""
 
     table: ClassVar = "torsion"
-    entry: ClassVar = TorsionEntry
-    body: ClassVar = TwistedCylinder
     words: ClassVar = "a twisted cylinder"
     done: ClassVar = "a cylinder twisted between two plates that stick to its ends"
     followed: ClassVar = "a diameter_mm of half the true value makes it sixteen times as large"
@@ -63,10 +61,6 @@ class TorsionKind(SpecimenKind[TorsionEntry, TwistedCylinder]):
     relaxes_as_a_whole: ClassVar = True
     load_field: ClassVar = "torque"
     no_slip: ClassVar = "the plates are said to hold the cylinder"
-
-    def body_of(self, given: TorsionEntry) -> TwistedCylinder:
-        """Return the sizes."""
-        return TwistedCylinder(needed(given, "diameter_mm") / 2, needed(given, "height_mm"))
 
     def model(self, body: TwistedCylinder, law: Law, depth: float) -> SpecimenTest:
         """Return the test in closed form."""
