@@ -1,7 +1,7 @@
 """Channels of a pressed model along a path: what reads them off each state, and the log of all of them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -86,19 +86,12 @@ class ChannelLog:
         """By name, NaN where a channel isn't there."""
         self._rates: dict[str, list[FloatArray]] = {}
         if reader is not None:
-            number, size = len(self._parameters), len(reader.system.direction)
-            at_rest = np.zeros_like(reader.system.unknown.x.array)
-            nodes = len(reader.system.spaces.trace) // size
-            first = reader.read(
-                ReadState(
-                    at_rest,
-                    np.zeros((number, len(at_rest))),
-                    np.zeros(size),
-                    np.zeros((number, size)),
-                    np.zeros((nodes, size)),
-                    np.zeros((number, nodes, size)),
-                )
-            )
+            size, nodes = len(reader.system.direction), len(reader.system.spaces.trace)
+            unknown, force = np.zeros(len(reader.system.unknown.x.array)), np.zeros(size)
+            nodal = np.zeros((nodes // size, size))
+            rates = [np.zeros((len(self._parameters), *one.shape)) for one in (unknown, force, nodal)]
+            self._at_rest = ReadState(unknown, rates[0], force, rates[1], nodal, rates[2])
+            first = reader.read(self._at_rest)
             self.values = {name: [value] for name, (value, _) in first.items()}
             self._rates = {name: [rates] for name, (_, rates) in first.items()}
 
@@ -121,26 +114,22 @@ class ChannelLog:
         if self._reader is None:
             return
         system = self._reader.system
-        unknown, nodal = system.unknown.x.array, system.nodal_contact_force()
-        rates: FloatArray = np.zeros((0, len(unknown)))
-        force_rates: FloatArray = np.zeros((0, len(contact_force)))
-        nodal_rates: FloatArray = np.zeros((0, *nodal.shape))
-        if tracker is not None:
-            rates = chain.T @ np.array(list(tracker.state_rates().values()))
-            force_rates = chain.T @ tracker.contact_force_rates
-            nodal_rates = np.tensordot(chain.T, tracker.nodal_force_rates, axes=1)
-        read = self._reader.read(
-            ReadState(
-                unknown,
-                rates,
-                whole * contact_force,
-                whole * force_rates,
-                nodal,
-                nodal_rates,
-                system.displacement,
-                whole,
-            )
+        state = replace(
+            self._at_rest,
+            unknown=system.unknown.x.array,
+            contact_force=whole * contact_force,
+            nodal_force=system.nodal_contact_force(),
+            displacement=system.displacement,
+            whole=whole,
         )
+        if tracker is not None:
+            state = replace(
+                state,
+                unknown_rates=chain.T @ np.array(list(tracker.state_rates().values())),
+                contact_force_rates=whole * (chain.T @ tracker.contact_force_rates),
+                nodal_force_rates=np.tensordot(chain.T, tracker.nodal_force_rates, axes=1),
+            )
+        read = self._reader.read(state)
         for name, values in self.values.items():
             value, by = read.get(name, (np.nan, np.full(len(self._parameters), np.nan)))
             values.append(value)

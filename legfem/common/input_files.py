@@ -10,7 +10,7 @@ import tomllib
 from collections.abc import Sequence
 from datetime import date, time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, get_args
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -218,6 +218,24 @@ class FileTable(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, use_attribute_docstrings=True)
     alternatives: ClassVar[tuple[str, ...]] = ()
     """Tables in it of which one is given, or some."""
+
+
+class NamedFile(FileTable):
+    """What the file of a leg, a leg in a stocking, or specimens begins with."""
+
+    id: PlainName
+    """Short name by which results are called: letters, digits, dots, dashes."""
+    title: Title
+    """What reports are headed with."""
+    origin: Literal["measured", "reconstructed", "simulated"]
+    """Where the data come from; reports of simulated or reconstructed data say so."""
+
+
+def check_one_of(table: FileTable, key: str, other: str, remedy: str) -> None:
+    """Check that a key is given in a table, or another in its place; raises `trouble` where none is, or both."""
+    given = getattr(table, key) is not None
+    if given == (getattr(table, other) is not None):
+        raise trouble(key, f"given beside {other}" if given else MISSING, remedy)
 
 
 def parse_toml[File: BaseModel](path: Path, schema: type[File], holder: str) -> File:

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from legfem.common.errors import MISSING, InputError
-from legfem.common.input_files import FileTable, NotNegative, Positive, Text, checked, read_toml, trouble
+from legfem.common.input_files import FileTable, NotNegative, Positive, Text, check_one_of, checked, read_toml, trouble
 from legfem.common.wording import Argument, Remedy
 from legfem.data.recording import SourceColumn, SourceColumns
 from legfem.geometry.indenter import IndenterShape
@@ -56,13 +56,8 @@ class InstrumentEntry(FileTable):
                         MISSING,
                         "give force_sd_N, or force_accuracy_percent and force_range_N",
                     )
-        if (self.displacement_sd_mm is None) == (self.displacement_accuracy_mm is None):
-            missing = self.displacement_sd_mm is None
-            raise trouble(
-                "displacement_sd_mm",
-                MISSING if missing else "given beside displacement_accuracy_mm",
-                "give either displacement_sd_mm or displacement_accuracy_mm",
-            )
+        remedy = "give either displacement_sd_mm or displacement_accuracy_mm"
+        check_one_of(self, "displacement_sd_mm", "displacement_accuracy_mm", remedy)
         return self
 
     def force_sd(self) -> float:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -81,6 +82,13 @@ def trial_doubts(trial: Segmentation) -> Iterator[Doubt]:
     yield from _joined_doubts(trial)
     yield from _start_doubts(trial)
     yield from _drift_doubts(trial)
+
+
+def unread_doubts(folder: Path, unread: Sequence[Path], remedy: str) -> Iterator[Doubt]:
+    """Yield a doubt about files in a folder of recordings that nothing reads, if there are any."""
+    if unread:
+        names = ", ".join(path.name for path in unread[:5])
+        yield Doubt(str(folder), "recordings", f"{names} {'is' if len(unread) == 1 else 'are'} not read", remedy)
 
 
 def pull_doubts(trial: Segmentation) -> Iterator[Doubt]:

@@ -203,12 +203,8 @@ def recording_of(path: Path, sheets: Sequence[Sheet], channels: SourceColumns, a
         raise InputError(path, "recordings.sheet", problem, f"name of {names}")
     sheet = named[0]
     values = [_converted(path, sheet, q, getattr(channels, q), area) for q in QUANTITIES]
-    if _first_is_doubled(values[0]):
-        values = [one[1:] for one in values]
-    time, displacement, force = since_start(values[0]), *values[1:]
-    _check_sizes(path, time, displacement, force)
     remedy = "save each trial in a file of its own, and record time with more digits"
-    check_increasing(path, time, f"'{channels.time.column}'", remedy)
+    time, displacement, force = _readings(path, values, f"'{channels.time.column}'", remedy)
     used = {getattr(channels, q).column for q in QUANTITIES}
     further = [column for column in sheet.columns if column.name not in used]
     seen = {kind.name: column for column in reversed(further) if (kind := channel_of(column))}
@@ -253,6 +249,18 @@ def _converted(path: Path, sheet: Sheet, quantity: Quantity, channel: SourceColu
         )
     size = area if measured == "pressure" and area is not None else 1.0
     return columns[0].values * size * unit.factor * channel.sign
+
+
+def _readings(
+    path: Path, values: Sequence[FloatArray], column: str, remedy: str, lines: Sequence[int] | None = None
+) -> list[FloatArray]:
+    """Return time since a trial's start, displacement and force that may be a test's; see `check_increasing`."""
+    first = int(_first_is_doubled(values[0]))
+    time, *others = (one[first:] for one in values)
+    found = [since_start(time), *others]
+    _check_sizes(path, *found)
+    check_increasing(path, found[0], column, remedy, lines if lines is None else lines[first:])
+    return found
 
 
 def _first_is_doubled(time: FloatArray) -> bool:
@@ -327,16 +335,12 @@ def read_plain_table(path: Path, area: float | None) -> Recording:
         column, factor = f"pressure_{unit}", factors[unit] * area
     further = _channel_columns(path)
     table = read_table(path, (*HEADER[:2], column, *further), sparse=tuple(further))
-    if _first_is_doubled(table["time_s"].to_numpy(dtype=np.float64)):
-        table = table.iloc[1:]
-    time, displacement, force = (table[name].to_numpy(dtype=np.float64) for name in (*HEADER[:2], column))
-    time = since_start(time)
-    _check_sizes(path, time, displacement, force)
+    own = [table[name].to_numpy(dtype=np.float64) for name in (*HEADER[:2], column)]
     remedy = "sort the rows by time, remove repeated ones, and save each trial in a file of its own"
-    check_increasing(path, time, "time_s", remedy, table.index)
+    time, displacement, force = _readings(path, own, "time_s", remedy, table.index)
     channels = []
     for name, kind in further.items():
-        values = table[name].to_numpy(dtype=np.float64)
+        values = table[name].to_numpy(dtype=np.float64)[-len(time) :]
         there = ~np.isnan(values)
         channels.append(RecordedChannel(kind.name, time[there], values[there], kind.usual))
     return Recording(time, displacement, factor * force, path.stem, path, tuple(channels))

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import model_validator
 
 from legfem.common.errors import InputError
-from legfem.common.input_files import FileTable, Text, trouble
+from legfem.common.input_files import FileTable, Text, check_one_of
 from legfem.common.units import FloatArray
 from legfem.data.formats import Column, Sheet, read_sheets
 from legfem.data.formats.labels import UNIT_OF, unit_named
@@ -46,9 +46,7 @@ class StressTableEntry(FileTable):
 
     @model_validator(mode="after")
     def _one_deformation(self) -> Self:
-        if (self.stretch is None) == (self.strain is None):
-            many = "is missing" if self.stretch is None else "is given beside strain"
-            raise trouble("stretch", many, "give the column of one of them")
+        check_one_of(self, "stretch", "strain", "give the column of one of them")
         return self
 
 

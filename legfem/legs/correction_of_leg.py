@@ -154,31 +154,12 @@ def choose_correction(name: str, subject: Subject) -> TabulatedCorrection | None
     """
     if name == OWN or (name == AUTO and not why_uncorrected(subject)):
         return correction_of(subject)
-    found = None if name == AUTO else find_correction(name)
-    return None if found is None else _of_muscle(subject, found)
-
-
-def find_correction(name: str) -> TabulatedCorrection | None:
-    """Return the correction in a file; None for ``none``.
-
-    Raises
-    ------
-    InputError
-        If the file isn't a correction's.
-    """
-    return None if name == NONE else read_correction(Path(name))
+    return None if name in (AUTO, NONE) else _of_muscle(subject, read_correction(Path(name)))
 
 
 def correction_of(subject: Subject) -> TabulatedCorrection:
-    """Return legfem's correction at a subject's girth and depth to the bone, with known fibres.
-
-    Without a table of legs that of the reference leg, which its name says.
-    """
-    base = read_correction(REFERENCE)
-    if not LEGS.exists():
-        own = replace(base, name=f"{base.name}, of the reference leg's girth and bone")
-    else:
-        own = read_leg_corrections(LEGS).of_leg(base, *size_of(subject))
+    """Return legfem's correction at a subject's girth and depth to the bone, with known fibres."""
+    own = read_leg_corrections(LEGS).of_leg(read_correction(REFERENCE), *size_of(subject))
     return _of_muscle(subject, own)
 
 

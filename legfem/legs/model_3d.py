@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ from mpi4py import MPI
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, Silent
 from legfem.common.wording import Argument
+from legfem.experiments.experiment import Picklable, cached_in_process
 from legfem.experiments.indentation import OnStep
 from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, membrane_of
 from legfem.inverse.catalogue import DEEP_RATIO, Values, stiffness_in_words
@@ -40,7 +40,7 @@ _FASCIA = "fascia."
 
 
 @dataclass(eq=False)
-class SpatialForward:
+class SpatialForward(Picklable):
     """A `legfem.inverse.outcome.Forward` of the leg itself.
 
     Over several ranks of the experiment's communicator this is the first, and the others serve it,
@@ -76,20 +76,14 @@ class SpatialForward:
     progress: Progress = field(default_factory=Silent)
     film: LegFilm | None = None
 
-    def __post_init__(self) -> None:
-        """Gather the ranks."""
-        self._ranks = Together(self.experiment.comm, _solved, self)
-
     def __getstate__(self) -> dict[str, Any]:
         """Leave what the first rank alone does, and what looks at its mesh."""
-        stays = "_ranks", "_camera"
-        kept = {name: value for name, value in self.__dict__.items() if name not in stays}
-        return {**kept, "progress": Silent()}
+        return {**super().__getstate__(), "progress": Silent()}
 
-    def __setstate__(self, kept: dict[str, Any]) -> None:
-        """Gather the ranks anew: in another process it is its own first."""
-        self.__dict__.update(kept)
-        self.__post_init__()
+    @cached_in_process
+    def _ranks(self) -> Together["SpatialForward", tuple[Values, Sequence[str]], Outcome]:
+        """Ranks that solve together: in another process it is its own first."""
+        return Together(self.experiment.comm, _solved, self)
 
     def solve(self, values: Values, sensitivities: Sequence[str] = ()) -> Outcome:
         """Solve in full for values by the names of the model in plane strain."""
@@ -134,7 +128,7 @@ class SpatialForward:
     def _key(self, values: Values) -> str:
         return key_of((self.fingerprint(), dict(values)))
 
-    @cached_property
+    @cached_in_process
     def _camera(self) -> LegCamera:
         return LegCamera(self.experiment, self.depth, self.film or LegFilm())
 

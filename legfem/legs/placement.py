@@ -176,16 +176,20 @@ def placed(directory: Path, toml: Path, given: SubjectFile) -> Placement:
     from legfem.imaging.leg_source import LegSource
 
     source = LegSource.opened(directory, toml, "section", entry, given.labels)
+    turn, residual = indenter.axis_deg or 0.0, None
     if indenter.position_mm is None:
-        assert entry.level_mm is not None and indenter.aim_mm is not None
-        assert indenter.direction_deg is not None
-        plane = CuttingPlane.at_level(entry.level_mm)
-        section = section_from_outlines(source.outlines(plane), thickness, source.name)
-        cut = f"{Path(source.name).name}, {plane}"
-        aim = np.array(indenter.aim_mm)
-        return Placement(
-            section, aim, indenter.direction_deg, cut, source=source, plane=plane, axis_deg=indenter.axis_deg or 0.0
-        )
+        assert entry.level_mm is not None and indenter.aim_mm is not None and indenter.direction_deg is not None
+        plane, aim, angle = CuttingPlane.at_level(entry.level_mm), np.array(indenter.aim_mm), indenter.direction_deg
+    else:
+        plane, aim, angle, turn, residual = _posed(directory, toml, indenter, source)
+    section = section_from_outlines(source.outlines(plane), thickness, source.name)
+    return Placement(section, aim, angle, f"{Path(source.name).name}, {plane}", residual, source, plane, turn)
+
+
+def _posed(
+    directory: Path, toml: Path, indenter: IndenterEntry, source: "LegSource"
+) -> tuple[CuttingPlane, FloatArray, float, float, float | None]:
+    """Return the plane in which an indenter travels in a scan, its line there, turn and landmarks' residual."""
     if source.volume is not None and not source.volume.transform:
         raise InputError(
             source.name,
@@ -203,11 +207,9 @@ def placed(directory: Path, toml: Path, given: SubjectFile) -> Placement:
         # Of a cylinder that lies rather across the leg, the section still is one of the leg.
         axis, turn = (None, found) if abs(found) > _RATHER_ACROSS_DEG else (axis, 0.0)
     plane = CuttingPlane.of_cylinder(position, direction, axis, str(toml))
-    section = section_from_outlines(source.outlines(plane), thickness, source.name)
     along = plane.flat(direction)
     angle = float(np.degrees(np.arctan2(along[1], along[0]))) % 360.0
-    cut = f"{Path(source.name).name}, {plane}"
-    return Placement(section, plane.flat(position), angle, cut, residual, source, plane, turn)
+    return plane, plane.flat(position), angle, turn, residual
 
 
 def _typical(toml: Path, entry: SectionEntry) -> LegSection:

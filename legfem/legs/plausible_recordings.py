@@ -16,7 +16,7 @@ from legfem.data import Recording, Segmentation, ranges
 from legfem.data.channel_reader import LONGEST_LAG_S
 from legfem.data.contact import LEG
 from legfem.data.formats import recording_files
-from legfem.data.plausibility import loading_doubts, pull_doubts, refuse_copies, trial_doubts
+from legfem.data.plausibility import loading_doubts, pull_doubts, refuse_copies, trial_doubts, unread_doubts
 from legfem.data.recording import RecordedChannel
 from legfem.geometry.indenter import Indenter, Site
 from legfem.geometry.section import LegSection, depth_to_bone, fat_thickness, girth
@@ -132,14 +132,10 @@ def _unread(subject: Subject) -> Iterator[Doubt]:
     read = {one.source for one in subject.recordings}
     folders = {path.parent for path in read if path is not None}
     read |= {channel.source for one in subject.recordings for channel in one.channels}
-    others = sorted(file.name for folder in folders for file in recording_files(folder) if file not in read)
-    if others:
-        yield Doubt(
-            str(next(iter(folders))),
-            "recordings",
-            f"{', '.join(others[:5])} {'is' if len(others) == 1 else 'are'} not read",
-            f"remove {'it' if len(others) == 1 else 'them'}, or give [recordings] from `legfem data look`",
-        )
+    others = sorted(file for folder in folders for file in recording_files(folder) if file not in read)
+    them = "it" if len(others) == 1 else "them"
+    remedy = f"remove {them}, or give [recordings] from `legfem data look`"
+    yield from unread_doubts(next(iter(folders), subject.directory), others, remedy)
 
 
 def _motion(trial: Segmentation, room: float) -> Iterator[Doubt]:

@@ -68,9 +68,8 @@ class IndenterEntry(input_files.FileTable):
     @model_validator(mode="after")
     def _one_place(self) -> "IndenterEntry":
         for flat, spatial in (("aim_mm", "position_mm"), ("direction_deg", "direction")):
-            if (getattr(self, flat) is None) == (getattr(self, spatial) is None):
-                what = MISSING if getattr(self, flat) is None else f"given beside {spatial}"
-                raise input_files.trouble(flat, what, f"give {flat} in the section's plane, or {spatial} in the scan")
+            remedy = f"give {flat} in the section's plane, or {spatial} in the scan"
+            input_files.check_one_of(self, flat, spatial, remedy)
         if (self.position_mm is None) != (self.direction is None):
             raise input_files.trouble(
                 "direction",
@@ -193,15 +192,9 @@ class MeasuredEntry(input_files.FileTable):
     source: input_files.Text = "measured"
 
 
-class SubjectFile(input_files.FileTable):
+class SubjectFile(input_files.NamedFile):
     """``subject.toml`` as it is written, in the file's units."""
 
-    id: input_files.PlainName
-    """Short name by which results are called: letters, digits, dots, dashes."""
-    title: input_files.Title
-    """What reports are headed with."""
-    origin: Literal["measured", "reconstructed", "simulated"]
-    """Where the data come from; reports of simulated or reconstructed data say so."""
     section: SectionEntry
     labels: LabelsEntry = LabelsEntry()
     indenter: IndenterEntry

@@ -234,7 +234,7 @@ def model_errors(
     """
     law, best = found.search.law, found.best
     tasks = [
-        _NearOptimum(_at_ratio(one, law, best.outcome.values), dict(best.outcome.values), curve)
+        (_at_ratio(one, law, best.outcome.values), dict(best.outcome.values), curve)
         for one, curve in zip(models, best.outcome.curves, strict=True)
     ]
     told = progress
@@ -273,13 +273,8 @@ def model_errors(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _NearOptimum:
-    """A site near the optimum."""
-
-    models: LegModels
-    values: Values
-    curve: ForceCurve
+type _NearOptimum = tuple[LegModels, Values, ForceCurve]
+"""A site's models, values and section near the optimum."""
 
 
 def _at_ratio(models: LegModels, law: IdentifiedLaw, values: Values) -> LegModels:
@@ -293,6 +288,7 @@ def _at_ratio(models: LegModels, law: IdentifiedLaw, values: Values) -> LegModel
 
 def _left_at(progress: Progress, near: _NearOptimum) -> tuple[FloatArray, dict[str, FloatArray], int]:
     """Return a site's grid (mm), the modes that are left there, and how many solves that took."""
-    solver = LegSolver(near.models, progress)
-    share = solver.lasting(near.values, near.curve, np.zeros(len(solver.grid)))
+    models, values, curve = near
+    solver = LegSolver(models, progress)
+    share = solver.lasting(values, curve, np.zeros(len(solver.grid)))
     return solver.grid, share, solver.rough_solves

@@ -63,6 +63,13 @@ def smooth_switch(fraction: FloatArray) -> FloatArray:
     return np.asarray(x * x * (3 - 2 * x))
 
 
+ONSET = shape(
+    "onset",
+    "-",
+    "when it begins, over the time of the shortest programme",
+    Prior(0.5, 0.3, "linear", "any time"),
+    (0.0, 1.0),
+)
 AWAY = shape(
     "away",
     "-",

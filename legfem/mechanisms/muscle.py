@@ -28,7 +28,7 @@ from legfem.inverse.mechanism import (
 )
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
-from legfem.mechanisms import AWAY, moments, passing
+from legfem.mechanisms import AWAY, ONSET, moments, passing
 
 if TYPE_CHECKING:
     from legfem.mechanics.materials import Hyperelastic
@@ -94,13 +94,7 @@ class MuscleContraction(Mechanism):
     statement: ClassVar[str] = "the muscle tensed during the test and became stiffer"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         strength("stiffening", "-", "rise of the deep stiffness over itself", 0.2, (0.0, 3.0)),
-        shape(
-            "onset",
-            "-",
-            "when it begins, over the time of the shortest programme",
-            Prior(0.5, 0.3, "linear", "any time"),
-            (0.0, 1.0),
-        ),
+        ONSET,
         shape(
             "rise",
             "-",

@@ -22,7 +22,7 @@ from legfem.inverse.mechanism import (
 )
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
-from legfem.mechanisms import AWAY, moments, passing
+from legfem.mechanisms import AWAY, ONSET, moments, passing
 
 if TYPE_CHECKING:
     from legfem.mechanics.contact import TangentialName
@@ -42,13 +42,7 @@ class LegMovement(Mechanism):
     statement: ClassVar[str] = "the leg moved during the test: it gave way to the cylinder or came towards it"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         strength("shift", "mm", "how far it moved away from the cylinder", 0.7, (-5.0, 5.0)),
-        shape(
-            "onset",
-            "-",
-            "when it began, over the time of the shortest programme",
-            Prior(0.5, 0.3, "linear", "any time"),
-            (0.0, 1.0),
-        ),
+        ONSET,
         shape(
             "rise", "-", "how long a movement took, likewise", Prior(0.05, 0.8, "log", "a second or some"), (0.005, 0.3)
         ),

@@ -1,31 +1,23 @@
 """Which files of a specimen folder are recordings, and of which specimen."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from legfem.common.errors import Doubt, InputError
 from legfem.common.input_files import check_printable
 from legfem.data.channel_reader import is_channel_file
 from legfem.data.formats import READERS, is_litter, recording_files
+from legfem.data.plausibility import unread_doubts
 from legfem.specimens.schema import SpecimenEntry, SpecimenFile
 
 
-def unread_files(directory: Path, given: SpecimenFile, read: Sequence[Path]) -> list[Doubt]:
-    """Return a doubt about files beside the recordings that nothing reads, if there are any."""
-    files = recording_files(directory / "recordings")
-    others = [f.name for f in files if f not in read and not is_channel_file(f, given.channels)]
-    if not others:
-        return []
-    return [
-        Doubt(
-            str(directory / "recordings"),
-            "recordings",
-            f"{', '.join(others[:5])} {'is' if len(others) == 1 else 'are'} not read",
-            "name every file under [[specimen]], remove the others, or give [recordings] from `legfem data look "
-            "--specimens`",
-        )
-    ]
+def unread_files(directory: Path, given: SpecimenFile, read: Sequence[Path]) -> Iterator[Doubt]:
+    """Yield a doubt about files beside the recordings that nothing reads, if there are any."""
+    folder = directory / "recordings"
+    others = [f for f in recording_files(folder) if f not in read and not is_channel_file(f, given.channels)]
+    name_them = "name every file under [[specimen]], remove the others, or give [recordings]"
+    yield from unread_doubts(folder, others, f"{name_them} from `legfem data look --specimens`")
 
 
 def named_recordings(directory: Path, toml: Path, given: SpecimenFile) -> list[tuple[str, int | None, Path]]:
@@ -34,25 +26,24 @@ def named_recordings(directory: Path, toml: Path, given: SpecimenFile) -> list[t
     own = given.recordings.channels() is None and given.recordings.table is None
     suffixes = {".csv"} if own else set(READERS)
     found: list[tuple[int | None, Path]] = []
-    entries: list[tuple[int | None, SpecimenEntry | None]]
-    entries = [*enumerate(given.specimen)] or [(None, None)]
-    for number, entry in entries:
-        patterns = ["recordings/*"] if entry is None else entry.recordings
-        for pattern in patterns:
-            files = _matching(toml, directory, pattern)
-            if entry is None:
-                files = [path for path in files if path.suffix.lower() in suffixes]
-                files = [path for path in files if not is_channel_file(path, given.channels)]
-            if not files:
-                where = "recordings" if entry is None else f"specimen {entry.name}"
-                raise InputError(
-                    toml,
-                    where,
-                    f"there is no file {pattern!r}",
-                    "put one CSV file for each recording there: time_s,displacement_mm,force_N; or give "
-                    "the channels of your instrument's files, from `legfem data look`",
-                )
-            found += [(number, path) for path in files]
+    asked: list[tuple[int | None, str]] = [
+        (k, pattern) for k, entry in enumerate(given.specimen) for pattern in entry.recordings
+    ]
+    for number, pattern in asked or [(None, "recordings/*")]:
+        files = _matching(toml, directory, pattern)
+        if number is None:
+            files = [path for path in files if path.suffix.lower() in suffixes]
+            files = [path for path in files if not is_channel_file(path, given.channels)]
+        if not files:
+            where = "recordings" if number is None else f"specimen {given.specimen[number].name}"
+            raise InputError(
+                toml,
+                where,
+                f"there is no file {pattern!r}",
+                "put one CSV file for each recording there: time_s,displacement_mm,force_N; or give "
+                "the channels of your instrument's files, from `legfem data look`",
+            )
+        found += [(number, path) for path in files]
     for path, times in Counter(path for _, path in found).items():
         if times > 1:
             raise InputError(

@@ -22,21 +22,10 @@ SIZES: tuple[str, ...] = tuple(dict.fromkeys(key for kind in kinds().values() fo
 """Keys of the body's sizes, of which specimens of one folder may have their own."""
 
 
-class _Named(input_files.FileTable):
-    """What every folder begins with."""
-
-    id: input_files.PlainName
-    """Short name by which results are called: letters, digits, dots, dashes."""
-    title: input_files.Title
-    """What reports are headed with."""
-    origin: Literal["measured", "reconstructed", "simulated"]
-    """Where the data come from; reports of simulated or reconstructed data say so."""
-
-
 if TYPE_CHECKING:
     _Sizes = input_files.FileTable
     _SizeErrors = input_files.FileTable
-    _Tests = _Named
+    _Tests = input_files.NamedFile
 else:
     # Every kind of test gives its own keys.
     _Sizes = create_model(
@@ -49,7 +38,7 @@ else:
         **{key: (input_files.NotNegative | None, field) for key, field in _errors.items()},
     )
     _tables = {name: (kind.entry | None, None) for name, kind in kinds().items()}
-    _Tests = create_model("_Tests", __base__=_Named, **_tables)
+    _Tests = create_model("_Tests", __base__=input_files.NamedFile, **_tables)
 
 
 class SpecimenEntry(_Sizes):
@@ -210,7 +199,7 @@ class SpecimenFile(_Tests):
         return found
 
 
-class SeveralTests(_Named):
+class SeveralTests(input_files.NamedFile):
     """``specimen.toml`` of several tests of one material, each in a folder with a ``specimen.toml`` of its own."""
 
     tests: Annotated[list[input_files.PlainName], Field(min_length=2)]

@@ -160,10 +160,7 @@ class NuisanceSlopes:
         """
         weights, skin = self._skin_response(parameters)
         distances = np.tensordot(weights, [sample.distances for sample in self._samples], axes=1)
-        by_modes, by_pressure = _coupled(distances, skin)
-        outlines = self._direct.copy()
-        outlines[:, : len(skin)] += by_modes
-        return self._with_tension(np.hstack([self._rigid, by_pressure, outlines]))
+        return self._coupled(distances, skin, self._rigid, self._direct)
 
     def mapped(self, linear: Callable[[FloatArray], FloatArray]) -> "NuisanceSlopes":
         """Return the same for a linear map of the distances, (n, k) to (m, k)."""
@@ -186,10 +183,8 @@ class NuisanceSlopes:
         """
         _, skin = self._skin_response(parameters)
         sensed = np.mean([sample.sensed for sample in self._samples], axis=0)
-        by_modes, by_pressure = _coupled(sensed, skin)
-        outlines = np.zeros((len(sensed), self._direct.shape[1]))
-        outlines[:, : len(skin)] = by_modes
-        return self._with_tension(np.hstack([np.zeros((len(sensed), RIGID)), by_pressure, outlines]))
+        nothing = np.zeros((len(sensed), RIGID)), np.zeros((len(sensed), self._direct.shape[1]))
+        return self._coupled(sensed, skin, *nothing)
 
     def _skin_response(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the samples' weights in the interpolation at a stiffness, and the skin's response."""
@@ -199,11 +194,25 @@ class NuisanceSlopes:
         weights = np.linalg.lstsq(basis.T, _compliances(parameters[None])[0], rcond=None)[0]
         return weights, np.tensordot(weights, [sample.skin for sample in self._samples], axes=1)
 
-    def _with_tension(self, slopes: FloatArray) -> FloatArray:
-        """Append the derivatives by the fabric's tension: the sectors' sum, since these sum to one."""
-        if not self.of_tension:
-            return slopes
-        return np.column_stack([slopes, slopes[:, RIGID : RIGID + SECTORS].sum(axis=1)])
+    def _coupled(self, response: FloatArray, skin: FloatArray, rigid: FloatArray, direct: FloatArray) -> FloatArray:
+        """Return derivatives in equilibrium by rigid motions, sectors' pressures, outlines' modes, and the tension.
+
+        Parameters
+        ----------
+        response : (n, k + SECTORS) array
+            To pressures at a fixed skin.
+        skin : (k, k + SECTORS) array
+            The skin's own response, see `_Response`.
+        rigid, direct : (n, RIGID), (n, modes) array
+            By rigid motions, and by the outlines' modes as if the pressure didn't respond.
+        """
+        count, outlines = len(skin), direct.copy()
+        by_modes = np.linalg.solve(np.eye(count) - skin[:, :count].T, response[:, :count].T).T
+        outlines[:, :count] += by_modes
+        by_pressure = response[:, count:] + by_modes @ skin[:, count:]
+        # The fabric's tension acts as the sectors' sum, since these sum to one.
+        by_tension = [by_pressure.sum(axis=1)] if self.of_tension else []
+        return np.column_stack([rigid, by_pressure, outlines, *by_tension])
 
     def _pressures_of_modes(self, equilibrium: Equilibrium) -> list[FloatArray]:
         """Differentiate Laplace's pressure (MPa) by the modes of the skin's errors."""
@@ -226,21 +235,6 @@ class NuisanceSlopes:
             rates[part][:, :, :2] = outward_normals(shape.contours[part])[..., None] * modes[:, :, None]
             slopes.append(distance_rates(self._misfit.target, shape, rates))
         return np.hstack(slopes)
-
-
-def _coupled(response: FloatArray, skin: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return derivatives in equilibrium by the skin's modes and by the sectors' pressures.
-
-    Parameters
-    ----------
-    response : (n, k + SECTORS) array
-        To pressures at a fixed skin.
-    skin : (k, k + SECTORS) array
-        The skin's own response, see `_Response`.
-    """
-    count = len(skin)
-    by_modes = np.linalg.solve(np.eye(count) - skin[:, :count].T, response[:, :count].T).T
-    return by_modes, response[:, count:] + by_modes @ skin[:, count:]
 
 
 def _near(levels: FloatArray, slices: FloatArray) -> FloatArray:

@@ -7,7 +7,6 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from legfem.common import input_files
-from legfem.common.errors import MISSING
 from legfem.imaging.shape_schema import LabelsEntry, ShapeEntry
 from legfem.inverse.elastography import ElastographyEntry, check_once
 from legfem.stockings.fabric import CompressionClass
@@ -162,19 +161,14 @@ class SensorEntry(input_files.FileTable):
 
     @model_validator(mode="after")
     def _one_error(self) -> "SensorEntry":
-        if (self.instrument is None) == (self.sd_mmHg is None):
-            what = MISSING if self.sd_mmHg is None else "given beside instrument"
-            raise input_files.trouble("sd_mmHg", what, f"give its standard deviation, or one of {', '.join(KINDS)}")
+        remedy = f"give its standard deviation, or one of {', '.join(KINDS)}"
+        input_files.check_one_of(self, "sd_mmHg", "instrument", remedy)
         return self
 
 
-class LegFile(input_files.FileTable):
+class LegFile(input_files.NamedFile):
     """``leg.toml`` as it is written, in the file's units."""
 
-    id: input_files.PlainName
-    """Short name by which results are called: letters, digits, dots, dashes."""
-    title: input_files.Title
-    """What reports are headed with."""
     origin: Literal["measured", "simulated"]
     """Where the data come from; reports of simulated data say so."""
     bare: ShapeEntry
