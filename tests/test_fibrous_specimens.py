@@ -192,7 +192,7 @@ def test_pieces_that_were_turned_tell_it_however_they_differ(tmp_path: Path) -> 
     assert not any("cannot be distinguished" in text for text in sentences_of([found]))
     twice = path / "specimen.toml"
     twice.write_text(twice.read_text().replace('fibres = "across"', 'fibres = "load"'))
-    with pytest.raises(InputError, match="2 specimens are called 'a'"):
+    with pytest.raises(InputError, match="'a' stands 2 times"):
         lf.load_specimen(path)
     refused = lf.diagnose(folder, library=tmp_path / "responses")
     with pytest.raises(lf.InputError, match="tested in several directions"):

@@ -85,14 +85,14 @@ sign = -1
         ),
         (
             ("[recordings]", 2 * '[[specimen]]\nname = "a"\nrecordings = ["recordings/*"]\n' + "[recordings]"),
-            "2 specimens are called 'a'",
+            "'a' stands 2 times",
         ),
         (
             (
                 "[recordings]",
                 '[[specimen]]\nname = "a"\nrecordings = ["recordings/*", "recordings/slow.csv"]\n[recordings]',
             ),
-            "slow.csv is named 2 times",
+            "slow.csv' stands 2 times",
         ),
         (("[recordings]", '[[specimen]]\nname = "a"\nrecordings = ["../*"]\n[recordings]'), "leaves the folder"),
     ],

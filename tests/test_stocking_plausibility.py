@@ -220,7 +220,7 @@ _PLACES = "veins = [{name = 'v', position_mm = [%s]}]\n"
         (_PLACES % "0, 0, 700", "veins v, position_mm: 0, 0, 700 is not in the part"),
         (
             "veins = [{name = 'a', position_mm = [0, 0, 70]}, {name = 'a', position_mm = [9, 0, 70]}]\n",
-            "two are called 'a'",
+            "'a' stands 2 times",
         ),
         ('veins = [{name = "a\\u0000b", position_mm = [0, 0, 70]}]\n', "veins.0.name"),
         ("stocking.levels_mm = {B = 110, C = 60}\n", "levels_mm.C: 60 mm is not above B, which is at 110 mm"),

@@ -7,7 +7,8 @@ import math
 import re
 import stat
 import tomllib
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from datetime import date, time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
@@ -236,6 +237,13 @@ def check_one_of(table: FileTable, key: str, other: str, remedy: str) -> None:
     given = getattr(table, key) is not None
     if given == (getattr(table, other) is not None):
         raise trouble(key, f"given beside {other}" if given else MISSING, remedy)
+
+
+def check_distinct(file: Path, field: str, names: Iterable[str], remedy: str) -> None:
+    """Check that no name stands twice in what a file, or a folder, states; raises InputError of the field."""
+    for name, times in Counter(names).items():
+        if times > 1:
+            raise InputError(file, field, f"{name!r} stands {times} times", remedy)
 
 
 def parse_toml[File: BaseModel](path: Path, schema: type[File], holder: str) -> File:

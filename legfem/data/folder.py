@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 from legfem.common.errors import MISSING, InputError
 from legfem.common.input_files import FileTable, NotNegative, Positive, Text, check_one_of, checked, read_toml, trouble
 from legfem.common.wording import Argument, Remedy
+from legfem.data.noise import Instrument
 from legfem.data.recording import SourceColumn, SourceColumns
 from legfem.geometry.indenter import IndenterShape
 
@@ -60,19 +61,16 @@ class InstrumentEntry(FileTable):
         check_one_of(self, "displacement_sd_mm", "displacement_accuracy_mm", remedy)
         return self
 
-    def force_sd(self) -> float:
-        """Return the standard deviation of a force reading, N."""
-        if self.force_sd_N is not None:
-            return self.force_sd_N
-        assert self.force_accuracy_percent is not None and self.force_range_N is not None
-        return self.force_accuracy_percent / 100.0 * self.force_range_N * _UNIFORM
-
-    def displacement_sd(self) -> float:
-        """Return the standard deviation of a displacement reading, mm."""
-        if self.displacement_sd_mm is not None:
-            return self.displacement_sd_mm
-        assert self.displacement_accuracy_mm is not None
-        return self.displacement_accuracy_mm * _UNIFORM
+    def instrument(self) -> Instrument:
+        """Return the standard deviations of readings."""
+        force, displacement = self.force_sd_N, self.displacement_sd_mm
+        if force is None:
+            assert self.force_accuracy_percent is not None and self.force_range_N is not None
+            force = self.force_accuracy_percent / 100.0 * self.force_range_N * _UNIFORM
+        if displacement is None:
+            assert self.displacement_accuracy_mm is not None
+            displacement = self.displacement_accuracy_mm * _UNIFORM
+        return Instrument(force, displacement)
 
 
 class ChannelEntry(FileTable):

@@ -61,7 +61,7 @@ def read_volume(path: Path, meaning: Meaning | None = None, series: Path | None 
         with _locale_kept():
             array, affine, named, transform = reader(path)
             if series is not None and not transform:
-                array, affine, transform = _placed(array, path, series)
+                affine, transform = _affine_of(series, path, array.shape), True
     except InputError:
         raise
     except Exception as error:  # the libraries raise all kinds
@@ -149,15 +149,15 @@ def _series(path: Path) -> SimpleITK.Image:
     return reader.Execute()
 
 
-def _placed(array: NDArray[np.integer], path: Path, series: Path) -> tuple[NDArray[np.integer], FloatArray, bool]:
-    """Return labels with the place of the series on whose voxels they lie."""
+def _affine_of(series: Path, path: Path, shape: tuple[int, ...]) -> FloatArray:
+    """Return the place of the series on whose voxels a file's labels lie."""
     image = _series(series)
-    if image.GetSize() != array.shape:
-        sizes = [" x ".join(map(str, size)) for size in (array.shape, image.GetSize())]
+    if image.GetSize() != shape:
+        sizes = [" x ".join(map(str, size)) for size in (shape, image.GetSize())]
         raise InputError(
             path, "shape", f"{sizes[0]} voxels, but {sizes[1]} in {series}", "give the series that was labelled"
         )
-    return array, _affine(image), True
+    return _affine(image)
 
 
 def _of_image(image: SimpleITK.Image, path: Path) -> _Raw:

@@ -248,8 +248,8 @@ def fit_in_3d(
     with replace(request, jobs=jobs).solver(forward, problem.sensitivities, folder=SOLVES) as solver:
         few = replace(request.settings, most_solves=FIRST_SOLVES)
         start = Searches(problem, solver, few, refines=False).nearest(laws)
-        errors = model_errors(leg, models, start, request.progress, jobs)
-        problem = replace(problem, spatial=errors.summary).corrected(errors.modes)
+        corrections, spatial = model_errors(leg, models, start, request.progress, jobs)
+        problem = replace(problem, spatial=spatial).corrected(corrections)
         settled = replace(request.settings, most_solves=MOST_SOLVES_OF_SITES)
         return fit_with(problem, laws, solver, settled, start)
 

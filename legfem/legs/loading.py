@@ -5,7 +5,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from legfem.common.errors import MISSING, InputError, remedy_for_missing
-from legfem.common.input_files import check_printable
+from legfem.common.input_files import check_distinct, check_printable
 from legfem.common.units import kpa_to_mpa
 from legfem.data import Instrument, Recording, SourceColumns, check_trial, read_samples, seen_instrument
 from legfem.data.channel_reader import is_channel_file, with_channels
@@ -148,9 +148,8 @@ def _tissues(given: SubjectFile, moduli: Sequence[ShearModulus]) -> dict[str, Ti
 
 
 def _instrument(toml: Path, given: SubjectFile, recordings: Sequence[Recording], needed: bool) -> Instrument:
-    entry = given.instrument
-    if entry is not None:
-        return Instrument(entry.force_sd(), entry.displacement_sd())
+    if given.instrument is not None:
+        return given.instrument.instrument()
     if needed:
         raise InputError(toml, "instrument", MISSING, "add force_sd_N and displacement_sd_mm, or accuracies")
     return seen_instrument(recordings)
@@ -161,10 +160,7 @@ def _recordings(folder: Path, there: Sequence[Path], channels: SourceColumns | N
     if not files:
         raise InputError(folder, "*.csv", "there are no recordings", _where_recordings_are(folder, there))
     check_printable(*files)
-    stems = [file.stem for file in files]
-    twice = next((stem for stem in stems if stems.count(stem) > 1), None)
-    if twice is not None:
-        raise InputError(folder, twice, "two files have this name", "keep one file for each trial, in one format")
+    check_distinct(folder, "trial", (file.stem for file in files), "keep one file for each trial, in one format")
     return tuple(read_samples(file, channels) for file in files)
 
 

@@ -22,8 +22,8 @@ from legfem.geometry.indenter import Indenter, Site
 from legfem.geometry.section import LegSection, depth_to_bone, fat_thickness, girth
 from legfem.legs.subject import Subject
 
-SOFTEST_KPA, STIFFEST_KPA, STIFFEST_C20_KPA = 0.05, 10.0, 40.0
-"""C10 of the two deep tissues, and C20 of the stiffer."""
+SOFTEST_KPA, STIFFEST_KPA = 0.05, 10.0
+"""C10 of the two deep tissues."""
 _LEAST = (-4.452, 0.145, 0.139, 0.417, -0.994, 0.327, 1.195, 1.159, 0.002)
 _MOST = (-0.623, 0.185, 0.026, -0.33, 0.519, 0.103, 0.853, 2.98, -0.481)
 

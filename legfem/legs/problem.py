@@ -1,7 +1,7 @@
 """A leg as a problem: one or several sites, in plane strain or in 3D, with what is unknown of its tissues."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
@@ -35,6 +35,7 @@ from legfem.legs.details import AppliedCorrection, LegDetails, SpatialSites
 from legfem.legs.forward import PlaneStrainForward, laws_of
 from legfem.legs.notices import notices_about
 from legfem.legs.site import SiteFit, beyond_of, mean_force, measured_curve, site_test
+from legfem.legs.solver_3d import of_search
 from legfem.legs.subject import SitedLeg, Subject
 from legfem.legs.unknowns import Geometry, SectionGeometry, unknowns_at
 
@@ -72,8 +73,8 @@ class LegProblem:
         What to minimise; see `weighting_of`.
     own_errors : Mapping[str, float]
         Standard deviations by which each site's instrument errs beside what all have.
-    spatial : callable, optional
-        What is known of solves in 3D beside a finished search; of a search that goes on these.
+    spatial : SpatialSites, optional
+        What is known of solves in 3D before a search that goes on these.
     """
 
     leg: SitedLeg
@@ -84,7 +85,7 @@ class LegProblem:
     geometry: Geometry
     weighting: Weighting | None = None
     own_errors: Values = field(default_factory=dict)
-    spatial: Callable[[Found[JointComparison]], SpatialSites] | None = None
+    spatial: SpatialSites | None = None
 
     weighs_shared_errors = True
 
@@ -150,7 +151,7 @@ class LegProblem:
         single = SingleTests(found, covariance)
         agreement = single.agreement
         times = self._quantile(found, covariances)
-        spatial = None if self.spatial is None else self.spatial(found)
+        spatial = None if self.spatial is None else of_search(self.spatial, self.leg, found)
         # What is alike for all sites can't make them disagree.
         wider = {
             source: part if source in ALIKE else agreement.birge_ratio**2 * part for source, part in covariances.items()

@@ -1,6 +1,5 @@
 """The schema of ``subject.toml``, and its sites, each read as a subject of its own."""
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePath
@@ -349,18 +348,9 @@ def _sites(toml: Path, content: Mapping[str, Any]) -> Sequence[SiteEntry]:
     if not isinstance(content["site"], list):
         raise InputError(toml, "site", "is one table", "write [[site]] above each of the sites")
     sites = input_files.checked(toml, content, _SitesFile).site
-    for what, values in (
-        ("name", [site.name for site in sites]),
-        ("recordings", [PurePath(site.folder).as_posix() for site in sites]),
-    ):
-        value, times = Counter(values).most_common(1)[0]
-        if times > 1:
-            raise InputError(
-                toml,
-                f"site.{what}",
-                f"{times} sites have {value!r}",
-                "give every site its own" if what == "name" else "keep its recordings apart",
-            )
+    folders = (PurePath(site.folder).as_posix() for site in sites)
+    input_files.check_distinct(toml, "site.name", (site.name for site in sites), "give every site its own")
+    input_files.check_distinct(toml, "site.recordings", folders, "keep every site's recordings apart")
     for site in sites:
         path = PurePath(site.folder)
         if path.is_absolute() or ".." in path.parts:

@@ -177,44 +177,21 @@ def why_fibres_undetermined(leg: SitedLeg) -> str:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class ModelErrors:
-    """What errors are left in a leg's force in 3D.
-
-    Parameters
-    ----------
-    leg
-        With its sites.
-    modes
-        Corrections of every site that change nothing, with errors as shares of its force.
-    shapes, extruded, rough_solves
-        As in `legfem.legs.details.SpatialSites`.
-    """
-
-    leg: SitedLeg
-    modes: tuple[TabulatedCorrection, ...]
-    shapes: tuple[str, ...]
-    extruded: bool
-    rough_solves: int
-
-    def summary(self, found: Found[JointComparison]) -> SpatialSites:
-        """Greatest errors by cause, with the solves of a law's search."""
-        errors: dict[str, float] = {}
-        for one in self.modes:
-            for name, mode in one.errors.items():
-                greatest = float(np.abs(mode[one.displacement >= FIRST_RATIO]).max(initial=0.0))
-                errors[name] = max(errors.get(name, 0.0), greatest)
-        solves = len(found.outcomes) * len(self.modes)
-        # Forces beside that along the travel are another way in which fibres show.
-        alone = DEEP_RATIO in found.search.law.names and not found.search.misfit.channels
-        untold = why_fibres_undetermined(self.leg) if alone else ""
-        return SpatialSites(self.shapes, self.extruded, solves, self.rough_solves, errors, untold)
+def of_search(sites: SpatialSites, leg: SitedLeg, found: Found[JointComparison]) -> SpatialSites:
+    """Return what is known of a leg's solves in 3D, with those of a law's finished search."""
+    # Forces beside that along the travel are another way in which fibres show.
+    alone = DEEP_RATIO in found.search.law.names and not found.search.misfit.channels
+    untold = why_fibres_undetermined(leg) if alone else ""
+    return replace(sites, full_solves=len(found.outcomes) * len(leg.sites), untold=untold)
 
 
 def model_errors(
     leg: SitedLeg, models: Sequence[LegModels], found: Found[JointComparison], progress: Progress, jobs: int = 1
-) -> ModelErrors:
+) -> tuple[tuple[TabulatedCorrection, ...], SpatialSites]:
     """Solve every site by larger elements and of a shorter leg, near an optimum.
+
+    Returns corrections of every site that change nothing, with errors as shares of its force; and what the solves were
+    of, and the greatest errors by cause.
 
     Parameters
     ----------
@@ -259,18 +236,24 @@ def model_errors(
                 np.array([1.0]),
                 np.array([0.0]),
                 np.zeros((1, 1, len(grid))),
-                {**of_model, **of_fibres},
+                of_model | of_fibres,
                 sources={**dict.fromkeys(of_model, "model"), **dict.fromkeys(of_fibres, "fibres")},
             )
         )
     legs = [one.leg for one in models]
-    return ModelErrors(
-        leg,
-        tuple(corrections),
-        tuple(one.source for one in legs),
-        any(one.extruded for one in legs),
-        sum(rough for _, _, rough in every),
-    )
+    shapes, extruded = tuple(one.source for one in legs), any(one.extruded for one in legs)
+    rough = sum(rough for _, _, rough in every)
+    return tuple(corrections), SpatialSites(shapes, extruded, 0, rough, _greatest(corrections), "")
+
+
+def _greatest(corrections: Sequence[TabulatedCorrection]) -> dict[str, float]:
+    """Return the greatest share of a site's force by cause."""
+    errors: dict[str, float] = {}
+    for one in corrections:
+        for name, mode in one.errors.items():
+            greatest = float(np.abs(mode[one.displacement >= FIRST_RATIO]).max(initial=0.0))
+            errors[name] = max(errors.get(name, 0.0), greatest)
+    return errors
 
 
 type _NearOptimum = tuple[LegModels, Values, ForceCurve]

@@ -138,8 +138,7 @@ def load_specimen(directory: Path) -> SpecimenFolder:
     doubts = _doubts_about_bodies(toml, given)
     sizes = {entry: _sizes(toml, given, entry) for entry in {entry for _, entry, _ in named}}
     doubts += [doubt for body in sizes.values() for doubt in doubts_about_shape(toml, body)]
-    stated = given.instrument
-    errors = None if stated is None else Instrument(stated.force_sd(), stated.displacement_sd())
+    errors = None if given.instrument is None else given.instrument.instrument()
     kind = given.kind
     doubts += unread_files(directory, given, [path for _, _, path in named])
     used, left = list[SpecimenRecording](), list[LeftOut]()

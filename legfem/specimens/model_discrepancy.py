@@ -12,11 +12,11 @@ them.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
-from scipy.special import logsumexp
+from scipy.special import logsumexp, softmax
 
 from legfem.common.units import FloatArray
 from legfem.inverse.evidence import LENGTHS
@@ -78,16 +78,11 @@ def misfit_of(
     densities += [
         [log_density(covariance + size**2 * shape, residual, jacobian) for size in _SIZES] for shape in shapes
     ]
-    found = LawMisfit(
-        float(np.sqrt(np.mean((left / peak) ** 2))), np.array(densities), len(residual), np.zeros_like(covariance)
-    )
-    weights = found.log_densities + _log_priors(
-        np.where(np.array(_SIZES) <= max(_HIDDEN * found.rms, _SIZES[0]), 1.0, 0.0)
-    )
-    weights = np.exp(weights - logsumexp(weights))[1:]
-    squares = weights @ np.square(_SIZES)
-    total = np.asarray(sum(square * shape for square, shape in zip(squares, shapes, strict=True)))
-    return replace(found, covariance=total)
+    rms = float(np.sqrt(np.mean((left / peak) ** 2)))
+    likely = _log_priors((np.array(_SIZES) <= max(_HIDDEN * rms, _SIZES[0])).astype(float))
+    weights = softmax(densities + likely)[1:] @ np.square(_SIZES)
+    total = np.tensordot(weights, shapes, 1)
+    return LawMisfit(rms, np.array(densities), len(residual), total)
 
 
 def _log_priors(by_size: FloatArray) -> FloatArray:

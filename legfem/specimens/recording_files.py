@@ -5,11 +5,11 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from legfem.common.errors import Doubt, InputError
-from legfem.common.input_files import check_printable
+from legfem.common.input_files import check_distinct, check_printable
 from legfem.data.channel_reader import is_channel_file
 from legfem.data.formats import READERS, is_litter, recording_files
 from legfem.data.plausibility import unread_doubts
-from legfem.specimens.schema import SpecimenEntry, SpecimenFile
+from legfem.specimens.schema import SpecimenFile
 
 
 def unread_files(directory: Path, given: SpecimenFile, read: Sequence[Path]) -> Iterator[Doubt]:
@@ -22,7 +22,10 @@ def unread_files(directory: Path, given: SpecimenFile, read: Sequence[Path]) -> 
 
 def named_recordings(directory: Path, toml: Path, given: SpecimenFile) -> list[tuple[str, int | None, Path]]:
     """Return name, number of the specimen (None where there is but one) and file of recordings."""
-    _check_distinct(toml, given.specimen)
+    # A piece may be tested with its fibres one way and another.
+    for way in {entry.fibres for entry in given.specimen}:
+        names = (entry.name for entry in given.specimen if entry.fibres == way)
+        check_distinct(toml, "specimen.name", names, "give every specimen a name of its own")
     own = given.recordings.channels() is None and given.recordings.table is None
     suffixes = {".csv"} if own else set(READERS)
     found: list[tuple[int | None, Path]] = []
@@ -44,11 +47,8 @@ def named_recordings(directory: Path, toml: Path, given: SpecimenFile) -> list[t
                 "the channels of your instrument's files, from `legfem data look`",
             )
         found += [(number, path) for path in files]
-    for path, times in Counter(path for _, path in found).items():
-        if times > 1:
-            raise InputError(
-                toml, "specimen.recordings", f"{path.name} is named {times} times", "name every recording once"
-            )
+    named = (path.relative_to(directory).as_posix() for _, path in found)
+    check_distinct(toml, "specimen.recordings", named, "name every recording once")
     check_printable(*(path for _, path in found))
     stems = Counter(path.stem for _, path in found)
     return [
@@ -68,12 +68,3 @@ def _matching(toml: Path, directory: Path, pattern: str) -> list[Path]:
             toml, "specimen.recordings", f"{pattern!r} is not a pattern of files", "give one such as recordings/a*.csv"
         ) from None
     return [path for path in found if not is_litter(path)]
-
-
-def _check_distinct(toml: Path, specimens: list[SpecimenEntry]) -> None:
-    # A piece may be tested with its fibres one way and another.
-    for (name, _), times in Counter((entry.name, entry.fibres) for entry in specimens).items():
-        if times > 1:
-            raise InputError(
-                toml, "specimen.name", f"{times} specimens are called {name!r}", "give every specimen a name of its own"
-            )

@@ -11,7 +11,7 @@ import numpy as np
 from shapely import Point, Polygon
 
 from legfem.common.errors import Doubt, InputError, PhysicalRange
-from legfem.common.input_files import read_table
+from legfem.common.input_files import check_distinct, read_table
 from legfem.common.progress import Progress, Silent
 from legfem.common.units import FloatArray, kpa_to_mpa, mmhg_to_mpa, mpa_to_kpa, mpa_to_mmhg
 from legfem.data import ranges
@@ -252,19 +252,13 @@ def _sensors(toml: Path, given: LegFile, bare: LegShape) -> tuple[Sensor, ...]:
             kind = KINDS[entry.instrument]
             sd, usual = kind.relative_sd * pressure, kind.diameter
         found.append(Sensor(entry.name, position, pressure, sd, entry.diameter_mm or usual))
-    _check_once(toml, "sensor", [one.name for one in found])
+    check_distinct(toml, "sensor.name", (one.name for one in found), "give every sensor its own")
     return tuple(found)
-
-
-def _check_once(toml: Path, table: str, names: Sequence[str]) -> None:
-    twice = next((name for name in names if names.count(name) > 1), None)
-    if twice is not None:
-        raise InputError(toml, f"{table}.name", f"two are called {twice!r}", "give each its own")
 
 
 def _veins(toml: Path, given: LegFile, bare: LegShape, level: float) -> tuple[Vein, ...]:
     if given.veins:
-        _check_once(toml, "veins", [one.name for one in given.veins])
+        check_distinct(toml, "veins.name", (one.name for one in given.veins), "give every vein its own")
         for vein in given.veins:
             x, y, z = vein.position_mm
             modelled = bare.levels[0] <= z <= bare.levels[-1]
