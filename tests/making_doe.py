@@ -75,7 +75,7 @@ def options(folder: Path, out: str = "out", jobs: int = 1, **more: Any) -> DoeOp
         definition(folder)
     given = dict(counting="coefficients", beyond=True, seed=1) | more
     paths = given.pop("definitions", (folder / "design.toml",))
-    return DoeOptions(paths, "", folder / "leg", folder / out, jobs, **given)
+    return DoeOptions(paths, folder / "leg", folder / out, jobs, **given)
 
 
 def planted_table(noise: float, seed: int = 0) -> tuple[Definition, pd.DataFrame, dict[str, float]]:

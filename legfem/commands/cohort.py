@@ -83,8 +83,7 @@ def cohort(
         from legfem.cohort.rows import CSV, ExpectedRun
         from legfem.report.cohort import PAGE
 
-        place = out or Path("results") / f"cohort-{folder.resolve().name}"
-        command_line.check_out_folder(place)
+        place = command_line.results_folder(out, f"cohort-{folder.resolve().name}")
         found = cohort_in_full(
             folder,
             **passed(context, "do", "layout", "table", "law", "identify", "prior", "fix", "depth", "correction"),

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from legfem.common.command_line import BAD_INPUT, AsJson, Quiet, brief_output, check_out_folder, command_context
+from legfem.common.command_line import BAD_INPUT, AsJson, Quiet, brief_output, command_context, results_folder
 from legfem.common.errors import InputError
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -71,8 +71,7 @@ def look(
         if not files:
             raise InputError("FILES", "missing", "there is nothing to look at", "give files")
         check_printable(*files)
-        folder = out or Path("results") / "look"
-        check_out_folder(folder)
+        folder = results_folder(out, "look")
         asked: dict[Quantity, str | None] = {"time": time, "displacement": displacement, "force": force}
         named = {quantity: column for quantity, column in asked.items() if column is not None}
         names = [path.stem for path in files]
@@ -156,8 +155,7 @@ def preview(
         from legfem.common.progress import progress_on
         from legfem.report.preview import PREVIEW, preview_of
 
-        target = out or Path("results") / "preview"
-        check_out_folder(target)
+        target = results_folder(out, "preview")
         if not folder.is_dir():
             raise InputError(folder, "folder", "not found", "give the path of one")
         target.mkdir(parents=True, exist_ok=True)

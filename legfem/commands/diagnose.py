@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir, finish, passed, results_folder
-from legfem.common.command_line import AsJson, Quiet, check_out_folder, parallel_context
+from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir, finish, passed
+from legfem.common.command_line import AsJson, Quiet, check_out_folder, parallel_context, results_folder
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -70,7 +70,7 @@ def diagnose(
         if library is not None:
             check_out_folder(library)
         leg = named(subject, subject_dir, specimen_dir, site)
-        folder = results_folder(out, "diagnose", leg.id)
+        folder = results_folder(out, f"diagnose-{leg.id}")
         found = diagnose_in_full(
             leg,
             **passed(context, "library", "correction", "seed", "specimens", "site", "prior"),

@@ -7,24 +7,14 @@ from typing import Annotated, Literal
 
 import typer
 
-from legfem.commands.options import (
-    Jobs,
-    Site,
-    SpecimenDir,
-    Subject,
-    SubjectDir,
-    finish,
-    optional,
-    passed,
-    results_folder,
-)
-from legfem.common.command_line import AsJson, FiniteNumbers, Quiet, command_context, parallel_context, process_count
+from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir, finish, optional, passed
+from legfem.common import command_line
 from legfem.common.errors import InputError, UnsolvedError
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
 
-@app.command(name="identify", cls=FiniteNumbers)
+@app.command(name="identify", cls=command_line.FiniteNumbers)
 def run(
     context: typer.Context,
     subject: Subject = None,
@@ -95,8 +85,8 @@ def run(
     emulator: Annotated[
         bool, optional("Search on an emulator (the default), or call the full model each time (slow).")
     ] = True,
-    quiet: Quiet = False,
-    as_json: AsJson = False,
+    quiet: command_line.Quiet = False,
+    as_json: command_line.AsJson = False,
 ) -> None:
     """Identify the stiffness of a leg's tissues from indentation tests.
 
@@ -116,7 +106,7 @@ def run(
 
         check_seed(seed)
         leg = named(subject, subject_dir, specimen_dir, site)
-        folder = results_folder(out, "identify", leg.id)
+        folder = command_line.results_folder(out, f"identify-{leg.id}")
         found = identify_in_full(
             leg,
             **passed(context, "law", "identify", "prior", "fix", "c10_bounds", "c20_bounds", "correction", "depth"),
@@ -135,7 +125,7 @@ def _edge(model: str, jobs: int | None, quiet: bool) -> Iterator[int]:
     """As `legfem.common.command_line.parallel_context`; in 3D the other ranks join in the first one's solves."""
     resume = "run the same command again to go on; solves that are done are kept"
     if model == "2d":
-        with parallel_context(jobs, resume, quiet) as processes:
+        with command_line.parallel_context(jobs, resume, quiet) as processes:
             yield processes
         return
     import petsc4py.PETSc  # noqa: F401  (it starts on all ranks together)
@@ -144,7 +134,7 @@ def _edge(model: str, jobs: int | None, quiet: bool) -> Iterator[int]:
     from legfem.jobs.pool import leading
 
     comm = MPI.COMM_WORLD
-    with command_context(resume, quiet), leading(comm, (InputError, UnsolvedError, typer.Exit)) as first:
+    with command_line.command_context(resume, quiet), leading(comm, (InputError, UnsolvedError, typer.Exit)) as first:
         if not first:
             raise typer.Exit(0)
-        yield process_count(jobs, comm.size)
+        yield command_line.process_count(jobs, comm.size)

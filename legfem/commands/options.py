@@ -5,8 +5,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from legfem.common.command_line import check_out_folder
-
 if TYPE_CHECKING:
     from legfem.api.results import Result
 
@@ -26,13 +24,6 @@ def optional(text: str) -> Any:
 def passed(context: typer.Context, *names: str) -> dict[str, Any]:
     """Return the options that the front door's function takes by the same names; it has the defaults of the others."""
     return {name: given for name in names if (given := context.params[name]) not in (None, [], ())}
-
-
-def results_folder(out: Path | None, command: str, name: str) -> Path:
-    """Return the folder for results, ``results/COMMAND-NAME`` by default, that can be written to."""
-    folder = out or Path("results") / f"{command}-{name}"
-    check_out_folder(folder)
-    return folder
 
 
 def finish(found: "Result", folder: Path, numbers: str, quiet: bool, as_json: bool, text: str | None = None) -> None:

@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from legfem.commands.options import print_outcome, results_folder
-from legfem.common.command_line import FAILED, AsJson, Quiet, command_context
+from legfem.commands.options import print_outcome
+from legfem.common.command_line import FAILED, AsJson, Quiet, command_context, results_folder
 from legfem.common.errors import log_doubts
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -40,7 +40,7 @@ def stocking(
         first = MPI.COMM_WORLD.rank == 0
         with progress_on(quiet=quiet or not first) as progress:
             leg = load_leg(LEGS.named(subject, subject_dir), progress)
-        folder = results_folder(out, "stocking", leg.id)
+        folder = results_folder(out, f"stocking-{leg.id}")
         if first:
             log_doubts(leg.doubts)
         found = stocking_in_full(leg, cells=cells, out=folder, progress=not quiet, comm=MPI.COMM_WORLD)

@@ -84,18 +84,16 @@ def doe(
     with command_line.command_context(resume, quiet):
         from mpi4py import MPI
 
+        from legfem.legs.schema import SUBJECTS
         from legfem.report.render import table
         from legfem.study.doe.command import DoeOptions, run
         from legfem.study.doe.design import IDENTIFIED, PAPER
         from legfem.study.doe.tables import anova_cells
 
-        folder = out or Path("results") / "doe"
-        command_line.check_out_folder(folder)
         options = DoeOptions(
             tuple(factors or (PAPER, IDENTIFIED)),
-            subject,
-            subject_dir,
-            folder,
+            subject_dir or SUBJECTS.find(subject),
+            command_line.results_folder(out, "doe"),
             jobs or command_line.usable_cores(),
             seed,
             count,
@@ -107,7 +105,7 @@ def doe(
             if MPI.COMM_WORLD.rank == 0:
                 for result in results:
                     print(f"{result.definition.title}\n{table(*anova_cells(result))}")
-                written.append(folder / "result.json")
+                written.append(options.out / "result.json")
         if results and all(len(result.failed) == len(result.outcomes) for result in results):
             command_line.end_without_a_solution("doe")
 
@@ -163,8 +161,7 @@ def correction(
         from legfem.study.correction.calibration import Calibration
         from legfem.study.correction.cases import CorrectionCase, Material
 
-        folder = out or Path("results") / "correction"
-        command_line.check_out_folder(folder)
+        folder = command_line.results_folder(out, "correction")
         if subject_dir is not None:
             from legfem.common.units import kpa_to_mpa
             from legfem.jobs.pool import leading

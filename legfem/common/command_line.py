@@ -131,9 +131,7 @@ def study_context(
         See `command_context`.
     """
     with parallel_context(jobs, resume, quiet) as processes:
-        folder = out or Path("results") / name
-        check_out_folder(folder)
-        yield folder, processes
+        yield results_folder(out, name), processes
 
 
 def end_without_a_solution(what: str) -> NoReturn:
@@ -197,6 +195,13 @@ def check_out_folder(out: Path) -> None:
         tempfile.TemporaryFile(dir=nearest).close()
     except OSError:
         raise InputError(asked, str(out), f"{nearest} can't be written to", "give a folder of your own") from None
+
+
+def results_folder(out: Path | None, name: str) -> Path:
+    """Return the folder for results, that of a name in ``results`` where none is given; it can be written to."""
+    folder = out or Path("results") / name
+    check_out_folder(folder)
+    return folder
 
 
 def process_count(jobs: int | None, ranks: int) -> int:

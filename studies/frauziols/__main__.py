@@ -6,8 +6,9 @@ from typing import Annotated
 import typer
 from mpi4py import MPI
 
-from legfem.common.command_line import FiniteNumbers, check_out_folder, command_context, study_context, usable_cores
+from legfem.common.command_line import FiniteNumbers, command_context, results_folder, study_context, usable_cores
 from legfem.common.documents import write_atomically, write_document
+from legfem.legs.schema import SUBJECTS
 from legfem.study.correction import command as correction_command
 from legfem.study.correction.calibration import Calibration
 from legfem.study.doe.command import DoeOptions, run
@@ -35,10 +36,9 @@ def claims(seed: Seed = 1, subject: str = "3", out: Out = None, jobs: Jobs = Non
     Example: python -m studies.frauziols claims
     """
     with command_context(DONE_IS_KEPT):
-        folder = out or Path("results") / "doe"
-        check_out_folder(folder)
+        folder, leg = results_folder(out, "doe"), SUBJECTS.find(subject)
         options = DoeOptions(
-            (PAPER, IDENTIFIED), subject, None, folder, jobs or usable_cores(), seed, "coefficients", beyond=True
+            (PAPER, IDENTIFIED), leg, folder, jobs or usable_cores(), seed, "coefficients", beyond=True
         )
         results = run(options, MPI.COMM_WORLD)
         if results:

@@ -13,12 +13,10 @@ import pandas as pd
 
 from legfem.common.documents import write_atomically, write_document
 from legfem.common.progress import progress_on
-from legfem.data.folder import RESOURCES
 from legfem.inverse.outcome import Outcome
 from legfem.jobs.pool import Workers, leading
 from legfem.jobs.store import Store
 from legfem.legs.loading import load_subject
-from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import Subject
 from legfem.report import page as web
 from legfem.report.curves import Curves, Line
@@ -48,8 +46,8 @@ class DoeOptions:
     """What a user chose."""
 
     definitions: tuple[Path, ...]
-    subject_id: str
-    subject_dir: Path | None
+    subject: Path
+    """Its folder."""
     out: Path
     jobs: int
     seed: int
@@ -60,17 +58,6 @@ class DoeOptions:
     def folder_of(self, definition: Definition) -> Path:
         """Folder for one study's results."""
         return self.out if len(self.definitions) == 1 else self.out / definition.source.stem
-
-    @property
-    def command(self) -> str:
-        """Command that does the same studies."""
-        names = [path.name if path.is_relative_to(RESOURCES) else str(path) for path in self.definitions]
-        words = ["legfem study doe", *(f"--factors {name}" for name in names)]
-        words.append(f"--subject-dir {self.subject_dir}" if self.subject_dir else f"--subject {self.subject_id}")
-        words.append(f"--seed {self.seed}")
-        words += ["--count factors"] if self.counting == "factors" else []
-        words += [] if self.beyond else ["--factorial-only"]
-        return " ".join(words)
 
 
 def run(options: DoeOptions, comm: Any, simulator: PlaneStrainSimulator | None = None) -> list[StudyResult]:
@@ -92,7 +79,7 @@ def run(options: DoeOptions, comm: Any, simulator: PlaneStrainSimulator | None =
         if not first:
             return []
         definitions = [read_definition(path) for path in options.definitions]
-        subject = load_subject(options.subject_dir or SUBJECTS.find(options.subject_id), need_recordings=False)
+        subject = load_subject(options.subject, need_recordings=False)
         given = simulator or PlaneStrainSimulator.of_subject(subject)
         planned = Outlook(sum(simulations_of(definition, options.beyond) for definition in definitions))
         with (
@@ -122,7 +109,7 @@ def _study(options: DoeOptions, definition: Definition, subject: Subject, worksh
         print(note, file=sys.stderr)
     if short := result.stopped_short():
         print(f"warning: {short}", file=sys.stderr)
-    page = study_web_page(result, options.seed, options.command)
+    page = study_web_page(result, options.seed, web.command_line())
     entries = [
         ReportFile(draw_response(result, out), "the response surface (as the paper's Fig. 5)"),
         ReportFile([Path("runs.csv"), Path("runs")], "every simulation: a table, and a file each"),
@@ -339,7 +326,7 @@ def _surface(result: StudyResult) -> list[web.Block]:
                 SurfaceMetric(
                     a.metric.label,
                     a.metric.typeset_unit,
-                    {tuple(numbers[s] for s in t.term.split(":") if s in numbers): t.value for t in a.tests},
+                    [([numbers[s] for s in t.term.split(":") if s in numbers], t.value) for t in a.tests],
                 )
                 for a in result.analyses
             ],
