@@ -71,7 +71,7 @@ def row(name: str, c10: float, error: float, side: int, generator: np.random.Gen
     }
     x = np.linspace(0.0, 20.0, 40)
     force = 0.3 * c10 * x + 0.02 * c20 * x**2
-    curve = Curve(*(tuple(float(v) for v in values) for values in (x, force + 0.05 * generator.normal(size=40), force)))
+    curve = Curve(*(tuple(float(v) for v in values) for values in (x, force + 0.05 * generator.normal(size=40))))
     notices = [
         Notice.of(LegNotice.NEGATIVE_POISSON_RATIO, tissue="fascia", ratio=-0.14),
         Notice.of(FitNotice.BEGUN_IN_AIR, trial="trial1", air=generator.uniform(1, 2)),

@@ -82,7 +82,7 @@ def page_saying(text: str) -> WebPage:
     """Every block there is, with a text in each of its fields."""
     x = np.linspace(0.0, 1.0, 5)
     surface = ResponseSurface(
-        text, [SurfaceFactor(text, (text, text, text))] * 2, [SurfaceMetric(text, text, {(): 1.0})], [text], [[text]]
+        text, [SurfaceFactor(text, (text, text, text))] * 2, [SurfaceMetric(text, text, [((), 1.0)])], [text], [[text]]
     )
     blocks = [
         Prose(text),

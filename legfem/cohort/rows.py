@@ -41,11 +41,10 @@ class Measure:
 
 @dataclass(frozen=True)
 class Curve:
-    """Measured and predicted force of a leg pressed at one site."""
+    """Measured force of a leg pressed at one site."""
 
     displacement_mm: tuple[float, ...]
     measured_N: tuple[float | None, ...]
-    force_N: tuple[float | None, ...]
 
 
 @dataclass(frozen=True)
@@ -180,10 +179,7 @@ def _curve(model: StoredModel) -> Curve | None:
     if len(model.tests) != 1 or "displacement_mm" not in (curve := model.tests[0].curve):
         return None
     step = max(1, -(-len(curve["displacement_mm"]) // _POINTS))
-    displacement, recorded, force = (
-        tuple(curve[name][::step]) for name in ("displacement_mm", "measured_force_N", "force_N")
-    )
-    return Curve(displacement, recorded, force)
+    return Curve(*(tuple(curve[name][::step]) for name in ("displacement_mm", "measured_force_N")))
 
 
 def cohort_model(rows: Sequence[Row]) -> str:

@@ -4,13 +4,13 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from legfem.common.units import mpa_to_mmhg, percent
+from legfem.common.units import mpa_to_mmhg, percent, spaced_unit
 from legfem.inverse.answer import Answer, Finding, Value
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.report import page as web
 from legfem.report.estimates import held_text, words_of
 from legfem.report.style import LAW_NAMES
-from legfem.report.words import MODULI, between, capital, moduli_text, number, share, spaced
+from legfem.report.words import MODULI, between, capital, moduli_text, number, share
 
 
 def headline_of(answer: Answer, answers: Sequence[tuple[str, str]] = ()) -> web.Headline:
@@ -28,7 +28,7 @@ def _with_interval(known: Value, named: str = "") -> str:
     """Return a value with the digits that its error leaves, its unit and its interval."""
     ends = () if known.ci95 is None else (number(end, known.standard_error) for end in known.ci95)
     interval = f"{named}{' to '.join(ends)}" if known.ci95 else "interval not determined"
-    return f"{_value(known)}{spaced(known.unit)} ({interval})"
+    return f"{_value(known)}{spaced_unit(known.unit)} ({interval})"
 
 
 def _stiffness(tissue: str, known: Value) -> str:

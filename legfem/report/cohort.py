@@ -18,7 +18,7 @@ from legfem.inverse.answer import Tone
 from legfem.inverse.catalogue import called
 from legfem.report import cohort_statistics
 from legfem.report.cohort_statistics import colours_of
-from legfem.report.curves import Bundle, Cell, Forest, ForestMetric, Group, SortableTable
+from legfem.report.curves import Bundle, Cell, Forest, ForestMetric, Group, Grouped, SortableTable
 from legfem.report.notices import kind_of_notice
 from legfem.report.render import plain_page, rendered
 from legfem.report.style import LAW_NAMES
@@ -312,13 +312,13 @@ def _cells(one: Measure | None) -> list[Cell]:
     return [(one.value, shown), (one.high - one.low, f"{one.low:.3g} to {one.high:.3g}")]
 
 
-def _groups(members: Sequence[Member], rows: Sequence[Row]) -> tuple[list[Group], list[int]]:
-    """Groups with their colours, and each row's."""
+def _grouped(members: Sequence[Member], rows: Sequence[Row]) -> Grouped:
+    """Return the members of rows, by group."""
     colours = colours_of(members)
     places = {name: k for k, name in enumerate(colours)}
     group = {one.name: one.group for one in members}
     shown = [Group(name or ("no group" if len(colours) > 1 else "all"), colour) for name, colour in colours.items()]
-    return shown, [places[group[row.member]] for row in rows]
+    return Grouped([row.name for row in rows], shown, [places[group[row.member]] for row in rows])
 
 
 def _forest(
@@ -333,9 +333,7 @@ def _forest(
         return ForestMetric(called(name), unit, *([digits(one[k]) for one in ends] for k in range(3)))
 
     caption = "Values of all members with their 95 % intervals, smallest first, coloured by group."
-    return Forest(
-        caption, [row.name for row in rows], *_groups(members, rows), list(map(metric, units, units.values()))
-    )
+    return Forest(caption, _grouped(members, rows), list(map(metric, units, units.values())))
 
 
 def _bundle(members: Sequence[Member], rows: Sequence[Row], found: Mapping[str, ModelResult]) -> Bundle | None:
@@ -347,17 +345,9 @@ def _bundle(members: Sequence[Member], rows: Sequence[Row], found: Mapping[str, 
     for _, one in drawn:
         force = np.array([np.nan if value is None else value for value in one.measured_N])
         values.append(np.interp(x, one.displacement_mm, force, left=np.nan, right=np.nan))
-    shown = [row for row, _ in drawn]
     caption = "Measured force of all members over displacement from first contact, coloured by group."
-    return Bundle(
-        caption,
-        [row.name for row in shown],
-        *_groups(members, shown),
-        x,
-        "displacement (mm)",
-        "force (N)",
-        np.array(values),
-    )
+    shown = _grouped(members, [row for row, _ in drawn])
+    return Bundle(caption, shown, x, "displacement (mm)", "force (N)", np.array(values))
 
 
 _LOOKED = (

@@ -2,7 +2,7 @@
 
 import base64
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, ClassVar, Literal
@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
-from legfem.report.style import DATA_COLOUR, FAINT, LOCATED_COLOUR, new_figure, panel, styled, title
+from legfem.report import style
 
 Dash = Literal["solid", "dashed", "dotted", "dotdash"]
 _MOST_ROWS = 25
@@ -28,7 +28,7 @@ class Line:
     """(n,)."""
     below: FloatArray | None
     """(n,): the difference; None where it has none."""
-    colour: str = DATA_COLOUR
+    colour: str = style.DATA_COLOUR
     dash: Dash = "solid"
     points: bool = False
     """Whether it is drawn as points, not as a line."""
@@ -36,6 +36,11 @@ class Line:
     """Whether it is one of many, drawn thin."""
     tabled: bool = True
     """Whether it stands in the table behind the plot and under the cursor."""
+
+
+def law_line(law: str, above: FloatArray, below: FloatArray, dash: Dash = "solid", points: bool = False) -> Line:
+    """Return what the model makes of a test with a law, and its difference from the recording."""
+    return Line(f"model, {style.LAW_NAMES[law]}", above, below, style.LAW_COLOURS[law], dash, points)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,13 +59,13 @@ class Curves:
     x_label: str
     above_label: str
     below_label: str
-    """Empty for no lower panel."""
+    """Empty for no lower style.panel."""
     lines: Sequence[Line]
     band: FloatArray | None = None
-    """(n,): half the width of a band: about zero in the lower panel, else about the first line."""
+    """(n,): half the width of a band: about zero in the lower style.panel, else about the first line."""
     band_name: str = ""
     located: Sequence[tuple[float, float]] = ()
-    """Stretches of the abscissa that are marked in the lower panel."""
+    """Stretches of the abscissa that are marked in the lower style.panel."""
     located_name: str = ""
 
     @property
@@ -85,16 +90,17 @@ class Curves:
         ]
 
     @property
+    def bands(self) -> list[list[FloatArray]]:
+        """Abscissa, lower and upper end of the band, part by part where the abscissa goes on one way."""
+        if self.band is None:
+            return []
+        about = None if self.below_label else self.lines[0].above
+        middle = np.zeros(len(self.x)) if about is None else about
+        return [[each[way] for each in (self.x, middle - self.band, middle + self.band)] for way in ways(self.x)]
+
+    @property
     def data(self) -> dict[str, Any]:
         """What ``plots.js`` reads."""
-        band = []
-        if self.band is not None:
-            about = None if self.below_label else self.lines[0].above
-            middle = np.zeros(len(self.x)) if about is None else about
-            band = [
-                [_listed(values[way]) for values in (self.x, middle - self.band, middle + self.band)]
-                for way in ways(self.x)
-            ]
         return {
             "x": _listed(self.x),
             "label": self.x_label,
@@ -111,7 +117,7 @@ class Curves:
                 }
                 for line in self.lines
             ],
-            "band": band,
+            "band": [list(map(_listed, part)) for part in self.bands],
             "located": joined(self.located),
         }
 
@@ -144,18 +150,18 @@ def joined(stretches: Sequence[tuple[float, float]]) -> list[tuple[float, float]
 
 _STROKES: dict[Dash, str] = {"solid": "-", "dashed": "--", "dotted": ":", "dotdash": "-."}
 _ACROSS, _LETTERS = 3, 52
-"""Blocks side by side, and letters of a panel's title in a line."""
+"""Blocks side by side, and letters of a style.panel's title in a line."""
 _MOST_POINTS = 60
 
 
-@styled
+@style.styled
 def curves_figure(blocks: Sequence[Curves], what: str, subject: str, origin: str) -> Figure:
     """Draw blocks of a page.
 
     Parameters
     ----------
     blocks
-        Each is a panel of its title.
+        Each is a style.panel of its title.
     what
         Is drawn; lines.
     subject, origin
@@ -164,14 +170,14 @@ def curves_figure(blocks: Sequence[Curves], what: str, subject: str, origin: str
     across = min(len(blocks), _ACROSS)
     down = -(-len(blocks) // across)
     heights = [2.2, 1.0] if any(block.below_label for block in blocks) else [2.2]
-    figure = new_figure(5.4 * across + (0.6 if across > 1 else 2.0), 2.0 * sum(heights) * down)
-    title(figure, what, subject, origin)
+    figure = style.new_figure(5.4 * across + (0.6 if across > 1 else 2.0), 2.0 * sum(heights) * down)
+    style.title(figure, what, subject, origin)
     rows = len(heights)
     grid = figure.subplots(rows * down, across, squeeze=False, height_ratios=heights * down)
     panels = [column for row in range(down) for column in grid[rows * row : rows * (row + 1)].T]
     for k, axes in enumerate(panels):
         if k < len(blocks):
-            panel(axes[0], chr(ord("A") + k), textwrap.fill(blocks[k].title, _LETTERS))
+            style.panel(axes[0], chr(ord("A") + k), textwrap.fill(blocks[k].title, _LETTERS))
             _draw(axes[0], axes[-1], blocks[k])
         else:
             for one in axes:
@@ -182,33 +188,29 @@ def curves_figure(blocks: Sequence[Curves], what: str, subject: str, origin: str
 def _draw(above: Axes, below: Axes, block: Curves) -> None:
     """Draw a block on its panels, which are one where none of a figure's blocks has a lower one."""
     lowest = below if block.below_label else above
-    if block.band is not None:
-        first = None if block.below_label else block.lines[0].above
-        middle = np.zeros(len(block.x)) if first is None else first
-        for number, way in enumerate(ways(block.x)):
-            x, low, high = (values[way] for values in (block.x, middle - block.band, middle + block.band))
-            label = "" if number else block.band_name
-            lowest.fill_between(x, low, high, color=FAINT, alpha=0.35, linewidth=0, label=label)
+    for number, (x, low, high) in enumerate(block.bands):
+        label = "" if number else block.band_name
+        lowest.fill_between(x, low, high, color=style.FAINT, alpha=0.35, linewidth=0, label=label)
     for number, (begin, end) in enumerate(joined(block.located)):
         label = "" if number else block.located_name
-        lowest.axvspan(begin, end, color=LOCATED_COLOUR, alpha=0.4, linewidth=0, label=label)
+        lowest.axvspan(begin, end, color=style.LOCATED_COLOUR, alpha=0.4, linewidth=0, label=label)
     for line in block.lines:
-        style: dict[str, Any] = {
+        drawn: dict[str, Any] = {
             "color": line.colour,
             "linewidth": 0.6 if line.faint else 1.6,
             "linestyle": _STROKES[line.dash],
         }
         if line.points:
             every = max(1, len(block.x) // _MOST_POINTS)
-            style |= {"linestyle": "", "marker": "o", "markersize": 3.2, "fillstyle": "none", "markevery": every}
+            drawn |= {"linestyle": "", "marker": "o", "markersize": 3.2, "fillstyle": "none", "markevery": every}
         for axes, values, label in ((above, line.above, line.name if line.tabled else ""), (below, line.below, "")):
             if values is not None:
-                axes.plot(block.x, values, label=label, **style)
+                axes.plot(block.x, values, label=label, **drawn)
     above.set_ylabel(block.above_label)
     above.legend(loc="best", fontsize=8)
     lowest.set_xlabel(block.x_label)
     if block.below_label:
-        below.axhline(0.0, color=DATA_COLOUR, linewidth=0.6)
+        below.axhline(0.0, color=style.DATA_COLOUR, linewidth=0.6)
         below.set_ylabel(block.below_label)
         if block.band_name or block.located_name:
             below.legend(loc="best", fontsize=8)
@@ -268,8 +270,6 @@ class SortableTable:
     cells: Sequence[Sequence[Cell]]
     links: Sequence[str] = ()
     """Links of the rows' first cells; empty for none."""
-    notes: Mapping[str, str] | None = None
-    """What a column's short name means."""
 
     @property
     def data(self) -> dict[str, Any]:
@@ -296,26 +296,33 @@ class ForestMetric:
 
 
 @dataclass(frozen=True)
+class Grouped:
+    """Members of whom something is drawn, coloured by group."""
+
+    names: Sequence[str]
+    groups: Sequence[Group]
+    group: Sequence[int]
+    """Number of each member's."""
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """What ``many.js`` reads of any."""
+        return {"names": self.names, "colours": [one.colour for one in self.groups], "group": self.group}
+
+
+@dataclass(frozen=True)
 class Forest:
     """Values with their intervals, one line a member, sorted."""
 
     kind: ClassVar[str] = "forest"
     caption: str
-    names: Sequence[str]
-    groups: Sequence[Group]
-    group: Sequence[int]
-    """Number of each member's."""
+    members: Grouped
     metrics: Sequence[ForestMetric]
 
     @property
     def data(self) -> dict[str, Any]:
         """What ``many.js`` reads."""
-        return {
-            "names": self.names,
-            "colours": [one.colour for one in self.groups],
-            "group": self.group,
-            "metrics": [vars(one) for one in self.metrics],
-        }
+        return {**self.members.data, "metrics": list(map(vars, self.metrics))}
 
 
 @dataclass(frozen=True, eq=False)
@@ -324,9 +331,7 @@ class Bundle:
 
     kind: ClassVar[str] = "bundle"
     caption: str
-    names: Sequence[str]
-    groups: Sequence[Group]
-    group: Sequence[int]
+    members: Grouped
     x: FloatArray
     """(n,)."""
     x_label: str
@@ -340,9 +345,7 @@ class Bundle:
         most = float(np.nanmax(np.abs(self.values), initial=0.0)) or 1.0
         counts = np.where(np.isfinite(self.values), self.values * (_FINEST / most), -_FINEST - 1)
         return {
-            "names": self.names,
-            "colours": [one.colour for one in self.groups],
-            "group": self.group,
+            **self.members.data,
             "x": np.round(self.x, 3).tolist(),
             "labels": [self.x_label, self.y_label],
             "most": most,

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from legfem.common.units import mpa_to_kpa, percent
+from legfem.common.units import mpa_to_kpa, percent, spaced_unit
 from legfem.geometry.section import girth
 from legfem.inverse.averaging import sensitivities
 from legfem.inverse.catalogue import DEEP_C10, symbol_of
@@ -24,7 +24,7 @@ from legfem.report.diagnosis_curves import (
 from legfem.report.diagnosis_document import Recorded
 from legfem.report.estimates import wave_rows
 from legfem.report.page import Bars, Block, Known, LabelledBar, Prose, Provenance, WebTable
-from legfem.report.words import between, moduli_text, number, short_probability, spaced
+from legfem.report.words import between, moduli_text, number, short_probability
 
 _WRONG = "DO NOT RELY ON IT: the model does not fit, and the interval does not include what was left out"
 
@@ -57,7 +57,7 @@ def known_of(found: Diagnosis, subject: Recorded) -> list[Known]:
             for k, p in enumerate(mechanism.parameters):
                 full, words = f"{mechanism.name}.{p.name}", f"{plain(mechanism.name)}: {p.statement or plain(p.name)}"
                 like_none = flag(model, full, null_of(p) if k == 0 else None)
-                fitted(model, full, words, spaced(p.unit), like_none, f"model with {model_name(model)}")
+                fitted(model, full, words, spaced_unit(p.unit), like_none, f"model with {model_name(model)}")
     for k, trial in enumerate(found.observed.trials):
         at, ends = found.first_contact(k)
         contact, first, last = (f"{round(value, 2) + 0.0:.2f}" for value in (at, *ends))
@@ -81,8 +81,8 @@ def known_of(found: Diagnosis, subject: Recorded) -> list[Known]:
         rows += wave_rows(subject)
         for one in subject.measured:
             strength = mechanism_named(one.effect).parameters[0]
-            name = f"{plain(one.effect)}, measured by itself: {strength.statement}"
-            rows.append(Known(name, f"{one.value:.3g} ± {one.sd:.2g}{spaced(strength.unit)} (sd)", data, one.source))
+            name, unit = f"{plain(one.effect)}, measured by itself: {strength.statement}", spaced_unit(strength.unit)
+            rows.append(Known(name, f"{one.value:.3g} ± {one.sd:.2g}{unit} (sd)", data, one.source))
         rows.append(Known("girth of the section", f"{girth(subject.section):.0f} mm", data, "contours"))
     return rows
 
@@ -121,7 +121,7 @@ def occurrence_table(found: Diagnosis) -> WebTable | None:
             {
                 "effect": plain(one.mechanism),
                 "strengths that are possible": f"{first.name.replace('_', ' ')} {low:.3g} to {high:.3g}"
-                f"{spaced(first.unit)}",
+                f"{spaced_unit(first.unit)}",
                 "times as common as any other (judgement)": f"{mechanism.expected:g}",
                 "source of the strengths": (stated.source if stated is not None else "") or "judgement",
                 "C10 if rarer": rarer,
@@ -191,7 +191,7 @@ def limit_table(found: Diagnosis) -> WebTable:
         rows.append(
             [
                 plain(limit.name),
-                f"{limit.parameter.replace('_', ' ')} {limit.low:.3g} to {limit.high:.3g}{spaced(limit.unit)}",
+                f"{limit.parameter.replace('_', ' ')} {limit.low:.3g} to {limit.high:.3g}{spaced_unit(limit.unit)}",
                 ends.get((limit.open_low, limit.open_high), "no"),
                 " to ".join(f"{end:.3g}" for end in stiffness) or "-",
                 f"{limit.effect:.2g}",

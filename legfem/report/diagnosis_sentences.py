@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from legfem.common.units import mpa_to_kpa, percent
+from legfem.common.units import mpa_to_kpa, percent, spaced_unit
 from legfem.inverse.catalogue import symbol_of
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.hidden import HiddenEnd, Limit
@@ -10,7 +10,7 @@ from legfem.inverse.location import SetAside
 from legfem.inverse.verdict import Diagnosis, explained_share, residual_intervals
 from legfem.mechanisms.time_dependence import needs_time
 from legfem.report.diagnosis_curves import plain, relative_change
-from legfem.report.words import capital, share, spaced
+from legfem.report.words import capital, share
 
 _NO_MECHANISM = (
     "repeat the test on another day and rig; record at two rates with a hold, and look at the located intervals on film"
@@ -159,7 +159,7 @@ def hidden_sentence(found: Diagnosis, limit: Limit, end: HiddenEnd) -> str:
     mechanism = next(e.fit.mechanisms[0] for e in found.explained.every if e.names == (limit.name,))
     first = mechanism.parameters[0]
     value = end.values[first.name]
-    size = f"{value:.2g}{spaced(first.unit)}"
+    size = f"{value:.2g}{spaced_unit(first.unit)}"
     plain = f"{limit.name.replace('-', ' ')} ({first.name.replace('_', ' ')} of {{}})"
     what = (mechanism.would_be or plain).format(size)
     seen = "would not have been detected" + ("" if end.open else ", but a stronger effect would")

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from legfem.common.units import mpa_to_kpa, readable_unit
+from legfem.common.units import mpa_to_kpa, readable_unit, spaced_unit
 from legfem.data.ranges import PUBLISHED_C10
 from legfem.data.recording import Origin
 from legfem.inverse.catalogue import UNITS, parameter_of, symbol_of, unit_of
@@ -18,19 +18,19 @@ from legfem.inverse.fit import SIGNIFICANT, Fit, Goodness, TestFit, gain_of, mis
 from legfem.legs.subject import Subject
 from legfem.report.page import Block, Known, Provenance, WebTable
 from legfem.report.style import LAW_NAMES, REGION_NAMES
-from legfem.report.words import ENERGIES, capital, fit_probability, moduli_text, number, spaced
+from legfem.report.words import ENERGIES, capital, fit_probability, moduli_text, number
 
 
 def value_text(found: Estimate) -> str:
     """Return an estimate with the digits that its error leaves, and its unit."""
     shown = found.shown
-    return f"{number(shown.value, shown.standard_error)}{spaced(shown.unit)}"
+    return f"{number(shown.value, shown.standard_error)}{spaced_unit(shown.unit)}"
 
 
 def held_text(name: str, value: float) -> str:
     """Return a value in the model's unit as people read it."""
     unit, factor = readable_unit(unit_of(name))
-    return f"{factor * value:.4g}{spaced(unit)}"
+    return f"{factor * value:.4g}{spaced_unit(unit)}"
 
 
 def held_of(fits: Sequence[Fit[Any]]) -> dict[str, float]:

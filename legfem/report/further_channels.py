@@ -19,11 +19,11 @@ from legfem.inverse.fit import ChannelFit, Fit
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.subject import Subject
 from legfem.report import page as web
-from legfem.report.curves import Curves, Dash, Line, curves_figure
+from legfem.report.curves import Curves, Dash, Line, curves_figure, law_line
 from legfem.report.diagnosis_curves import BASE_COLOUR, BASE_NAME, REPAIRED_COLOUR, matched, shown_models
 from legfem.report.page import Arrow, Mark, StillSection
 from legfem.report.pressed_section import still_section
-from legfem.report.style import DATA_COLOUR, LAW_COLOURS, LAW_NAMES
+from legfem.report.style import DATA_COLOUR, LAW_NAMES
 
 SHOWS = "what was recorded beside the force and what the model makes of it, and their difference"
 
@@ -95,8 +95,7 @@ def channel_curves(fits: Sequence[Fit[Any]], number: int, k: int) -> Curves:
     lines = [Line("recorded", first.values[order], None, DATA_COLOUR, points=True)]
     for fit in fits:
         model = fit.tests[number].channels[k]
-        name, colour = f"model, {LAW_NAMES[fit.law]}", LAW_COLOURS[fit.law]
-        lines.append(Line(name, model.predicted[order], model.residual[order], colour, points=True))
+        lines.append(law_line(fit.law, model.predicted[order], model.residual[order], points=True))
     kind = CHANNELS[first.name]
     where = f"{test.name}. " if len(fits[0].tests) > 1 else ""
     more = (

@@ -4,7 +4,7 @@ import json
 import math
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -37,37 +37,28 @@ SCHEMA = 1
 
 def recordings_toml(channels: SourceColumns) -> str:
     """Return the ``[recordings]`` block that reads a file."""
-    lines = ["[recordings]"]
-    if channels.sheet is not None:
-        lines.append(f"sheet = {json.dumps(channels.sheet, ensure_ascii=False)}")
+    tables = [_toml("recordings", {} if channels.sheet is None else {"sheet": channels.sheet})]
     for quantity in QUANTITIES:
-        channel = getattr(channels, quantity)
-        lines += [
-            f"[recordings.{quantity}]",
-            f"column = {json.dumps(channel.column, ensure_ascii=False)}",
-            f"unit = {json.dumps(channel.unit, ensure_ascii=False)}",
-        ]
-        if quantity != "time":
-            lines.append(f"sign = {channel.sign}")
-    return "\n".join(lines) + "\n"
+        one = getattr(channels, quantity)
+        sign = {} if quantity == "time" else {"sign": one.sign}
+        tables.append(_toml(f"recordings.{quantity}", {"column": one.column, "unit": one.unit, **sign}))
+    return "".join(tables)
+
+
+def _toml(name: str, values: Mapping[str, str | float]) -> str:
+    """Return a table of TOML."""
+    texts = ((k, json.dumps(v, ensure_ascii=False) if isinstance(v, str) else f"{v:g}") for k, v in values.items())
+    return "".join([f"[{name}]\n", *(f"{key} = {text}\n" for key, text in texts)])
 
 
 def channels_toml(channels: Sequence[RecordedChannel]) -> str:
     """Return the blocks that state the accuracy of channels beside the force, which is usual until it is changed."""
-    lines = []
-    for one in channels:
-        if one.kind not in OF_LEGS:
-            continue
-        unit, accuracy = one.kind.unit, one.accuracy
-        lines += [
-            f"[channels.{one.name}]",
-            f"sd_{unit} = {accuracy.reading:g}",
-            f"bias_{unit} = {accuracy.bias:g}",
-            f"slow_{unit} = {accuracy.slow:g}",
-            f"gain_percent = {100 * accuracy.gain:g}",
-            f"lag_s = {accuracy.lag:g}",
-        ]
-    return "".join(f"{line}\n" for line in lines)
+    tables = []
+    for one in (one for one in channels if one.kind in OF_LEGS):
+        unit, known = one.kind.unit, one.accuracy
+        errors = {f"sd_{unit}": known.reading, f"bias_{unit}": known.bias, f"slow_{unit}": known.slow}
+        tables.append(_toml(f"channels.{one.name}", errors | {"gain_percent": 100 * known.gain, "lag_s": known.lag}))
+    return "".join(tables)
 
 
 def frames_toml(tables: Sequence[Path], recordings: Sequence[Recording], specimens: bool) -> str:
@@ -78,7 +69,7 @@ def frames_toml(tables: Sequence[Path], recordings: Sequence[Recording], specime
         named = (re.search(rf"(?<![^\W_]){re.escape(one.trial)}(?![^\W_])", path.name) for one in recordings)
         found = max(filter(None, named), key=lambda one: len(one[0]), default=None)
         name = path.name if found is None else f"{path.name[: found.start()]}{TRIAL}{path.name[found.end() :]}"
-        lines.append(f"[channels.{entry}]\nfile = {json.dumps(name, ensure_ascii=False)}\n")
+        lines.append(_toml(f"channels.{entry}", {"file": name}))
     return "".join(dict.fromkeys(lines))
 
 

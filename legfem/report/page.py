@@ -165,8 +165,6 @@ class Bars:
     header: tuple[str, str]
     """Of names and of values."""
     bars: Sequence[LabelledBar]
-    least: float = 0.0
-    """Where bars begin."""
     greatest: float | None = None
     """Where they may end; the greatest value's or interval's end by default."""
 
@@ -180,10 +178,9 @@ class Bars:
         """Return the bars as they are drawn: values and ends of intervals are per cent of the greatest."""
         ends = [max(b.value, b.interval[1] if b.interval else b.value) for b in self.bars]
         greatest = max(ends, default=1.0) if self.greatest is None else self.greatest
-        span = greatest - self.least
 
         def at(value: float) -> float:
-            share = (value - self.least) / span if span > 0 else 0.0
+            share = value / greatest if greatest > 0 else 0.0
             return round(100 * min(max(share, 0.0), 1.0), 2)
 
         return [
@@ -324,8 +321,8 @@ class SurfaceMetric:
 
     label: str
     unit: str
-    coefficients: Mapping[tuple[int, ...], float]
-    """By the factors' numbers in a term: none for the mean, two for an interaction."""
+    terms: Sequence[tuple[Sequence[int], float]]
+    """The factors' numbers in a term (none for the mean, two for an interaction), and its coefficient."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -348,15 +345,8 @@ class ResponseSurface:
         """What ``response.js`` reads."""
         return {
             "cells": SURFACE_CELLS,
-            "factors": [{"label": f.label, "levels": f.levels} for f in self.factors],
-            "metrics": [
-                {
-                    "label": m.label,
-                    "unit": m.unit,
-                    "terms": [[list(term), value] for term, value in m.coefficients.items()],
-                }
-                for m in self.metrics
-            ],
+            "factors": list(map(vars, self.factors)),
+            "metrics": list(map(vars, self.metrics)),
         }
 
 

@@ -95,11 +95,6 @@ def between(low: float, high: float) -> tuple[str, str]:
     return number(low, (high - low) / 4), number(high, (high - low) / 4)
 
 
-def spaced(unit: str) -> str:
-    """Return a unit as it follows a number; nothing of what has none."""
-    return "" if unit == "-" else f" {unit}"
-
-
 def moduli_text(c10: float, error: float, unit: str = "kPa") -> str:
     """Return the moduli at small strain that belong to C10 of an isotropic tissue that hardly changes its volume."""
     shear, young = (f"{number(k * c10, k * error)} {unit}" for k in MODULI)

@@ -34,12 +34,15 @@ class ReportKind(ABC):
         Chapters of the page that a summary has.
     seeded : bool
         Whether draws have a part in the result, which hangs on the seed.
+    simulated : DataKind, optional
+        What kind of data simulated ones are, where the origin's words don't say it.
     """
 
     kind: ClassVar[str]
     explore: ClassVar[str] = "curves"
     told: ClassVar[tuple[str, ...]] = (TESTED,)
     seeded: ClassVar[bool] = True
+    simulated: ClassVar[DataKind | None] = None
 
     @abstractmethod
     def question(self, chosen: Fit[Any]) -> str:
@@ -56,10 +59,6 @@ class ReportKind(ABC):
     @abstractmethod
     def chapters(self, fits: Sequence[Fit[Any]], pressed: PressedSection | None, note: str) -> list[Chapter]:
         """Return the chapters."""
-
-    def data(self, chosen: Fit[Any]) -> DataKind | None:
-        """Return what kind of data they are; None where the origin says it."""
-        return None
 
     @abstractmethod
     def figure(self, fits: Sequence[Fit[Any]]) -> Figure:
@@ -118,5 +117,5 @@ def page_of(
         kind.known(fits),
         kind.chapters(fits, pressed, note),
         Repeat(command, chosen.versions, {"seed": f"{chosen.log.seed}"} if kind.seeded else {}),
-        kind.data(chosen),
+        kind.simulated if chosen.subject.origin == "simulated" else None,
     )

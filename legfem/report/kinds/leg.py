@@ -15,7 +15,7 @@ from legfem.legs.site import curve_of
 from legfem.legs.subject import Subject
 from legfem.report import estimates
 from legfem.report import page as web
-from legfem.report.curves import Curves, Dash, Line, curves_figure
+from legfem.report.curves import Curves, Dash, Line, curves_figure, law_line
 from legfem.report.folder import ReportFile
 from legfem.report.further_channels import SHOWS, channel_lines, channels_figure, drawn
 from legfem.report.kinds import ReportKind
@@ -25,7 +25,7 @@ from legfem.report.leg_figure import SECTION_SHOWS, placement_figure
 from legfem.report.leg_options import options_of
 from legfem.report.page import PressedSection
 from legfem.report.pressed_section import still_section
-from legfem.report.style import DATA_COLOUR, FAINT, LAW_COLOURS, LAW_NAMES, save
+from legfem.report.style import DATA_COLOUR, FAINT, LAW_NAMES, save
 from legfem.report.words import BEYOND_A_FIT, fit_probability
 
 type LegFit = Fit[LegDetails]
@@ -155,10 +155,7 @@ def _curves(fits: Sequence[LegFit], chosen: LegFit) -> list[Curves]:
                 Line(f"trial {k + 1}", force, predicted[chosen.law] - force, FAINT, "dotted", faint=True, tabled=False)
                 for k, force in enumerate(measured.trial_force)
             ]
-        lines += [
-            Line(f"model, {LAW_NAMES[law]}", force, force - measured.force, LAW_COLOURS[law], _DASHES[law])
-            for law, force in predicted.items()
-        ]
+        lines += [law_line(law, force, force - measured.force, _DASHES[law]) for law, force in predicted.items()]
         against = f" The trials in the lower panel are compared with the {LAW_NAMES[chosen.law]} law." if many else ""
         blocks.append(
             Curves(

@@ -13,13 +13,13 @@ from legfem.inverse.fit import least_akaike
 from legfem.inverse.readings import RELAXATION
 from legfem.report import estimates
 from legfem.report import page as web
-from legfem.report.curves import Curves, Dash, Line, curves_figure
+from legfem.report.curves import Curves, Dash, Line, curves_figure, law_line
 from legfem.report.folder import ReportFile
 from legfem.report.further_channels import SHOWS, channels_figure, drawn
 from legfem.report.kinds import ReportKind
 from legfem.report.page import Bars, LabelledBar
 from legfem.report.specimen_sentences import SpecimenFit, followed, procedure, tested
-from legfem.report.style import DATA_COLOUR, LAW_COLOURS, LAW_NAMES, save
+from legfem.report.style import DATA_COLOUR, LAW_NAMES, save
 from legfem.report.words import DataKind, capital, fit_probability
 from legfem.specimens.artefacts import KNOW_THE_RIG
 from legfem.specimens.details import RecordingFit, compared
@@ -38,6 +38,7 @@ class SpecimenReport(ReportKind):
     """What is shown of specimens."""
 
     kind: ClassVar[str] = "specimens"
+    simulated = DataKind("simulated data", "forces computed by a model; no specimen was measured")
 
     def question(self, chosen: SpecimenFit) -> str:
         """Return the title."""
@@ -106,11 +107,6 @@ class SpecimenReport(ReportKind):
             web.Chapter("What to do next", [web.Bullets(_next(chosen))]),
             web.Chapter("How it was done", [web.Prose(procedure(chosen)), *estimates.how_found(fits)]),
         ]
-
-    def data(self, chosen: SpecimenFit) -> DataKind | None:
-        """Return what kind of data they are: of a specimen, and no leg."""
-        simulated = DataKind("simulated data", "forces computed by a model; no specimen was measured")
-        return simulated if chosen.subject.origin == "simulated" else None
 
     def figure(self, fits: Sequence[SpecimenFit]) -> Figure:
         """Return recordings beside the laws, those with the poorest fit."""
@@ -223,7 +219,7 @@ def _face_profile(fits: Sequence[SpecimenFit]) -> list[Curves]:
     heights, seen, _ = faces[0][1]
     lines = [Line("recorded", seen, None, DATA_COLOUR, points=True)]
     for law, (_, recorded, model) in faces:
-        lines.append(Line(f"model, {LAW_NAMES[law]}", model, model - recorded, LAW_COLOURS[law]))
+        lines.append(law_line(law, model, model - recorded))
     title = (
         "Strain across of the specimen's face at the deepest readings, from its middle (0) towards its end (1), the "
         "mean over recordings"
@@ -264,16 +260,9 @@ def _curves(
         same = next((r for r in compared(result) if r.name == one.name), None)
         if same is not None:
             # Each law has first contact, and so stations, of its own.
-            own, differs = same.course.begun + same.course.time, same.force.residual
-            lines.append(
-                Line(
-                    f"model, {LAW_NAMES[result.law]}",
-                    axes.loads * np.interp(when, own, same.force.predicted),
-                    axes.loads * np.interp(when, own, differs),
-                    LAW_COLOURS[result.law],
-                    _DASHES[k % 4],
-                )
-            )
+            own, met = same.course.begun + same.course.time, same.force
+            above, below = (axes.loads * np.interp(when, own, of) for of in (met.predicted, met.residual))
+            lines.append(law_line(result.law, above, below, _DASHES[k % 4]))
     after = " after first contact" if one.course.samples.timed else ""
     return Curves(
         f"{along.split()[0]}{number}",

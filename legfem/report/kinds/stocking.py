@@ -33,6 +33,7 @@ class StockingReport(ReportKind):
     explore: ClassVar[str] = "the leg to turn"
     told: ClassVar[tuple[str, ...]] = (stocking_stiffness.STIFFNESS, stocking_pressures.PRESSURES)
     seeded: ClassVar[bool] = False
+    simulated = DataKind("simulated data", "the scans were computed by a model; no leg was scanned")
 
     def question(self, chosen: StockingFit) -> str:
         """Return the title."""
@@ -88,11 +89,6 @@ class StockingReport(ReportKind):
             web.Chapter("What was scanned", _scanned(details)),
             web.Chapter("How it was computed", [_computed(fit)]),
         ]
-
-    def data(self, chosen: StockingFit) -> DataKind | None:
-        """Return what kind of data they are: scans."""
-        simulated = DataKind("simulated data", "the scans were computed by a model; no leg was scanned")
-        return simulated if chosen.subject.origin == "simulated" else None
 
     def figure(self, fits: Sequence[StockingFit]) -> Figure:
         """Return the pressure of the stocking on the skin, unrolled and on the leg."""

@@ -373,35 +373,27 @@ def _correction(given: Calibration, found: Calibrated) -> Curves:
     for k, c10 in enumerate(c10 for c10 in given.c10_kPa if c10 != material.C10_kPa):
         at = correction.correction(x, kpa_to_mpa(np.array(c10)), np.array(0.0))
         lines.append(Line(f"C10 {c10:g} kPa", at, None, COLOURS[k % 7], _DASHES[k % 4]))
-    return Curves(
-        "correction",
-        "P over the cylinder's displacement, by the deep tissue's C10",
-        f"; {DEFINITION}. Grey: 95 % of the reference's.",
-        x,
-        "displacement (mm)",
-        "P",
-        "",
-        lines,
-        1.96 * correction.standard_deviation(x),
-        "95 %",
-    )
+    title, more = "P over the cylinder's displacement, by the deep tissue's C10", "95 % of the reference's"
+    sd = correction.standard_deviation(x)
+    return p_curves("correction", title, f"; {DEFINITION}. Grey: {more}.", x, lines, sd)
+
+
+def p_curves(
+    name: str, title: str, more: str, displacement: FloatArray, lines: list[Line], sd: FloatArray | None = None
+) -> Curves:
+    """Return P over the displacement, with the 95 % about the first line where its standard deviation is given."""
+    band, band_name = (None, "") if sd is None else (1.96 * sd, "95 %")
+    return Curves(name, title, more, displacement, "displacement (mm)", "P", "", lines, band, band_name)
 
 
 def trend_curves(displacement: FloatArray, trends: Trend) -> list[Curves]:
     """P against all that it depends on."""
-    return [
-        Curves(
-            f"trend{number}",
-            f"P against the {name}, on a coarser mesh",
-            "; lines end where a model stopped.",
-            displacement,
-            "displacement (mm)",
-            "P",
-            "",
-            [
-                Line(f"{name}: {value}", curve, None, COLOURS[k % 7], _DASHES[k % 4])
-                for k, (value, curve) in enumerate(curves.items())
-            ],
-        )
-        for number, (name, curves) in enumerate(trends.items())
-    ]
+    blocks, more = [], "; lines end where a model stopped."
+    for number, (name, curves) in enumerate(trends.items()):
+        lines = [
+            Line(f"{name}: {value}", curve, None, COLOURS[k % 7], _DASHES[k % 4])
+            for k, (value, curve) in enumerate(curves.items())
+        ]
+        title = f"P against the {name}, on a coarser mesh"
+        blocks.append(p_curves(f"trend{number}", title, more, displacement, lines))
+    return blocks

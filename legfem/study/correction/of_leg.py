@@ -27,7 +27,7 @@ from legfem.report.render import rendered, table
 from legfem.report.style import save
 from legfem.report.words import DataKind
 from legfem.solve.path import ForceCurve
-from legfem.study.correction.command import SHOWN
+from legfem.study.correction.command import SHOWN, p_curves
 
 DOCUMENT = "leg.json"
 _HOW_SURE = (
@@ -106,21 +106,12 @@ def run(
         found = _solved(subject, models, stiffness, progress)
     cells = _cells(found)
     print(f"P(d) of {subject.title}, {found.stiffness}\n{table(*cells)}\n")
-    curves = Curves(
-        "leg",
-        "P over the cylinder's displacement",
-        f"; {DEFINITION}. Grey: 95 % of this leg's.",
-        found.displacement,
-        "displacement (mm)",
-        "P",
-        "",
-        [
-            Line("this leg", found.solved.P, None, _LEG_COLOUR),
-            Line("the table", found.table_P, None, _TABLE_COLOUR, "dashed"),
-        ],
-        1.96 * found.sd,
-        "95 %",
-    )
+    lines = [
+        Line("this leg", found.solved.P, None, _LEG_COLOUR),
+        Line("the table", found.table_P, None, _TABLE_COLOUR, "dashed"),
+    ]
+    title, more = "P over the cylinder's displacement", f"; {DEFINITION}. Grey: 95 % of this leg's."
+    curves = p_curves("leg", title, more, found.displacement, lines, found.sd)
     drawn = curves_figure([curves], f"P(d), {found.stiffness}", subject.title, "simulated")
     figure = save(drawn, out, "leg", svg=True)
     write_document(out / DOCUMENT, _document(found))
