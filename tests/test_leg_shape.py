@@ -95,7 +95,7 @@ def test_a_rigid_motion_is_undone_by_its_inverse():
     shift = np.array([5.0, -8.0, 12.0])
     there = rigidly_moved(shape, turn, shift)
     assert there.levels[0] > 10
-    back = rigidly_moved(there, turn.T, -turn.T @ shift, np.linspace(20, 40, 21))
+    back = rigidly_moved(there, turn.T, -turn.T @ shift).at_levels(np.linspace(20, 40, 21))
     for part in shape.parts:
         centre = {"skin": [3, 2], "hull": [4, 2], "tibia": [-10, 15]}.get(part)
         if centre is None:
@@ -116,12 +116,12 @@ def test_a_deformed_shape_is_cut_at_its_new_levels():
         for p in shape.parts
         if p != "skin"
     }
-    now = displaced(shape, {"skin": move, **others}, [30.0, 36.0])
+    now = displaced(shape, {"skin": move, **others}).at_levels([30.0, 36.0])
     centre = now.at("skin", 36.0).mean(axis=0)
     assert centre == pytest.approx([3 + 0.01 * 30, 2], abs=1e-3)
     with pytest.raises(InputError, match="fold back"):
         upside_down = np.concatenate([np.zeros((13, 120, 2)), 60 - 2 * points[..., 2:]], axis=2)
-        displaced(shape, dict.fromkeys(shape.parts, upside_down), [29.0, 31.0])
+        displaced(shape, dict.fromkeys(shape.parts, upside_down))
 
 
 def test_smoothing_removes_short_waves_and_keeps_long_ones():

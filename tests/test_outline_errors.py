@@ -61,14 +61,11 @@ def test_rates_of_distances_are_those_of_differences(shape):
         x, y, z = np.moveaxis(shape.points(part), 2, 0)
         angle = np.arctan2(y, x)
         moved[part] = np.stack([np.cos(3 * angle) + 0.02 * z, np.sin(2 * angle), 3 * np.sin(angle)], axis=-1)
-    near = displaced(shape, {p: 0.3 * v for p, v in moved.items()}, shape.levels[2:11])
+    near = displaced(shape, {p: 0.3 * v for p, v in moved.items()}).at_levels(shape.levels[2:11])
     step = 1e-3
     both = [
         slice_distances(
-            target,
-            SliceSet.of(
-                displaced(shape, {p: (0.3 + s) * v for p, v in moved.items()}, shape.levels[2:11]), target.levels
-            ),
+            target, SliceSet.of(displaced(shape, {p: (0.3 + s) * v for p, v in moved.items()}), target.levels)
         )
         for s in (-step, step)
     ]

@@ -244,7 +244,7 @@ def test_a_foam_s_tension_compression_and_shear_need_different_constants(tmp_pat
 
 WRONG = {
     "one": ('tests = ["tension"]', "tests"),
-    "twice": ('tests = ["tension", "shear", "shear"]', "'shear' stands twice"),
+    "twice": ('tests = ["tension", "shear", "shear"]', "'shear' stands 2 times"),
     "missing": ('tests = ["tension", "torsion"]', "not found"),
     "elsewhere": ('tests = ["tension", "../shear"]', "tests"),
     "beside a test": ('tests = ["tension", "shear"]\n[uniaxial]\ndirection = "tension"', "uniaxial"),

@@ -206,8 +206,10 @@ _CLOSE = 1e-12
 """Step over the segment's length at which it ends."""
 
 
-def displaced(shape: LegShape, displacement: Mapping[str, FloatArray], levels: ArrayLike | None = None) -> LegShape:
+def displaced(shape: LegShape, displacement: Mapping[str, FloatArray]) -> LegShape:
     """Return a deformed shape.
+
+    It has as many levels as there were, between the highest of the lowest points and the lowest of the highest.
 
     Parameters
     ----------
@@ -215,20 +217,15 @@ def displaced(shape: LegShape, displacement: Mapping[str, FloatArray], levels: A
         Undeformed.
     displacement : mapping of str to (n_levels, n_points, 3) array
         Displacement of the points of `LegShape.points`, mm, by part; parts not named stay.
-    levels : (m,) array, optional
-        Levels of the result, mm; by default as many as there were, between the highest of the lowest points
-        and the lowest of the highest.
     """
     points = {part: shape.points(part) + displacement.get(part, 0.0) for part in shape.contours}
-    z = _levels_to_cut(points, levels)
+    z = _levels_to_cut(points)
     return LegShape(
         z, {part: _cut(xyz, z, part) if part in displacement else shape.at(part, z) for part, xyz in points.items()}
     )
 
 
-def rigidly_moved(
-    shape: LegShape, rotation: ArrayLike, translation: ArrayLike, levels: ArrayLike | None = None
-) -> LegShape:
+def rigidly_moved(shape: LegShape, rotation: ArrayLike, translation: ArrayLike) -> LegShape:
     """Return the shape after x -> R x + t, R (3, 3) and t (3,) in mm; levels as for `displaced`.
 
     Every line of corresponding points along the leg is cut by the levels' planes.
@@ -236,11 +233,11 @@ def rigidly_moved(
     Raises
     ------
     InputError
-        If the points of a line do not ascend, or a level is not reached by all of them.
+        If the points of a line do not ascend.
     """
     turn, shift = np.asarray(rotation, dtype=np.float64), np.asarray(translation, dtype=np.float64)
     points = {part: shape.points(part) @ turn.T + shift for part in shape.contours}
-    z = _levels_to_cut(points, levels)
+    z = _levels_to_cut(points)
     return LegShape(z, {part: _cut(xyz, z, part) for part, xyz in points.items()})
 
 
@@ -260,26 +257,14 @@ def without_layer(shape: LegShape, thickness: float) -> LegShape:
     return LegShape(shape.levels, {**shape.contours, **moved})
 
 
-def _levels_to_cut(points: Mapping[str, FloatArray], levels: ArrayLike | None) -> FloatArray:
-    """Return the levels given, or those of `displaced`; all parts reach them."""
+def _levels_to_cut(points: Mapping[str, FloatArray]) -> FloatArray:
+    """Return levels that all parts reach, as many as there were."""
     for part, xyz in points.items():
         if not (np.diff(xyz[..., 2], axis=0) > 0).all():
             raise _folds_back(part)
     lowest = max(float(xyz[0, :, 2].max()) for xyz in points.values())
     highest = min(float(xyz[-1, :, 2].min()) for xyz in points.values())
-    if levels is None:
-        count = next(iter(points.values())).shape[0]
-        return np.linspace(lowest, highest, count)
-    z = np.asarray(levels, dtype=np.float64)
-    slack = 1e-9 * (abs(highest) + abs(lowest))
-    if z.min() < lowest - slack or z.max() > highest + slack:
-        raise InputError(
-            "shape",
-            "level",
-            f"{z.min():g} to {z.max():g} mm is not within what moved, {lowest:.4g} to {highest:.4g} mm",
-            "choose levels farther from the ends",
-        )
-    return z
+    return np.linspace(lowest, highest, next(iter(points.values())).shape[0])
 
 
 def _cut(points: FloatArray, levels: FloatArray, part: str) -> FloatArray:

@@ -15,7 +15,7 @@ from shapely import GEOSException, Polygon, make_valid, union_all
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.geometry.contours import MOST_POINTS, MUSCLE_HULL, Loops, check_girth, check_section
-from legfem.geometry.section import PARTS, LegSection, resample_closed_curve
+from legfem.geometry.section import BONES, LegSection, resample_closed_curve
 
 SURFACES = ("skin", MUSCLE_HULL, "tibia", "fibula")
 _INSIDE = 0.8
@@ -228,18 +228,13 @@ def facing_point(section: LegSection, direction: FloatArray) -> FloatArray:
 
 def _check_clearances(section: LegSection, bone: float, fat: float, source: str | Path) -> None:
     fascia = section.polygon("fascia").exterior
-    found = {f"fascia to {part}": fascia.distance(section.polygon(part).exterior) for part in PARTS if part != "fascia"}
-    wanted = {
-        "fascia to skin": fat,
-        "fascia to tibia": bone + section.fascia_thickness,
-        "fascia to fibula": bone + section.fascia_thickness,
-    }
-    for gap, least in wanted.items():
-        if found[gap] < 0.9 * least:
+    for part, least in {"skin": fat, **dict.fromkeys(BONES, bone + section.fascia_thickness)}.items():
+        gap = fascia.distance(section.polygon(part).exterior)
+        if gap < 0.9 * least:
             raise InputError(
                 source,
-                gap,
-                f"{found[gap]:.2f} mm left where {least:.2f} are needed",
+                f"fascia to {part}",
+                f"{gap:.2f} mm left where {least:.2f} are needed",
                 "choose another level or correct the outlines",
             )
 

@@ -8,7 +8,7 @@ from legfem.channels.kinds.face_strain import FACE_STRAIN, not_of_the_face
 from legfem.channels.kinds.lateral_stretch import LATERAL_STRETCH, not_a_stretch
 from legfem.channels.kinds.layer_thickness import refused
 from legfem.common.errors import Doubt, InputError
-from legfem.common.input_files import FileTable
+from legfem.common.input_files import FileTable, check_distinct
 from legfem.common.units import kpa_to_mpa
 from legfem.common.wording import Argument
 from legfem.data import Instrument, Segmentation, among_repeats
@@ -186,6 +186,7 @@ def load_specimen(directory: Path) -> SpecimenFolder:
 def _together(toml: Path, given: SeveralTests) -> SpecimenFolder:
     """Return several tests of one material as one folder."""
     tests, used, left = dict[str, SpecimenFolder](), list[SpecimenRecording](), list[LeftOut]()
+    check_distinct(toml, "tests", given.tests, "name every folder once")
     for name in given.tests:
         one = load_specimen(toml.parent / name)
         _check_of_one_material(toml, given, name, one, tests)
@@ -226,8 +227,6 @@ def _check_of_one_material(
 ) -> None:
     """Refuse a test that can't be fitted together with others."""
     own, file = toml.parent / name / FILE, f"{name}/{FILE}"
-    if name in others:
-        raise InputError(toml, "tests", f"{name!r} stands twice", "name every folder once")
     if one.tests:
         raise InputError(toml, "tests", f"{file} names tests itself", "name the folders of its tests here")
     if any(tissue.fibrous for tissue in one.tissues):

@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 import shapely
 
-from legfem.common.errors import Doubt, InputError
+from legfem.common.errors import Doubt
 from legfem.common.units import FloatArray
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.imaging.registration import Registration
@@ -177,20 +177,10 @@ def default_veins(shape: LegShape, level: float) -> tuple[Vein, ...]:
 
     The posterior tibial veins stand behind the tibia, the fibular ones behind the fibula towards
     the tibia, the anterior tibial ones before the membrane between the bones. Behind is where most
-    of the muscle is.
-
-    Raises
-    ------
-    InputError
-        If the leg has no tibia and fibula: positions have to be given then.
+    of the muscle is. In a leg that has no tibia and fibula there are none.
     """
     if not {"tibia", "fibula"} <= set(shape.bones):
-        raise InputError(
-            "veins",
-            "positions",
-            f"no default places beside {', '.join(shape.bones)}",
-            "give positions, or name the bones tibia and fibula",
-        )
+        return ()
     bones = {name: shapely.Polygon(shape.at(name, level)) for name in ("tibia", "fibula")}
     tibia, fibula = (np.array(bones[name].centroid.coords[0]) for name in ("tibia", "fibula"))
     across = (fibula - tibia) / np.linalg.norm(fibula - tibia)

@@ -271,7 +271,7 @@ def _veins(toml: Path, given: LegFile, bare: LegShape, level: float) -> tuple[Ve
                     "give a point in the bare leg, in its scan's coordinates, mm",
                 )
         return tuple(Vein(vein.name, np.array(vein.position_mm)) for vein in given.veins)
-    return default_veins(bare, level) if {"tibia", "fibula"} <= set(bare.bones) else ()
+    return default_veins(bare, level)
 
 
 def doubts_about_leg(leg: StockingLeg, toml: Path) -> Iterator[Doubt]:
