@@ -213,7 +213,10 @@ def test_nuisances_beside_a_mechanism_are_in_proportion_to_what_it_does() -> Non
 
     fat, dermis = tissue("superficial-stiffness"), tissue("dermis")
     done = {fat.name: np.log(fat.strengths), dermis.name: np.sqrt(dermis.strengths)}
-    tables = {(name, ""): Table(np.zeros(1), np.outer(row, GRID)[None]) for name, row in done.items()}
+    tables = {
+        (m.name, ""): Table(np.zeros(1), np.outer(done[m.name], GRID)[None], strengths=m.strengths)
+        for m in (fat, dermis)
+    }
     altered = {fat.name: changes(0.02, 0.3), dermis.name: changes(0.1, -0.2)}
     beside = ChannelTables((FAT,), None, tables)
     library = Library(GRID, None, changes(0.01, 0.5), POINT[0], beside=beside, altered=altered)  # type: ignore[arg-type]

@@ -30,6 +30,7 @@ from legfem.inverse.observations import Observations
 from legfem.inverse.predictive import held_out, misfit_of
 from legfem.inverse.predictor import Predictor, onset_name, values_of
 from legfem.inverse.responses import SolvedResponses
+from legfem.inverse.screening import Complete
 from legfem.inverse.station_test import FittedStations
 from legfem.inverse.trial_noise import estimate_noise
 from legfem.inverse.verdict import ADEQUATE, SHOWN_MOST, Diagnosis, Verdict, limits_of
@@ -71,6 +72,8 @@ class DiagnosisInput:
         Mechanisms by name that can't be what was left out of the base model, and why.
     possible
         Which strengths mechanisms may have, and how common the great ones are; within their bounds without it.
+    complete
+        Solves what the library lacks; explanations stand by what it has without it.
     """
 
     observed: Observations
@@ -85,10 +88,13 @@ class DiagnosisInput:
     ends: TabulatedCorrection | None = None
     ruled_out: Mapping[str, str] = field(default_factory=dict)
     possible: Mapping[str, Occurrence] = field(default_factory=dict)
+    complete: Complete | None = None
 
     def nuisances(self, fitted: LinearisedFit) -> list[NuisanceEffect]:
         """Return what isn't known exactly does beside a fit's mechanisms."""
-        changes = self.library.nuisances_beside([(m, values_of(fitted.values, m)) for m in fitted.mechanisms])
+        library = fitted.problem.predictor.responses
+        assert not isinstance(library, SolvedResponses)
+        changes = library.nuisances_beside([(m, values_of(fitted.values, m)) for m in fitted.mechanisms])
         stiffness = deep_stiffness(fitted.values)
         return nuisance_effects(changes, self.observed, fitted.prediction, self.accuracy, self.ends, stiffness)
 
@@ -127,14 +133,15 @@ def diagnose(given: DiagnosisInput, solved: SolvedResponses | None, progress: Pr
     base = fit(problem, (), ordinary.values, evaluations=0 if by_errors else None)
     progress.stage(f"weighing {len(able)} mechanisms")
     confirm = None if solved is None else partial(refitted_about_solutions, solved)
-    explained = explain(base, able, confirm, ordinary.values)
+    explained = explain(base, able, confirm, ordinary.values, given.complete)
+    problem = replace(problem, predictor=explained.base.problem.predictor)
     aside = _to_set_aside(problem, explained)
     if aside is not None:
         progress.stage(f"without {aside.described}")
         rest = problem.setting_aside(aside.readings)
         plain = ordinary_fit(rest, [base.values])
         alone = fit(rest, (), plain.values)
-        again = explain(alone, able, confirm, plain.values)
+        again = explain(alone, able, confirm, plain.values, given.complete)
         if _leaves_something(again):
             aside = None
         else:

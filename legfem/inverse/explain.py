@@ -30,10 +30,12 @@ from legfem.inverse.explanation import (
 )
 from legfem.inverse.form import INEXACT_SHARE
 from legfem.inverse.laplace import gain_of_widths, integrate_strength, laplace_posterior
+from legfem.inverse.library import Library
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
 from legfem.inverse.map_fit import fit, refitted_beside
 from legfem.inverse.mechanism import Mechanism, null_of
 from legfem.inverse.posterior import Posterior
+from legfem.inverse.screening import Complete, may_move, rests_on
 
 FORM_SHARE = 0.1
 """Of all that a mechanism changes, what its form may leave at most: a law, a place or a mesh is off by some per cent of
@@ -95,6 +97,20 @@ class Weighing:
             log_discrepancy_weights=tuple(shares),
             fit_without_discrepancy=None if fitted is plain else plain,
         )
+
+    def by(self, library: Library, one: Explanation) -> Explanation:
+        """Return an explanation by a library in which more is solved, refitted where that is what it rests on."""
+
+        def told(fitted: LinearisedFit) -> LinearisedFit:
+            predictor = replace(fitted.problem.predictor, responses=library)
+            return replace(fitted, problem=replace(fitted.problem, predictor=predictor))
+
+        before, plain = one.problem.predictor.responses, one.fit_without_discrepancy
+        assert isinstance(before, Library)
+        if library.knows_no_more(before, one.names):
+            return replace(one, fit=told(one.fit), fit_without_discrepancy=None if plain is None else told(plain))
+        begun = told(plain or one.fit)
+        return self.of(refitted_beside(fit(begun.problem, begun.mechanisms, begun.values)), one.log_prior)
 
     def with_strength_held(self, one: Explanation, hides: bool, held: LinearisedFit) -> Posterior:
         """Return what the data say of a fit with its strength held, beside what so strong an effect's form may leave.
@@ -201,6 +217,7 @@ def explain(
     mechanisms: Sequence[Mechanism],
     confirm: Confirm | None = None,
     start: Mapping[str, float] | None = None,
+    complete: Complete | None = None,
 ) -> Explained:
     """Return how probable every explanation is.
 
@@ -214,6 +231,8 @@ def explain(
         Refits about a full solution; emulated ones stand without it.
     start
         Base parameters that searches begin with; the base model's fit without it.
+    complete
+        Solves what the library lacks that the leading explanations rest on; they stand as they are without it.
     """
     weighing = Weighing.about(base)
     found = [weighing.base_model(unknown) for unknown in (False, True)]
@@ -224,19 +243,38 @@ def explain(
         for m, one in zip(mechanisms, alone, strict=True)
     ]
     found += sorted(singles, key=lambda e: -e.log_weight)
-    pairs = _untried(found, begins=True)
     anew = partial(_begun_anew, weighing=weighing, tried=set())
+    found = _completed(with_probabilities(found), weighing, complete, anew)
+    pairs = _untried(found, begins=True)
     while True:
         found += [
             weighing.of(_joint(one, other), log_prior_of([*one.names, *other.names], expected)) for one, other in pairs
         ]
-        found = anew(with_probabilities(found))
+        found = _completed(anew(with_probabilities(found)), weighing, complete, anew)
         if confirm is not None:
             found = _confirmed(found, weighing, confirm, anew)
         pairs = _untried(found)
         if not pairs:
             found = _integrated(found, weighing)
             return Explained(tuple(found), _nothing(found))
+
+
+def _completed(
+    found: list[Explanation],
+    weighing: Weighing,
+    complete: Complete | None,
+    anew: Callable[[list[Explanation]], list[Explanation]],
+) -> list[Explanation]:
+    """Solve in full what explanations rest on, and refit those that it changes, until nothing more could matter."""
+    while complete is not None:
+        known = _nothing(found).problem.predictor.responses
+        assert isinstance(known, Library)
+        wanted = rests_on(found, known.detail)
+        if wanted == known.detail:
+            break
+        library = complete(wanted)
+        found = anew(with_probabilities([weighing.by(library, one) for one in found]))
+    return found
 
 
 def _nothing(found: Sequence[Explanation]) -> Explanation:
@@ -323,8 +361,8 @@ def _confirmed(
 ) -> list[Explanation]:
     """Refit the leading explanations about full solutions, until none of them is emulated.
 
-    Those that explain no more than nothing does stay emulated: they change no verdict. With a pair goes the better one
-    of its mechanisms, beside which it has to explain more.
+    Those that explain no more than nothing does, by any solution, stay emulated: they change no verdict. With a pair
+    goes the better one of its mechanisms, beside which it has to explain more.
     """
     nothing = _nothing(found)
     for _ in range(3):
@@ -334,7 +372,7 @@ def _confirmed(
             for e in found[:CONFIRMED_MOST]
             if e.names
             and e.probability >= CONFIRMED_FROM
-            and log_bayes_factor(e, nothing) > 0.0
+            and log_bayes_factor(e, nothing) + may_move(e, found) > ADDS_FROM
             and counts_for(e, singles) is e
         ]
         alone = [better_of(e, singles) for e in leading]

@@ -9,6 +9,7 @@ of one leg share it.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,6 +24,33 @@ from legfem.inverse.observations import Observations
 _REACH = 1.6
 
 
+@dataclass(frozen=True)
+class Detail:
+    """How much of a library is solved beyond what screens mechanisms: each at one stiffness and at a few strengths.
+
+    Parameters
+    ----------
+    whole
+        Names of mechanisms that are solved at both stiffnesses, at all strengths and far from their nulls, with what
+        isn't known exactly beside them.
+    pairs
+        Names of mechanisms that are solved two at once.
+    """
+
+    whole: frozenset[str] = frozenset()
+    pairs: frozenset[frozenset[str]] = frozenset()
+
+    @classmethod
+    def of_all(cls, mechanisms: Sequence[Mechanism], pairs: bool = True) -> "Detail":
+        """Return that everything is solved."""
+        names = [m.name for m in mechanisms]
+        return cls(frozenset(names), frozenset(map(frozenset, combinations(names, 2))) if pairs else frozenset())
+
+    def __or__(self, other: "Detail") -> "Detail":
+        """Return what either has."""
+        return Detail(self.whole | other.whole, self.pairs | other.pairs)
+
+
 @dataclass(frozen=True, eq=False)
 class Table:
     """Changes at some C10, in proportion to ln C10 between them."""
@@ -33,6 +61,8 @@ class Table:
     """(k, ...)."""
     logarithmic: bool = False
     """Whether they are ln(1 + change)."""
+    strengths: tuple[float, ...] = ()
+    """Of the rows (k, strengths, ...) of a mechanism that is tabulated by them."""
 
     def __call__(self, c10: float) -> FloatArray:
         """Return the values (...) at a stiffness in MPa."""
@@ -49,7 +79,8 @@ class Table:
 
 def unchanged(mechanism: TissueMechanism, length: int) -> Table:
     """Return the table of a mechanism whose response changes nothing, in rows of some length."""
-    return Table(np.zeros(1), np.zeros((1, len(mechanism.strengths or mechanism.derivatives), length)))
+    values = np.zeros((1, len(mechanism.strengths or mechanism.derivatives), length))
+    return Table(np.zeros(1), values, strengths=mechanism.strengths)
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +149,8 @@ class ChannelTables:
         """Return a row of what a mechanism does, in a protocol of a key where it follows the path."""
         table = self.changes[mechanism.name, key]
         if mechanism.derivatives:
-            return np.asarray(mechanism.shares(values) @ table(c10))
+            rows = table(c10)
+            return np.asarray(mechanism.shares(values)[: len(rows)] @ rows)
         found = self._at_strength(table, mechanism, key, values, c10)
         return np.asarray(mechanism.share(values) * (np.expm1(found) if table.logarithmic else found))
 
@@ -147,7 +179,7 @@ class ChannelTables:
         prior = prior_of(first)
         place = mechanism.name, key
         if place not in self._curves:
-            nodes = np.array([prior.departure(v) for v in (null_of(first), *mechanism.strengths)])
+            nodes = np.array([prior.departure(v) for v in (null_of(first), *table.strengths)])
             order = np.argsort(nodes)
             self._curves[place] = [
                 PchipInterpolator(nodes[order], np.vstack([np.zeros(row.shape[1]), row])[order]) for row in table.values
@@ -204,10 +236,17 @@ class Library:
     `Library.pair_change`."""
     altered: Mapping[str, NuisanceChanges] = field(default_factory=dict)
     """What ``nuisances`` are more beside a mechanism at its `pair_strength`, by its name."""
+    detail: Detail = Detail()
+    """What of it is solved in full."""
     _seen: dict[tuple[str, ...], ChannelTables] = field(default_factory=dict, init=False, repr=False)
     """What is known of some of the channels, by their names."""
     _weights: list[tuple[Observations, FloatArray]] = field(default_factory=list, init=False, repr=False)
     """Of the recordings last asked for: see `_to_stations`."""
+
+    def knows_no_more(self, before: "Library", names: Sequence[str]) -> bool:
+        """Whether of mechanisms, and of two at once, no more is solved than was before."""
+        more, pair = self.detail.whole - before.detail.whole, frozenset(names)
+        return not more & pair and (pair in self.detail.pairs) == (pair in before.detail.pairs)
 
     @property
     def c10_bounds(self) -> tuple[float, float]:

@@ -1,6 +1,7 @@
 """Building a body's library of responses: the tables of what was solved."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.interpolate import make_smoothing_spline
@@ -9,14 +10,21 @@ from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
 from legfem.inverse.body_models import Columns, channels_of, derivative_of
 from legfem.inverse.emulator import NUGGET, Emulator, Kriging
-from legfem.inverse.library import NO_CHANNELS, ChannelTables, Library, NuisanceChanges, Table, coordinates, unchanged
-from legfem.inverse.library_tasks import ONE, Outcome, Task, outcomes_of, tasks_for
+from legfem.inverse.library import (
+    NO_CHANNELS,
+    ChannelTables,
+    Detail,
+    Library,
+    NuisanceChanges,
+    Table,
+    coordinates,
+    unchanged,
+)
+from legfem.inverse.library_tasks import ONE, Outcome, Task, cross, outcomes_of, tasks_for
 from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, prior_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.responses import ELASTIC_DERIVATIVES, SolvedResponses
 
-STIFFENINGS = (0.0, 0.8, 1.6)
-"""ln(1 + C20 / C10) of the lattice."""
 _SMOOTH = 3e-3
 """Penalty of the squared second derivative by the logarithm of the way: at 5 mm waves of less than
 3 mm go."""
@@ -35,10 +43,12 @@ def build_library(
     progress: Progress,
     middle: float,
     stiffening: float = 0.0,
-    stiffenings: Sequence[float] = STIFFENINGS,
-    pairs: bool = True,
+    detail: Detail | None = None,
+    lattice: Sequence[tuple[float, float]] = (),
 ) -> Library:
     """Solve what isn't kept yet, in processes, and return the library for recordings.
+
+    A mechanism that can't be screened at one stiffness is solved in full.
 
     Parameters
     ----------
@@ -58,16 +68,23 @@ def build_library(
         C10 (MPa) about which.
     stiffening
         ln(1 + C20 / C10) at which changes are tabulated.
-    stiffenings
-        ln(1 + C20 / C10) of the elastic curves.
-    pairs
-        Whether two mechanisms at once are solved, too.
+    detail
+        What is solved beyond the screening of all mechanisms; everything without it.
+    lattice
+        ln C10 over the middle's and ln(1 + C20 / C10) of the elastic curves; a `cross` without it.
     """
     tissue = [m for m in asked if isinstance(m, TissueMechanism)]
-    tasks = tasks_for(observed, tissue, middle, stiffening, coarse.variants, stiffenings, pairs)
-    found = outcomes_of((solved, coarse), tasks, jobs, progress)
-    outcomes = [found[k] for k in range(len(tasks))]
-    return _assembled(solved, observed, tissue, tasks, outcomes, middle)
+    detail = Detail.of_all(tissue) if detail is None else detail
+    if detail.whole:
+        progress.stage(f"in full, what the answer rests on: {', '.join(sorted(detail.whole))}")
+    while True:
+        at = lattice or cross(stiffening)
+        tasks = tasks_for(observed, tissue, middle, stiffening, coarse.variants, at, detail)
+        found = outcomes_of((solved, coarse), tasks, jobs, progress)
+        library = _assembled(solved, observed, tissue, tasks, [found[k] for k in range(len(tasks))], middle)
+        if library.missing.keys() <= detail.whole:
+            return replace(library, detail=detail)
+        detail |= Detail(frozenset(library.missing))
 
 
 def geometric_changes(
@@ -271,12 +288,14 @@ def _table(
 ) -> Table | None:
     ratios = bool(mechanism.strengths) and not mechanism.along_path
     rows: dict[float, list[Outcome | None]] = {}
+    strengths: dict[float, None] = {}
     for task, outcome in zip(tasks, outcomes, strict=True):
         own = "" if task.stations is None else task.stations.key
         if task.mechanism is mechanism and own == key and task.node is None:
             # Where no force is left there is no ratio to tabulate.
             left = outcome is not None and not (ratios and np.any(outcome[ONE]["force"] <= -1.0))
             rows.setdefault(task.point[0], []).append(outcome if left else None)
+            strengths[task.strength] = None
     if not names:
         return unchanged(mechanism, 0)
     # One stiffness serves where a solution at the other stopped.
@@ -286,11 +305,11 @@ def _table(
         return None
     values = np.array([np.vstack(changes) for changes in whole.values()])
     solved = [o for t, o in zip(tasks, outcomes, strict=True) if t.mechanism is mechanism and t.node is not None]
-    if not mechanism.along_path and mechanism.nodes:
+    if solved:
         missed = _missed_at_nodes(mechanism, [None if o is None else _as_row(o[ONE], names) for o in solved], values[0])
         values = np.concatenate([values, missed[None]], axis=1)
     logarithmic = ratios and tuple(names) == ("force",)
-    return Table(np.log(list(whole)), np.log1p(values) if logarithmic else values, logarithmic)
+    return Table(np.log(list(whole)), np.log1p(values) if logarithmic else values, logarithmic, tuple(strengths))
 
 
 def _missed_at_nodes(mechanism: TissueMechanism, solved: Sequence[FloatArray | None], rows: FloatArray) -> FloatArray:

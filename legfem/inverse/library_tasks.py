@@ -12,21 +12,23 @@ from legfem.common.progress import Progress
 from legfem.common.units import mpa_to_kpa
 from legfem.data.phases import LOADING
 from legfem.inverse.body_models import BodyModels, Columns, Displaced
-from legfem.inverse.library import pair_strength
+from legfem.inverse.library import Detail, pair_strength
 from legfem.inverse.mechanism import Stiffness, TissueMechanism, Values, null_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.responses import PLAIN, NotKeptError, SolvedResponses
 from legfem.inverse.stations import Stations
 from legfem.jobs.pool import Workers
 
-LATTICE = (-0.7, 0.0, 0.7)
-"""Logarithms of C10 over the middle's."""
+LOGS, STIFFENINGS = (-0.7, 0.0, 0.7), (0.0, 0.8, 1.6)
+"""Logarithms of C10 over the middle's, and ln(1 + C20 / C10), of the elastic curves."""
 CHANGES_AT = (-0.35, 0.35)
 """Logarithms of C10 over the middle's, at which changes are tabulated."""
 
 
 STIFFENING = {"neo-hookean": 0.0, "reduced-polynomial": 0.8}
 """ln(1 + C20 / C10) at which changes are tabulated, by a tissue's law."""
+_SCREENED = 3
+"""Strengths from which a mechanism is screened by fewer."""
 _ROUND = 0.25
 """Of the middle's ln C10; and of where its stiffening is looked up."""
 _ROUND_FROM, _FIRST_C10 = 1e-3, 0.8e-3
@@ -118,13 +120,13 @@ def tasks_for(
     middle: float,
     stiffening: float,
     models: BodyModels,
-    stiffenings: Sequence[float],
-    pairs: bool,
+    lattice: Sequence[tuple[float, float]],
+    detail: Detail,
 ) -> list[Task]:
     """Return what a library is solved of: at a middle C10 (MPa) and about it.
 
-    ``stiffening`` is ln(1 + C20 / C10) where changes are tabulated, ``stiffenings`` those of the
-    elastic curves.
+    ``stiffening`` is ln(1 + C20 / C10) where changes are tabulated, ``lattice`` has ln C10 over the middle's and
+    ln(1 + C20 / C10) of the elastic curves, ``detail`` is what is solved beyond the screening of all.
     """
 
     def point(log: float, q: float) -> Stiffness:
@@ -139,13 +141,14 @@ def tasks_for(
         Task(centre, m, strength, stations)
         for m in along
         for stations in observed.protocols
-        for strength in (m.strengths or (0.0,))
+        for strength in _strengths(m, detail)
     ]
-    tasks += [Task(point(log, q)) for log in LATTICE for q in stiffenings]
+    tasks += [Task(point(*one)) for one in lattice]
     tasks.append(Task(centre, material=True))
     tasks += [Task(centre, geometry=geometry) for geometry in models.displaced]
     if observed.channels:
-        altering = [(m, at) for m in tissue if m.alters_nuisances and (at := pair_strength(m)) is not None]
+        of_whole = [m for m in tissue if m.alters_nuisances and m.name in detail.whole]
+        altering = [(m, at) for m in of_whole if (at := pair_strength(m)) is not None]
         near = [geometry for geometry in models.displaced if geometry.near]
         tasks += [Task(centre, material=True, beside=one) for one in altering]
         tasks += [Task(centre, geometry=geometry, beside=one) for one in altering for geometry in near]
@@ -153,17 +156,28 @@ def tasks_for(
         Task(at, m, strength)
         for m in tissue
         if not m.along_path
-        for at in (where if m.strengths else [centre])
-        for strength in (m.strengths or (0.0,))
+        for at in ((where if m.name in detail.whole else where[:1]) if m.strengths else [centre])
+        for strength in _strengths(m, detail)
     ]
-    if pairs:
-        beside = [(m, strength) for m in tissue if (strength := pair_strength(m)) is not None]
-        for pair in combinations(beside, 2):
-            one, other = (m.solution(_values_at(m, strength)) for m, strength in pair)
-            # Of pairs that a model shows, where each by itself is solved, too.
-            if one.joined(other) is not None:
-                tasks.append(Task(where[0], pair=pair))
-    return tasks + [Task(centre, m, node=node) for m in tissue if not m.along_path for node in m.nodes]
+    beside = [(m, strength) for m in tissue if (strength := pair_strength(m)) is not None]
+    for pair in combinations(beside, 2):
+        one, other = (m.solution(_values_at(m, strength)) for m, strength in pair)
+        # Of pairs that a model shows, where each by itself is solved, too.
+        if frozenset(m.name for m, _ in pair) in detail.pairs and one.joined(other) is not None:
+            tasks.append(Task(where[0], pair=pair))
+    far = [m for m in tissue if not m.along_path and m.name in detail.whole]
+    return tasks + [Task(centre, m, node=node) for m in far for node in m.nodes]
+
+
+def _strengths(mechanism: TissueMechanism, detail: Detail) -> tuple[float, ...]:
+    """Return the strengths at which a mechanism is solved; every second one where it is only screened."""
+    every = mechanism.strengths or (0.0,)
+    return every if mechanism.name in detail.whole or len(every) < _SCREENED else every[::2]
+
+
+def cross(stiffening: float) -> list[tuple[float, float]]:
+    """Return the elastic curves' places along a stiffening, and along the middle C10."""
+    return list(dict.fromkeys([*((log, stiffening) for log in LOGS), *((0.0, q) for q in STIFFENINGS)]))
 
 
 def middle_of(observed: Observations, coarse: SolvedResponses, stiffening: float) -> float:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +15,14 @@ from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.diagnose import DiagnosisInput, Identified, diagnose
 from legfem.inverse.elastography import disagreement, elastography_priors
 from legfem.inverse.fit import Identity
-from legfem.inverse.library import Library
+from legfem.inverse.library import Detail
 from legfem.inverse.library_build import build_library
 from legfem.inverse.library_tasks import STIFFENING, rounded
 from legfem.inverse.mechanism import shown_mechanisms
 from legfem.inverse.notice import FitNotice, Notice, doubted
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.responses import SolvedResponses
+from legfem.inverse.screening import Complete
 from legfem.inverse.settings import SearchRequest
 from legfem.inverse.verdict import Diagnosis, solution_notices
 from legfem.legs.correction_of_leg import choose_correction, why_without_fibres
@@ -54,11 +56,10 @@ class Diagnoser:
     correction: TabulatedCorrection | None
     jobs: int = 1
     _legs: dict[str, tuple[SolvedResponses, SolvedResponses]] = field(default_factory=dict, repr=False)
-    _libraries: dict[str, Library] = field(default_factory=dict, repr=False)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave meshes and libraries out: every process makes its own."""
-        return {**self.__dict__, "_legs": {}, "_libraries": {}}
+        """Leave meshes out: every process makes its own."""
+        return {**self.__dict__, "_legs": {}}
 
     def observations(self, subject: Subject) -> Observations:
         """Return a subject's recordings at their stations."""
@@ -72,15 +73,15 @@ class Diagnoser:
             told.append(Notice.of(FitNotice.NOT_REPEATED))
         return replace(observed, notices=tuple(told))
 
-    def library(
+    def tabulating(
         self,
         subject: Subject,
         observed: Observations,
         middle: float,
         progress: Progress,
         asked: Sequence[Mechanism] | None = None,
-    ) -> tuple[Library, SolvedResponses]:
-        """Return the library for recordings about a middle C10 (MPa), and full solutions of the leg.
+    ) -> tuple[Complete, SolvedResponses]:
+        """Return what solves the library for recordings about a middle C10 (MPa), and full solutions of the leg.
 
         Parameters
         ----------
@@ -98,13 +99,9 @@ class Diagnoser:
         fine, coarse = solved_responses(subject, observed, self.folder)
         leg = repr(sorted(fine.fingerprint.items()))
         fine, coarse = self._legs.setdefault(leg, (fine, coarse))
-        protocols = sorted(stations.key for stations in observed.protocols)
-        key = repr((leg, middle, bool(observed.channels), protocols, [one.name for one in asked]))
-        if key not in self._libraries:
-            self._libraries[key] = build_library(
-                fine, coarse, observed, asked, self.jobs, progress, middle, STIFFENING[subject.tissues["deep"].law]
-            )
-        return self._libraries[key], fine
+        law = subject.tissues["deep"].law
+        solve = partial(build_library, fine, coarse, observed, asked, self.jobs, progress, middle, STIFFENING[law])
+        return solve, fine
 
     def identified(self, subject: Subject, progress: Progress) -> Identified:
         """Return the base model's fit, as an identification has it."""
@@ -119,14 +116,14 @@ class Diagnoser:
         """Diagnose a subject's recordings."""
         observed, identified = self.observations(subject), self.identified(subject, progress)
         middle = rounded(identified.fit.values[DEEP_C10])
-        library, solved = self.library(subject, observed, middle, progress)
-        return diagnose(self.given(subject, observed, library, identified), solved, progress, seed)
+        complete, solved = self.tabulating(subject, observed, middle, progress)
+        return diagnose(self.given(subject, observed, complete, identified), solved, progress, seed)
 
     def given(
-        self, subject: Subject, observed: Observations, library: Library, identified: Identified
+        self, subject: Subject, observed: Observations, complete: Complete, identified: Identified
     ) -> DiagnosisInput:
-        """Return what a subject's diagnosis is given, with its recordings at their stations."""
-        ends = choose_correction("auto", subject)
+        """Return what a subject's diagnosis is given: recordings at their stations, mechanisms screened."""
+        ends, library = choose_correction("auto", subject), complete(Detail())
         return DiagnosisInput(
             observed.with_channels(library.beside.names),
             subject.instrument,
@@ -140,6 +137,7 @@ class Diagnoser:
             ends,
             ruled_out_of(subject, ends),
             OCCURRENCES,
+            complete,
         )
 
 

@@ -12,7 +12,7 @@ from legfem.geometry.indenter import Site
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.channel_readings import PlannedChannel, StationChannel
 from legfem.inverse.errors import NuisanceEffect, error_model
-from legfem.inverse.library import Library
+from legfem.inverse.library import Detail, Library
 from legfem.inverse.library_tasks import rounded
 from legfem.inverse.linearised import LinearisedProblem, nuisance_effects
 from legfem.inverse.map_fit import fit
@@ -81,8 +81,8 @@ def plan_after(found: Diagnosis, subject: Subject, diagnoser: Diagnoser, progres
     tests = designs(found.observed.depth, rates[0], deepest, site, found.observed.shows_air)
     tests = _beside(tests, found.observed.channels)
     asked = list(dict.fromkeys(m for model in models for m in model.fit.mechanisms))
-    wider, _ = diagnoser.library(subject, _at_all(tests), library.middle, progress, asked)
-    plain = replace(found.base_model.problem.predictor, responses=wider, offset=0.0)
+    complete, _ = diagnoser.tabulating(subject, _at_all(tests), library.middle, progress, asked)
+    plain = replace(found.base_model.problem.predictor, responses=complete(library.detail), offset=0.0)
     told = [(" + ".join(one.names) or "something unknown", one, one.posterior) for one in models]
     candidates = [Candidate(name, one.fit, own.mean, own.covariance, one.probability) for name, one, own in told]
     found_by_tests = _reckoned(tests, candidates, plain, subject, found.errors.noise, found.best.posterior.gain_sd)
@@ -123,7 +123,8 @@ def plan_before(subject: Subject, diagnoser: Diagnoser, expected: Expected, prog
     ends = choose_correction("auto", subject)
     every = _at_all(tests)
     able, _ = shown_mechanisms(with_correction(mechanisms(), diagnoser.correction), every, ruled_out_of(subject, ends))
-    library, _ = diagnoser.library(subject, every, rounded(expected.c10), progress, able)
+    complete, _ = diagnoser.tabulating(subject, every, rounded(expected.c10), progress, able)
+    library = complete(Detail.of_all(able, pairs=False))
     able = [m for m in able if m.name not in library.missing]
     law = subject.tissues["deep"].law
     observed = blank_observations([Protocol.ramp(expected.depth, expected.rate)] * 3)

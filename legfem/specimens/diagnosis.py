@@ -3,6 +3,7 @@
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +16,9 @@ from legfem.inverse.accuracy import Accuracy
 from legfem.inverse.catalogue import DEEP_C10, RATIO
 from legfem.inverse.diagnose import DiagnosisInput, diagnose
 from legfem.inverse.fit import Identity
+from legfem.inverse.library import Detail
 from legfem.inverse.library_build import build_library
-from legfem.inverse.library_tasks import STIFFENING, middle_of
+from legfem.inverse.library_tasks import LOGS, STIFFENING, middle_of
 from legfem.inverse.mechanism import shown_mechanisms
 from legfem.inverse.notice import FitNotice, Notice, doubted
 from legfem.inverse.observations import Observations, observe
@@ -36,8 +38,9 @@ _SOME_C10 = 1e-3
 """MPa: whether a test can be solved doesn't depend on it."""
 _BEYOND = 1.04
 """Depth to which responses are solved, over the greatest recorded."""
-_STIFFENINGS = (0.0, 0.03, 0.1, 0.3, 0.8, 1.6)
-"""ln(1 + C20 / C10) of the elastic curves: a bench's repeats tell a little stiffening from none."""
+_LATTICE = tuple(product(LOGS, (0.0, 0.03, 0.1, 0.3, 0.8, 1.6)))
+"""ln C10 over the middle's and ln(1 + C20 / C10) of the elastic curves: a bench's repeats tell a little stiffening from
+none."""
 _REACH = 3.5
 """Reach of the library in ln C10: what relaxes fast hides how little lasts."""
 _DRAWN = Accuracy(size_sd=1e-3)
@@ -188,7 +191,8 @@ def _diagnosed(
     scale = Scale(observed.depth, float(observed.force.max()), last, middle, asked.bulk_ratio)
     every, unable = mechanisms_of(sizes, scale, used[0].recording.timed)
     able, _ = shown_mechanisms(every, observed, {})
-    library = build_library(solved, solved, observed, able, jobs, progress, middle, stiffening, _STIFFENINGS, False)
+    detail = Detail.of_all(able, pairs=False)
+    library = build_library(solved, solved, observed, able, jobs, progress, middle, stiffening, detail, _LATTICE)
     library = replace(library, missing={**unable, **library.missing}, reach=_REACH)
     observed, stiff = observed.with_channels(library.beside.names), stiffness_doubts(folder, middle)
     doubts = (*folder.doubts, *(one for one in stiff if one.field not in folder.confirmed))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +17,11 @@ from legfem.geometry.section import layer_thicknesses
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.diagnose import diagnose
-from legfem.inverse.library import Library
 from legfem.inverse.library_build import build_library
 from legfem.inverse.library_tasks import STIFFENING, rounded
 from legfem.inverse.mechanism import Mechanism, TissueMechanism, shown_mechanisms
 from legfem.inverse.responses import SolvedResponses
+from legfem.inverse.screening import Complete
 from legfem.inverse.search import SearchError
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.diagnosis import WITHOUT_ENDS, Diagnoser, with_correction
@@ -169,6 +170,8 @@ class Lab:
         is asked, which takes a fraction of the time.
     subsets
         Of channels, by which cases are diagnosed.
+    whole
+        Whether everything is solved beforehand, and not what an answer rests on alone.
     """
 
     folder: Path
@@ -176,7 +179,8 @@ class Lab:
     seed: int
     confirms: bool = False
     subsets: tuple[str, ...] = tuple(SUBSETS)
-    _libraries: dict[str, tuple[Library, SolvedResponses]] = field(default_factory=dict, repr=False)
+    whole: bool = False
+    _libraries: dict[str, tuple[Complete, SolvedResponses]] = field(default_factory=dict, repr=False)
     _middles: dict[int, float] = field(default_factory=dict, repr=False)
     _recorded: dict[tuple[int, str], list[Recording] | None] = field(default_factory=dict, repr=False)
     _truths: dict[int, Truths] = field(default_factory=dict, repr=False)
@@ -220,8 +224,10 @@ class Lab:
             plane_strain_stated=True,
         )
 
-    def library(self, case: SealedCase, programme: str, progress: Progress) -> tuple[Library, SolvedResponses] | None:
-        """Return a leg's library for a case's recordings, and its full solutions.
+    def tabulating(
+        self, case: SealedCase, programme: str, progress: Progress
+    ) -> tuple[Complete, SolvedResponses] | None:
+        """Return what solves a leg's library for a case's recordings, and its full solutions.
 
         They are about one stiffness and to one depth, whatever the case; nothing where a solution stopped.
         """
@@ -239,27 +245,28 @@ class Lab:
             if case.leg not in self._middles:
                 self._middles[case.leg] = rounded(diagnoser.identified(subject, progress).fit.values[DEEP_C10])
             middle = self._middles[case.leg]
-            library = build_library(fine, coarse, observed, able, 1, progress, middle, STIFFENING[law])
-            self._libraries[key] = library, fine
+            solve = partial(build_library, fine, coarse, observed, able, 1, progress, middle, STIFFENING[law])
+            every = solve() if self.whole else None
+            self._libraries[key] = (solve if every is None else lambda _: every), fine
         return self._libraries[key]
 
-    def diagnose(self, subject: Subject, library: Library, solved: SolvedResponses | None) -> Diagnosis:
+    def diagnose(self, subject: Subject, complete: Complete, solved: SolvedResponses | None) -> Diagnosis:
         """Diagnose recordings by a library, and by full solutions where there are any."""
         diagnoser = Diagnoser(self.folder, self.correction)
         identified = diagnoser.identified(subject, Silent())
-        given = diagnoser.given(subject, diagnoser.observations(subject), library, identified)
+        given = diagnoser.given(subject, diagnoser.observations(subject), complete, identified)
         return diagnose(replace(given, instrument=INSTRUMENT), solved, Silent())
 
     def said(self, case: SealedCase, subset: str) -> Said | None:
         """Return what a diagnosis of some of a recording's channels says; None where a solution or a search stopped."""
         programme, names = SUBSETS[subset]
-        subject, known = self.subject(case, programme, names), self.library(case, programme, Silent())
+        subject, known = self.subject(case, programme, names), self.tabulating(case, programme, Silent())
         if subject is None or known is None:
             return None
-        library, solved = known
+        complete, solved = known
         begun = time.process_time()
         try:
-            found = self.diagnose(subject, library, solved if self.confirms else None)
+            found = self.diagnose(subject, complete, solved if self.confirms else None)
         except SearchError:
             return None
         return say(found, case, subset, time.process_time() - begun)

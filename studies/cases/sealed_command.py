@@ -32,7 +32,7 @@ def _of_every_case(found: Sequence[Sequence[Said]]) -> str:
 def _libraries(lab: Lab, waiting: Sequence[SealedCase], progress: Progress) -> None:
     """Build the libraries of a leg, which its cases share."""
     for programme in dict.fromkeys(SUBSETS[name][0] for name in lab.subsets if waiting):
-        lab.library(waiting[0], programme, progress)
+        lab.tabulating(waiting[0], programme, progress)
 
 
 def _line(case: SealedCase, found: list[Said]) -> str:
@@ -66,6 +66,7 @@ def sealed(
     confirm: Annotated[
         bool, typer.Option("--confirm", help="Confirm by full solutions, as `legfem diagnose` does; takes far longer.")
     ] = False,
+    whole: Annotated[bool, typer.Option("--whole", help="Solve all beforehand, not what answers rest on.")] = False,
     seed: Seed = 1,
     library: Library = None,
     out: Out = None,
@@ -79,10 +80,10 @@ def sealed(
         if unknown := set(channels or ()) - set(SUBSETS):
             raise InputError("--channels", sorted(unknown)[0], "is not one of them", f"give {', '.join(SUBSETS)}")
         subsets = tuple(name for name in SUBSETS if not channels or name in channels)
-        lab = Lab(library or library_folder(), read_correction(REFERENCE), seed, confirm, subsets)
+        lab = Lab(library or library_folder(), read_correction(REFERENCE), seed, confirm, subsets, whole)
         every = channel_cases(legs, seed)
         cases = [case for leg in range(legs) for case in [one for one in every if one.leg == leg][:most]]
-        found = KIND.count(cases, lab, folder, processes, progress, [seed, confirm, list(subsets)])
+        found = KIND.count(cases, lab, folder, processes, progress, [seed, confirm, list(subsets), whole])
         write_counted(folder, counted([one for case in found for one in case]))
 
 

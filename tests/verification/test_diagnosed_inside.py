@@ -24,7 +24,7 @@ from legfem.geometry.indenter import Site
 from legfem.geometry.section import across
 from legfem.inverse.diagnose import DiagnosisInput, diagnose
 from legfem.inverse.errors import IMAGE_LEFT
-from legfem.inverse.library import Library
+from legfem.inverse.library import Detail, Library
 from legfem.inverse.library_build import build_library
 from legfem.inverse.library_tasks import STIFFENING, middle_of
 from legfem.inverse.linearised import nuisance_effects
@@ -131,7 +131,9 @@ def library_of(observed: Observations) -> Library:
     solved = SolvedResponses(variants, DEPTH + 1.0, None, {})
     asked = [one for one in map(mechanism_named, ASKED) if isinstance(one, TissueMechanism)]
     middle = middle_of(observed, solved, STIFFENING[LAW])
-    library = build_library(solved, solved, observed, asked, 1, Silent(), middle, STIFFENING[LAW], pairs=False)
+    library = build_library(
+        solved, solved, observed, asked, 1, Silent(), middle, STIFFENING[LAW], Detail.of_all(asked, pairs=False)
+    )
     able, _ = shown_mechanisms(mechanisms(), observed, WITHOUT_ENDS)
     others = [one.name for one in able if isinstance(one, TissueMechanism) and one not in asked]
     return replace(library, missing={**library.missing, **dict.fromkeys(others, "isn't tabulated")})

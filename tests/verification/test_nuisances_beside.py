@@ -64,7 +64,8 @@ def test_an_aim_does_to_a_film_beside_stiff_fat_what_another_code_says():
     rows = [fat.solution({"factor": factor}) for factor in fat.strengths]
     courses = [solved.elastic_change(one, (1e-3 * C10_KPA, 0.0)) for one in rows]
     values = np.array([np.stack([one[name] for name in NAMES], axis=-1).ravel() for one in courses])
-    beside = ChannelTables(tuple(NAMES), None, {(fat.name, ""): Table(np.zeros(1), values[None])})
+    table = Table(np.zeros(1), values[None], strengths=fat.strengths)
+    beside = ChannelTables(tuple(NAMES), None, {(fat.name, ""): table})
     middle = 1e-3 * C10_KPA
     library = Library(solved.grid, None, plain, middle, beside=beside, altered={fat.name: altered})  # type: ignore[arg-type]
 
