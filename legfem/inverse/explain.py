@@ -35,6 +35,7 @@ from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
 from legfem.inverse.map_fit import fit, refitted_beside
 from legfem.inverse.mechanism import Mechanism, null_of
 from legfem.inverse.posterior import Posterior
+from legfem.inverse.responses import SolvedResponses
 from legfem.inverse.screening import Complete, may_move, rests_on
 
 FORM_SHARE = 0.1
@@ -106,7 +107,7 @@ class Weighing:
             return replace(fitted, problem=replace(fitted.problem, predictor=predictor))
 
         before, plain = one.problem.predictor.responses, one.fit_without_discrepancy
-        assert isinstance(before, Library)
+        assert not isinstance(before, SolvedResponses)
         if library.knows_no_more(before, one.names):
             return replace(one, fit=told(one.fit), fit_without_discrepancy=None if plain is None else told(plain))
         begun = told(plain or one.fit)
@@ -268,7 +269,7 @@ def _completed(
     """Solve in full what explanations rest on, and refit those that it changes, until nothing more could matter."""
     while complete is not None:
         known = _nothing(found).problem.predictor.responses
-        assert isinstance(known, Library)
+        assert not isinstance(known, SolvedResponses)
         wanted = rests_on(found, known.detail)
         if wanted == known.detail:
             break
