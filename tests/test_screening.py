@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from making_diagnosis import ClosedForm, problem_of, ramps
@@ -23,7 +23,7 @@ STIFF_FAT = {"superficial-stiffness.factor": 3.0}
 class Screened(ClosedForm):
     """The closed form, of which mechanisms that aren't solved in full act too little, and the less the deeper."""
 
-    detail: Detail = Detail()
+    detail: Detail = field(default_factory=Detail)
 
     def relative_change(self, mechanism, values, at, observed):
         """Return what is known of a mechanism."""

@@ -236,7 +236,7 @@ class Library:
     `Library.pair_change`."""
     altered: Mapping[str, NuisanceChanges] = field(default_factory=dict)
     """What ``nuisances`` are more beside a mechanism at its `pair_strength`, by its name."""
-    detail: Detail = Detail()
+    detail: Detail = field(default_factory=Detail)
     """What of it is solved in full."""
     _seen: dict[tuple[str, ...], ChannelTables] = field(default_factory=dict, init=False, repr=False)
     """What is known of some of the channels, by their names."""
