@@ -5,14 +5,28 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import pytest
+from making_diagnosed import diagnosed
 from making_diagnosis import ClosedForm, problem_of, ramps
 
+from legfem.api.loading import seconds_of
+from legfem.common.deadline import NEVER, Deadline
+from legfem.common.errors import InputError
+from legfem.common.progress import Silent
+from legfem.experiments.experiment import Solved
+from legfem.inverse.answer import Finding
 from legfem.inverse.explain import explain
 from legfem.inverse.explanation import ADDS_FROM, log_bayes_factor
-from legfem.inverse.library import Detail
+from legfem.inverse.library import UNTRIED, Detail
+from legfem.inverse.library_tasks import Task, outcomes_of
 from legfem.inverse.linearised import LinearisedFit
+from legfem.inverse.notice import FitNotice
+from legfem.inverse.responses import SolvedResponses
 from legfem.inverse.screening import MATTERS, may_move, moves, rests_on
-from legfem.mechanisms import mechanism_named
+from legfem.inverse.verdict import answer_of, solution_notices
+from legfem.mechanisms import TissueMechanism, mechanism_named
+from legfem.report.diagnosis_headline import headline
+from legfem.report.notices import sentence_of
 
 NAMES = ("compressibility", "fascia-stiffness", "strain-stiffening", "superficial-stiffness")
 SOUGHT = [mechanism_named(name) for name in NAMES]
@@ -78,3 +92,54 @@ def test_two_at_once_are_asked_for_where_they_explain_more_than_one():
     assert pair == {"superficial-stiffness", "strain-stiffening"}
     assert pair in rests_on(found.every, Detail.of_all(SOUGHT, pairs=False)).pairs
     assert rests_on(found.every, Detail.of_all(SOUGHT)) == Detail.of_all(SOUGHT)
+
+
+def test_nothing_is_solved_after_a_deadline_and_the_answer_says_so():
+    def complete(detail: Detail) -> Screened:
+        raise AssertionError(f"asked for {detail}")
+
+    over = Deadline.after(0.0)
+    assert over.passed and not NEVER.passed and not Deadline.after(3600.0).passed
+    found = explain(base_of(Screened(), STIFF_FAT), SOUGHT, complete=complete, deadline=over)
+    assert found.every[0].names == ("superficial-stiffness",)
+
+    whole = diagnosed({})
+    assert answer_of(whole).finding is not Finding.PROVISIONAL
+    left = replace(whole, untested={**whole.untested, "dermis": UNTRIED}, provisional=True)
+    weighed, every = left.weighed
+    assert every == weighed + 1
+    told = headline(left, ())
+    assert told.heading == f"Not yet: {weighed} of {every} effects were weighed."
+    assert told.sentence.startswith("So far: C10 = ") and told.tone == "open"
+    assert [question for question, _ in told.answers] == ["Problems found so far", "What to do"]
+    (notice,) = [one for one in solution_notices(left) if one.code == FitNotice.PROVISIONAL]
+    assert f"when {weighed} of {every} effects were weighed" in sentence_of(notice)
+
+
+class Stopping:
+    """A leg whose solutions never come to their end."""
+
+    def follow(self, protocol, deep, solution, sensitivities=(), geometry=None):
+        """Say that it stopped."""
+        return Solved.nothing("the step became too small")
+
+    def described(self, variant):
+        """Return nothing in particular."""
+        return variant
+
+
+def test_mechanisms_wait_for_the_base_model_and_are_left_after_a_deadline(tmp_path):
+    responses = SolvedResponses(Stopping(), 20.0, tmp_path, {})
+    asked = [one for one in SOUGHT if isinstance(one, TissueMechanism)]
+    elastic = [Task((1e-3 * factor, 0.0)) for factor in (0.5, 1.0, 2.0)]
+    tasks = [*elastic, *(Task((1e-3, 0.0), one, one.strengths[0]) for one in asked)]
+    begun = outcomes_of((responses, responses), tasks, 1, Silent(), Deadline.after(0.0))
+    assert sorted(begun) == [0, 1, 2, 3]
+    assert len(outcomes_of((responses, responses), tasks, 1, Silent())) == len(tasks)
+
+
+@pytest.mark.parametrize("given", ["soon", "0s", "-3s", ""])
+def test_a_time_that_is_none_is_refused(given):
+    with pytest.raises(InputError, match="is not a time"):
+        seconds_of("within", given)
+    assert seconds_of("within", "2min") == 120.0

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from legfem.api import loading
 from legfem.api.diagnosed import Diagnosed
 from legfem.api.results import Result
+from legfem.common.deadline import Deadline
 from legfem.common.documents import write_document
 from legfem.common.errors import Doubt, log_doubts
 from legfem.common.progress import progress_on
@@ -50,11 +51,12 @@ def diagnose(
     specimens: Sequence[str] = (),
     site: str = "",
     prior: Sequence[str] = (),
+    within: str | None = None,
 ) -> "Diagnosed | DiagnosedFolder":
     """Say where model and recordings differ, which physics was left out, and what adding it does.
 
-    The first diagnosis of a leg solves its library of responses, which takes minutes. After an ambiguous verdict tests
-    that would settle it are ranked.
+    The first diagnosis of a leg solves its library of responses, which takes a minute or some. After an ambiguous
+    verdict tests that would settle it are ranked.
 
     Parameters
     ----------
@@ -78,6 +80,9 @@ def diagnose(
         Name of the one to take, of a leg with several ``[[site]]``.
     prior : sequence of str
         What is known of the leg's C10 beforehand, as of `legfem.identify`: ``"deep.C10=cohort/population.json"``.
+    within : str
+        Time after which nothing more is solved of a leg, such as ``"30s"``: the answer is provisional, and says how
+        many effects were weighed. A later call goes on from there.
 
     Returns
     -------
@@ -93,7 +98,8 @@ def diagnose(
         from legfem.api.specimens import diagnose_folder
 
         loading.check_unused(
-            "specimens", {"site": site != "", "correction": correction is not None, "prior": bool(prior)}
+            "specimens",
+            {"site": site != "", "correction": correction is not None, "prior": bool(prior), "within": bool(within)},
         )
         with progress_on(quiet=not progress) as shown:
             place = None if out is None else Path(out)
@@ -102,11 +108,12 @@ def diagnose(
     subject = loading.one_of(leg, site)
     if prior:
         subject = replace(subject, stiffness_prior=deep_prior(prior))
-    started = time.perf_counter()
-    diagnoser = Diagnoser(responses, read_correction(REFERENCE if correction is None else Path(correction)), jobs)
+    started, deadline = time.perf_counter(), Deadline.after(loading.seconds_of("within", within))
+    ends = read_correction(REFERENCE if correction is None else Path(correction))
+    diagnoser = Diagnoser(responses, ends, jobs, deadline)
     with progress_on(quiet=not progress) as shown:
         found = diagnoser.diagnose(subject, shown, seed)
-        ranked = plan_after(found, subject, diagnoser, shown)
+        ranked = [] if found.provisional else plan_after(found, subject, diagnoser, shown)
     return Diagnosed(subject, found, time.perf_counter() - started, tuple(ranked))
 
 

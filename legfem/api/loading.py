@@ -142,6 +142,21 @@ def check_within(name: str, value: object, least: float, most: float, unit: str)
         raise wrong(name, shown, "is not possible here", f"give {least:g} to {most:g} {unit}")
 
 
+def seconds_of(name: str, given: str | None) -> float | None:
+    """Return a time such as ``30s`` or ``2min`` in seconds; InputError for what is none."""
+    if given is None:
+        return None
+    import pandas as pd
+
+    try:
+        found = float(pd.Timedelta(given).total_seconds())
+    except ValueError:
+        found = math.nan
+    if not found > 0.0:
+        raise wrong(name, repr(given), "is not a time", "give one such as 30s or 2min")
+    return found
+
+
 def check_one_of(name: str, value: object, known: tuple[str, ...]) -> None:
     """Raise an InputError for what isn't among the known; None is none."""
     if value is not None and value not in known:

@@ -43,6 +43,16 @@ def diagnose(
             show_default=False,
         ),
     ] = None,
+    within: Annotated[
+        str | None,
+        typer.Option(
+            "--for",
+            "--within",
+            help="Time after which nothing more is solved, such as 30s: a provisional answer. As long as it takes by "
+            "default.",
+            show_default=False,
+        ),
+    ] = None,
     jobs: Jobs = None,
     seed: Annotated[
         int, typer.Option(help="Seed of the random draws behind p-values; 0 by default.", show_default=False)
@@ -54,7 +64,7 @@ def diagnose(
 
     Reads a subject folder (subject.toml, contours.csv, recordings/*.csv, one trial a file with
     loading, holds and unloading at any rates); writes diagnosis.json, a report and figures. The
-    first diagnosis of a leg solves its library of responses (some minutes); later ones use it.
+    first diagnosis of a leg solves its library of responses (a minute or some); later ones use it.
     Of a leg with several [[site]] each is diagnosed by itself, with --site.
     With --specimen-dir each specimen of a folder (specimen.toml, recordings/*.csv) is diagnosed.
 
@@ -73,7 +83,7 @@ def diagnose(
         folder = results_folder(out, f"diagnose-{leg.id}")
         found = diagnose_in_full(
             leg,
-            **passed(context, "library", "correction", "seed", "specimens", "site", "prior"),
+            **passed(context, "library", "correction", "seed", "specimens", "site", "prior", "within"),
             out=folder,
             jobs=processes,
             progress=not quiet,

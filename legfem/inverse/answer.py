@@ -28,6 +28,7 @@ class Finding(StrEnum):
     CORRECTED = "corrected"
     CORRECTED_IN_PART = "corrected_in_part"
     CAUSES_DIFFER = "value_depends_on_cause"
+    PROVISIONAL = "provisional"
 
 
 @dataclass(frozen=True)

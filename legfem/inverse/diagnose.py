@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from legfem.common.deadline import NEVER, Deadline
 from legfem.common.progress import Progress
 from legfem.data import Instrument
 from legfem.inverse.accuracy import Accuracy, measured_strengths
@@ -21,7 +22,7 @@ from legfem.inverse.explanation import Explained, Explanation
 from legfem.inverse.fit import LEAST_CHANCE, Fit, Identity
 from legfem.inverse.hidden import Limit
 from legfem.inverse.least_squares import sandwich
-from legfem.inverse.library import Library
+from legfem.inverse.library import UNTRIED, Library
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, nuisance_effects, variance_degrees
 from legfem.inverse.location import MisfitAssessment, SetAside, score_tests, touched_part
 from legfem.inverse.map_fit import base_about_solution, equally_weighted, fit, ordinary_fit, refitted_about_solutions
@@ -30,7 +31,7 @@ from legfem.inverse.observations import Observations
 from legfem.inverse.predictive import held_out, misfit_of
 from legfem.inverse.predictor import Predictor, onset_name, values_of
 from legfem.inverse.responses import SolvedResponses
-from legfem.inverse.screening import Complete
+from legfem.inverse.screening import Complete, rests_on
 from legfem.inverse.station_test import FittedStations
 from legfem.inverse.trial_noise import estimate_noise
 from legfem.inverse.verdict import ADEQUATE, SHOWN_MOST, Diagnosis, Verdict, limits_of
@@ -99,7 +100,9 @@ class DiagnosisInput:
         return nuisance_effects(changes, self.observed, fitted.prediction, self.accuracy, self.ends, stiffness)
 
 
-def diagnose(given: DiagnosisInput, solved: SolvedResponses | None, progress: Progress, seed: int = 0) -> Diagnosis:
+def diagnose(
+    given: DiagnosisInput, solved: SolvedResponses | None, progress: Progress, seed: int = 0, deadline: Deadline = NEVER
+) -> Diagnosis:
     """Diagnose recordings: noise, base fit, location, explanations, verdict.
 
     Parameters
@@ -112,6 +115,8 @@ def diagnose(given: DiagnosisInput, solved: SolvedResponses | None, progress: Pr
         Receives the steps.
     seed
         Of the draws that windows are judged by.
+    deadline
+        After which nothing more is solved.
     """
     observed, library, accuracy = given.observed, given.library, given.accuracy
     able, untested = shown_mechanisms(given.mechanisms, observed, given.ruled_out)
@@ -133,7 +138,7 @@ def diagnose(given: DiagnosisInput, solved: SolvedResponses | None, progress: Pr
     base = fit(problem, (), ordinary.values, evaluations=0 if by_errors else None)
     progress.stage(f"weighing {len(able)} mechanisms")
     confirm = None if solved is None else partial(refitted_about_solutions, solved)
-    explained = explain(base, able, confirm, ordinary.values, given.complete)
+    explained = explain(base, able, confirm, ordinary.values, given.complete, deadline)
     problem = replace(problem, predictor=explained.base.problem.predictor)
     aside = _to_set_aside(problem, explained)
     if aside is not None:
@@ -141,7 +146,7 @@ def diagnose(given: DiagnosisInput, solved: SolvedResponses | None, progress: Pr
         rest = problem.setting_aside(aside.readings)
         plain = ordinary_fit(rest, [base.values])
         alone = fit(rest, (), plain.values)
-        again = explain(alone, able, confirm, plain.values, given.complete)
+        again = explain(alone, able, confirm, plain.values, given.complete, deadline)
         if _leaves_something(again):
             aside = None
         else:
@@ -180,7 +185,15 @@ def diagnose(given: DiagnosisInput, solved: SolvedResponses | None, progress: Pr
         given.kind,
         seed,
         aside,
+        deadline.passed and (UNTRIED in library.missing.values() or _lacks(explained)),
     )
+
+
+def _lacks(explained: Explained) -> bool:
+    """Return whether more could be solved of what explanations rest on."""
+    library = explained.base.problem.predictor.responses
+    assert not isinstance(library, SolvedResponses)
+    return rests_on(explained.every, library.detail) != library.detail
 
 
 def _leaves_something(explained: Explained) -> bool:

@@ -11,6 +11,7 @@ from functools import partial
 
 import numpy as np
 
+from legfem.common.deadline import NEVER, Deadline
 from legfem.inverse.evidence import (
     Evidence,
     discrepancy_scales,
@@ -219,6 +220,7 @@ def explain(
     confirm: Confirm | None = None,
     start: Mapping[str, float] | None = None,
     complete: Complete | None = None,
+    deadline: Deadline = NEVER,
 ) -> Explained:
     """Return how probable every explanation is.
 
@@ -234,6 +236,8 @@ def explain(
         Base parameters that searches begin with; the base model's fit without it.
     complete
         Solves what the library lacks that the leading explanations rest on; they stand as they are without it.
+    deadline
+        After which nothing is completed or confirmed.
     """
     weighing = Weighing.about(base)
     found = [weighing.base_model(unknown) for unknown in (False, True)]
@@ -245,15 +249,15 @@ def explain(
     ]
     found += sorted(singles, key=lambda e: -e.log_weight)
     anew = partial(_begun_anew, weighing=weighing, tried=set())
-    found = _completed(with_probabilities(found), weighing, complete, anew)
+    found = _completed(with_probabilities(found), weighing, complete, anew, deadline)
     pairs = _untried(found, begins=True)
     while True:
         found += [
             weighing.of(_joint(one, other), log_prior_of([*one.names, *other.names], expected)) for one, other in pairs
         ]
-        found = _completed(anew(with_probabilities(found)), weighing, complete, anew)
+        found = _completed(anew(with_probabilities(found)), weighing, complete, anew, deadline)
         if confirm is not None:
-            found = _confirmed(found, weighing, confirm, anew)
+            found = _confirmed(found, weighing, confirm, anew, deadline)
         pairs = _untried(found)
         if not pairs:
             found = _integrated(found, weighing)
@@ -265,9 +269,10 @@ def _completed(
     weighing: Weighing,
     complete: Complete | None,
     anew: Callable[[list[Explanation]], list[Explanation]],
+    deadline: Deadline,
 ) -> list[Explanation]:
     """Solve in full what explanations rest on, and refit those that it changes, until nothing more could matter."""
-    while complete is not None:
+    while complete is not None and not deadline.passed:
         known = _nothing(found).problem.predictor.responses
         assert not isinstance(known, SolvedResponses)
         wanted = rests_on(found, known.detail)
@@ -359,6 +364,7 @@ def _confirmed(
     weighing: Weighing,
     confirm: Confirm,
     anew: Callable[[list[Explanation]], list[Explanation]],
+    deadline: Deadline,
 ) -> list[Explanation]:
     """Refit the leading explanations about full solutions, until none of them is emulated.
 
@@ -378,7 +384,7 @@ def _confirmed(
         ]
         alone = [better_of(e, singles) for e in leading]
         waiting = dict.fromkeys(e.names for e in (*alone, *leading) if not e.confirmed)
-        if not waiting:
+        if not waiting or deadline.passed:
             break
         for names in waiting:
             # Pairs may have been fitted anew, about the solution of one of their mechanisms.

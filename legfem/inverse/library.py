@@ -22,6 +22,8 @@ from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, Valu
 from legfem.inverse.observations import Observations
 
 _REACH = 1.6
+UNTRIED = "there was no time to solve it"
+"""Why a library lacks a mechanism that no solution was begun of."""
 
 
 @dataclass(frozen=True)

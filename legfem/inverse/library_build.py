@@ -6,12 +6,14 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import make_smoothing_spline
 
+from legfem.common.deadline import NEVER, Deadline
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
 from legfem.inverse.body_models import Columns, channels_of, derivative_of
 from legfem.inverse.emulator import NUGGET, Emulator, Kriging
 from legfem.inverse.library import (
     NO_CHANNELS,
+    UNTRIED,
     ChannelTables,
     Detail,
     Library,
@@ -45,10 +47,11 @@ def build_library(
     stiffening: float = 0.0,
     detail: Detail | None = None,
     lattice: Sequence[tuple[float, float]] = (),
+    deadline: Deadline = NEVER,
 ) -> Library:
     """Solve what isn't kept yet, in processes, and return the library for recordings.
 
-    A mechanism that can't be screened at one stiffness is solved in full.
+    A mechanism that can't be screened at one stiffness is solved in full. After a deadline no more of them are solved.
 
     Parameters
     ----------
@@ -80,9 +83,10 @@ def build_library(
     while True:
         at = lattice or cross(stiffening)
         tasks = tasks_for(observed, tissue, middle, stiffening, coarse.variants, at, detail)
-        found = outcomes_of((solved, coarse), tasks, jobs, progress)
-        library = _assembled(solved, observed, tissue, tasks, [found[k] for k in range(len(tasks))], middle)
-        if library.missing.keys() <= detail.whole:
+        found = outcomes_of((solved, coarse), tasks, jobs, progress, deadline)
+        begun = [tasks[place] for place in sorted(found)]
+        library = _assembled(solved, observed, tissue, begun, [found[place] for place in sorted(found)], middle)
+        if library.missing.keys() <= detail.whole or len(begun) < len(tasks):
             return replace(library, detail=detail)
         detail |= Detail(frozenset(library.missing))
 
@@ -136,7 +140,8 @@ def _assembled(
                 table = unchanged(m, len(solved.grid))
                 other = unchanged(m, (len(solved.grid) + 1) * len(names))
             if table is None or other is None:
-                missing[m.name] = "simulations did not reach the end of the protocol"
+                tried = any(task.mechanism is m for task in tasks)
+                missing[m.name] = "simulations did not reach the end of the protocol" if tried else UNTRIED
             else:
                 changes[m.name, key], beside[m.name, key] = table, other
     nuisances = _nuisances(solved.grid, done, names)

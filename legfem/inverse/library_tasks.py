@@ -8,6 +8,7 @@ from itertools import combinations
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from legfem.common.deadline import NEVER, Deadline
 from legfem.common.progress import Progress
 from legfem.common.units import mpa_to_kpa
 from legfem.data.phases import LOADING
@@ -217,12 +218,16 @@ def rounded(c10: float) -> float:
 
 
 def outcomes_of(
-    responses: tuple[SolvedResponses, SolvedResponses], tasks: Sequence[Task], jobs: int, progress: Progress
+    responses: tuple[SolvedResponses, SolvedResponses],
+    tasks: Sequence[Task],
+    jobs: int,
+    progress: Progress,
+    deadline: Deadline = NEVER,
 ) -> dict[int, Outcome | None]:
     """Return tasks' outcomes by their places; processes are started for what isn't kept only.
 
     Two stages are told of, since courses in time take longer than elastic curves, and a stage's time left is that of
-    its own tasks.
+    its own tasks. After a deadline no mechanism's is begun, and has no outcome.
     """
     found: dict[int, Outcome | None] = {}
     kept = responses[0].recalling(), responses[1].recalling()
@@ -232,15 +237,17 @@ def outcomes_of(
     if found:
         progress.stage(f"{len(found)} of {len(tasks)} responses are kept from earlier runs")
     missing = [place for place in range(len(tasks)) if place not in found]
-    stages = {"responses in time": True, "elastic responses": False}
+    stages = {"elastic responses": False, "responses in time": True}
     with Workers(_work, responses, jobs) as workers:
         for name, in_time in stages.items():
             places = [place for place in missing if (tasks[place].stations is not None) == in_time]
-            if not places:
+            if not places or (deadline.passed and in_time):
                 continue
             progress.stage(f"the leg's {name}", len(places))
             for number, outcome in workers.places([tasks[place] for place in places]):
                 place = places[number]
                 found[place] = outcome
                 progress.advance(tasks[place].label + ("" if outcome is not None else ": STOPPED"))
+                if deadline.passed and tasks[place].mechanism is not None:
+                    break
     return found

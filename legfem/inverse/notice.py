@@ -28,6 +28,7 @@ class FitNotice(StrEnum):
     NOT_REPEATED = "not_repeated"
     MODEL_AT_BOUND = "model_at_bound"
     UNCONFIRMED = "unconfirmed"
+    PROVISIONAL = "provisional"
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from legfem.inverse.evidence import possible_discrepancies
 from legfem.inverse.explanation import Explained, Explanation, unknown_course
 from legfem.inverse.fit import Fit, Goodness, Identity, KindDetails, versions
 from legfem.inverse.hidden import HiddenEnd, Limit, profile_of
+from legfem.inverse.library import UNTRIED
 from legfem.inverse.linearised import LinearisedFit
 from legfem.inverse.location import MisfitAssessment, SetAside, runs
 from legfem.inverse.notice import FitNotice, Notice
@@ -93,6 +94,8 @@ class Diagnosis:
     """Of its draws."""
     aside: SetAside | None
     """A part of a trial that something unknown touched: all else is said of the rest."""
+    provisional: bool = False
+    """Whether the time that it was given was over before all was solved that it rests on."""
 
     @property
     def equally(self) -> bool:
@@ -138,6 +141,12 @@ class Diagnosis:
             versions=versions(),
             details=KindDetails(),
         )
+
+    @property
+    def weighed(self) -> tuple[int, int]:
+        """How many of the effects that the recordings can show were weighed, and how many there are."""
+        weighed = len({name for one in self.explained.every for name in one.names})
+        return weighed, weighed + sum(why == UNTRIED for why in self.untested.values())
 
     @property
     def weighted_base(self) -> Explanation:
@@ -278,6 +287,9 @@ def solution_notices(found: Diagnosis) -> Iterator[Notice]:
             shown = model.shown(name)
             value = (shown.value, (shown.ci95[1] - shown.ci95[0]) / 4)
             yield Notice.of(FitNotice.MODEL_AT_BOUND, name=name, value=value, mechanisms=model.names)
+    if found.provisional:
+        weighed, every = found.weighed
+        yield Notice.of(FitNotice.PROVISIONAL, weighed=weighed, every=every)
     if not found.solutions and not found.emulator_error > 0:
         yield Notice.of(FitNotice.UNCONFIRMED)
 
@@ -294,12 +306,16 @@ def answer_of(found: Diagnosis, doubts: int = 0) -> Answer:
         "aside": "" if found.aside is None else found.aside.described,
         "fits_in_part": bool(found.models) and found.verdict == "named" and found.models[0].in_part,
         "missing_in_parts": bool(found.models) and bool(found.models[0].missing),
+        "weighed": found.weighed,
     }
     causes = tuple(LikelyCause(tuple(one.names), one.probability, one.in_part) for one in found.models)
     return Answer("diagnosis", finding, tone, values, causes, doubts, told)
 
 
 def _finding(found: Diagnosis) -> tuple[Finding, Tone]:
+    weighed, every = found.weighed
+    if weighed < every:
+        return Finding.PROVISIONAL, "open"
     if found.withheld:
         return Finding.MISFIT, "wrong"
     if found.verdict == "unexplained":

@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from legfem.common.deadline import NEVER, Deadline
 from legfem.common.errors import Doubt, InputError
 from legfem.common.progress import Progress
 from legfem.common.wording import Argument
@@ -50,11 +51,14 @@ class Diagnoser:
         Of 3D effects, for the mechanism ``end-effects``.
     jobs
         Processes that build a library.
+    deadline
+        After which nothing more is solved.
     """
 
     folder: Path
     correction: TabulatedCorrection | None
     jobs: int = 1
+    deadline: Deadline = NEVER
     _legs: dict[str, tuple[SolvedResponses, SolvedResponses]] = field(default_factory=dict, repr=False)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -100,7 +104,18 @@ class Diagnoser:
         leg = repr(sorted(fine.fingerprint.items()))
         fine, coarse = self._legs.setdefault(leg, (fine, coarse))
         law = subject.tissues["deep"].law
-        solve = partial(build_library, fine, coarse, observed, asked, self.jobs, progress, middle, STIFFENING[law])
+        solve = partial(
+            build_library,
+            fine,
+            coarse,
+            observed,
+            asked,
+            self.jobs,
+            progress,
+            middle,
+            STIFFENING[law],
+            deadline=self.deadline,
+        )
         return solve, fine
 
     def identified(self, subject: Subject, progress: Progress) -> Identified:
@@ -116,8 +131,12 @@ class Diagnoser:
         """Diagnose a subject's recordings."""
         observed, identified = self.observations(subject), self.identified(subject, progress)
         middle = rounded(identified.fit.values[DEEP_C10])
+        if (c10 := identified.fit.estimates.get(DEEP_C10)) is not None:
+            (low, high), unit = c10.shown.ci95, c10.shown.unit
+            progress.stage(f"by the base model alone C10 is {c10.shown.value:.3g} {unit} ({low:.3g} to {high:.3g})")
         complete, solved = self.tabulating(subject, observed, middle, progress)
-        return diagnose(self.given(subject, observed, complete, identified), solved, progress, seed)
+        given = self.given(subject, observed, complete, identified)
+        return diagnose(given, solved, progress, seed, self.deadline)
 
     def given(
         self, subject: Subject, observed: Observations, complete: Complete, identified: Identified

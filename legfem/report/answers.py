@@ -77,7 +77,8 @@ def _reported(answer: Answer) -> str:
     low, high = between(first, last)
     if not known.range_only:
         moduli = moduli_text(known.value or math.nan, known.standard_error)
-        return f"Report: C10 = {_value(known)} kPa ({low} to {high}), {moduli}."
+        first_words = "So far" if answer.finding is Finding.PROVISIONAL else "Report"
+        return f"{first_words}: C10 = {_value(known)} kPa ({low} to {high}), {moduli}."
     only = "" if known.value is None else f" ({_value(known)} if no hidden effect is present)"
     spread = (last - first) / 4
     shear, young = (" and ".join(number(times * end, times * spread) for end in (first, last)) for times in MODULI)
@@ -145,6 +146,7 @@ _HEADINGS: Mapping[Finding, Callable[[Answer], str]] = {
     ),
     Finding.CORRECTED: lambda answer: "Yes, but use the corrected one.",
     Finding.CAUSES_DIFFER: lambda answer: "Only as a range.",
+    Finding.PROVISIONAL: lambda answer: "Not yet: {} of {} effects were weighed.".format(*answer.parameters["weighed"]),
 }
 
 

@@ -6,6 +6,7 @@ Its words were changed after readers without statistics had stumbled over them (
 from collections.abc import Sequence
 
 from legfem.common.units import mpa_to_kpa, percent
+from legfem.inverse.answer import Finding
 from legfem.inverse.averaging import as_seen, robust_interval, widened_by
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.explanation import Explanation
@@ -57,6 +58,9 @@ def headline(found: Diagnosis, plan: Sequence[DesignValue], tissue: str = "", do
         How many inputs are unlikely.
     """
     aside = "" if found.aside is None else f"{aside_sentence(found.aside)} "
+    answer = answer_of(found, doubts)
+    if answer.finding is Finding.PROVISIONAL:
+        return headline_of(answer, [("Problems found so far", aside + _wrong(found)), ("What to do", _GO_ON)])
     effect = _stiffness(found)
     if not found.withheld:
         unseen = _unseen(found)
@@ -68,7 +72,7 @@ def headline(found: Diagnosis, plan: Sequence[DesignValue], tissue: str = "", do
         hidden = [one.unseen_statement for one in unseen if one.name not in found.untested]
         effect += "".join(f" {capital(said)}. The range allows for that." for said in hidden)
     return headline_of(
-        answer_of(found, doubts),
+        answer,
         [
             ("Problems found", aside + _wrong(found)),
             ("How sure", _sure(found)),
@@ -77,6 +81,12 @@ def headline(found: Diagnosis, plan: Sequence[DesignValue], tissue: str = "", do
             *_high_or_low(found, tissue),
         ],
     )
+
+
+_GO_ON = (
+    "Run the same diagnosis without a limit of time: it goes on from what is solved. What was not weighed may change "
+    "the cause, C10 and its range."
+)
 
 
 def _wrong(found: Diagnosis) -> str:
