@@ -271,6 +271,7 @@ def test_a_model_that_explains_a_part_is_not_said_to_fit(monkeypatch, missing, i
         "misfit": SimpleNamespace(size=0.0),
         "aside": None,
         "base_model": SimpleNamespace(fit=SimpleNamespace(free=())),
+        "weighed": (20, 20),
     }
     found = SimpleNamespace(withheld=False, verdict="named", models=[model], may_be_off=0.19, **given)
     worded = headline_of(answer_of(found))
