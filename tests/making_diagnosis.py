@@ -14,7 +14,7 @@ from legfem.inverse.body_models import Columns
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.errors import error_model
 from legfem.inverse.fit import Identity
-from legfem.inverse.library import NuisanceChanges
+from legfem.inverse.library import Detail, NuisanceChanges
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
 from legfem.inverse.map_fit import fit
 from legfem.inverse.observations import Observations, observe
@@ -24,7 +24,7 @@ from legfem.inverse.trial_noise import Noise
 from legfem.legs.finite_element_models import LegVariants, plane_strain_test
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
-from legfem.mechanisms import Mechanism, Stiffness, TissueMechanism, Values, mechanism_named
+from legfem.mechanisms import Mechanism, Stiffness, TissueMechanism, Values, mechanism_named, mechanisms
 from legfem.mechanisms.time_dependence import TIMES_S, TissueRelaxation
 from legfem.solve.protocol import Protocol
 
@@ -73,6 +73,7 @@ class ClosedForm:
     missing: Mapping[str, str] = field(default_factory=dict)
     """Mechanisms that aren't tested, and why."""
     nuisances: NuisanceChanges = field(default_factory=lambda: NuisanceChanges(GRID, {}, {}))
+    detail: Detail = field(default_factory=lambda: Detail.of_all(mechanisms()))
 
     def curve(self, c10: float, c20: float) -> FloatArray:
         """Return the force (N)."""

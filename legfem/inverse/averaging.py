@@ -26,10 +26,13 @@ from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.evidence import probabilities
 from legfem.inverse.explain import log_prior_of
 from legfem.inverse.explanation import ADDS_FROM, Explained, Explanation, log_bayes_factor, singles_of
+from legfem.inverse.library import Detail
 from legfem.inverse.mechanism import Mechanism, Occurrence, Unseen
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Prior
 from legfem.inverse.posterior import Mixture
+from legfem.inverse.responses import SolvedResponses
+from legfem.inverse.screening import lacking, may_move, moves
 
 POWER = 0.5
 """Of the evidence, in the weights of explanations for a parameter's interval."""
@@ -196,6 +199,41 @@ def _heaviest(explained: Explained, name: str, most: int) -> list[tuple[str, flo
         for mechanism in one.names:
             weights[mechanism] = weights.get(mechanism, 0.0) + weight
     return sorted(weights.items(), key=lambda pair: -pair[1])[:most]
+
+
+@dataclass(frozen=True)
+class LeftOpen:
+    """What responses that weren't solved in full may move."""
+
+    in_full: tuple[str, ...]
+    """Names of the mechanisms that were, ..."""
+    screened: tuple[str, ...]
+    """... and of the others."""
+    probability: float
+    """Most that an explanation's may move by."""
+    interval: float
+    """Most that an end of the parameter's interval may move by, over that end."""
+
+
+def left_open(explained: Explained, name: str) -> LeftOpen:
+    """Return what the evidence of explanations may move that rest on what was only screened."""
+    library = explained.base.problem.predictor.responses
+    assert not isinstance(library, SolvedResponses)
+    waiting = [one for one in explained.every if one.names and lacking(one, library.detail) != Detail()]
+    screened = {one.names[0]: may_move(one, explained.every) for one in waiting if len(one.names) == 1}
+    ends = averaged_interval(explained, name) or ()
+    heavy = [(one, screened[one]) for one, _ in _heaviest(explained, name, len(screened)) if one in screened]
+    moved = [
+        averaged_interval(explained, name, more_common={one: math.exp(side * POWER * most)}) or ends
+        for one, most in heavy[:_HEAVIEST]
+        for side in (-1.0, 1.0)
+    ]
+    return LeftOpen(
+        tuple(sorted(library.detail.whole)),
+        tuple(sorted(screened)),
+        max((moves(one, explained.every) for one in waiting), default=0.0),
+        max((abs(end / here - 1.0) for there in moved for end, here in zip(there, ends, strict=True)), default=0.0),
+    )
 
 
 _HEAVIEST = 3

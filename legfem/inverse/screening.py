@@ -45,11 +45,11 @@ def rests_on(found: Sequence[Explanation], detail: Detail) -> Detail:
     detail
         What is solved in full.
     """
-    waiting = [(one, lacking) for one in found if one.names and (lacking := _lacking(one, detail)) != Detail()]
-    first = [lacking for one, lacking in waiting if one.probability >= MATTERS and _adds(one, found, 0.0)]
-    further = (lacking for one, lacking in waiting if moves(one, found) >= MATTERS)
-    for lacking in first or further:
-        detail |= lacking
+    waiting = [(one, lacks) for one in found if one.names and (lacks := lacking(one, detail)) != Detail()]
+    first = [lacks for one, lacks in waiting if one.probability >= MATTERS and _adds(one, found, 0.0)]
+    further = (lacks for one, lacks in waiting if moves(one, found) >= MATTERS)
+    for lacks in first or further:
+        detail |= lacks
     return detail
 
 
@@ -72,7 +72,7 @@ def _adds(one: Explanation, found: Sequence[Explanation], more: float) -> bool:
     return _beyond(one, found) + more > (ADDS_FROM if len(one.names) == 1 else MORE_THAN_ALONE)
 
 
-def _lacking(one: Explanation, detail: Detail) -> Detail:
+def lacking(one: Explanation, detail: Detail) -> Detail:
     """Return what of an explanation's mechanisms isn't solved in full."""
     tabulated = list(_tabulated(one))
     whole = frozenset(tabulated) - detail.whole

@@ -306,7 +306,7 @@ def answer_of(found: Diagnosis, doubts: int = 0) -> Answer:
         "aside": "" if found.aside is None else found.aside.described,
         "fits_in_part": bool(found.models) and found.verdict == "named" and found.models[0].in_part,
         "missing_in_parts": bool(found.models) and bool(found.models[0].missing),
-        "weighed": found.weighed,
+        "weighed": list(found.weighed),
     }
     causes = tuple(LikelyCause(tuple(one.names), one.probability, one.in_part) for one in found.models)
     return Answer("diagnosis", finding, tone, values, causes, doubts, told)

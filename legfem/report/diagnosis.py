@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from legfem.common.units import percent
-from legfem.inverse.averaging import TIMES
-from legfem.inverse.catalogue import symbol_of
+from legfem.inverse.averaging import TIMES, left_open
+from legfem.inverse.catalogue import DEEP_C10, symbol_of
 from legfem.inverse.fit import Fit, KindDetails, r_squared
 from legfem.inverse.mechanism import null_of
 from legfem.inverse.notice import FitNotice
@@ -26,7 +26,7 @@ from legfem.report.page import PressedSection
 from legfem.report.plan import chance_text
 from legfem.report.pressed_section import still_section
 from legfem.report.style import LAW_NAMES
-from legfem.report.words import DataKind, capital
+from legfem.report.words import DataKind, capital, share
 
 
 def next_blocks(found: Diagnosis, plan: Sequence[DesignValue]) -> list[web.Block]:
@@ -305,6 +305,19 @@ def _alike(found: Diagnosis) -> list[str]:
     return lines
 
 
+def _solved_in_full(found: Diagnosis) -> str:
+    """Return which effects were only screened, and what that may move; nothing where all were solved in full."""
+    left = left_open(found.explained, DEEP_C10)
+    if not left.screened:
+        return ""
+    whole = f"the answer rests on {' and '.join(map(plain, left.in_full))}, solved in full; " if left.in_full else ""
+    return (
+        f"Of the effects that change the tissue {whole}{len(left.screened)} were screened by a few solutions each, "
+        f"which may move a probability by {share(left.probability)} and an end of C10's range by "
+        f"{share(left.interval)} at most. "
+    )
+
+
 def _noise(found: Diagnosis) -> str:
     noise, posterior = found.errors.noise, found.best.posterior
     if not (found.solutions or found.emulator_error > 0):
@@ -326,6 +339,6 @@ def _noise(found: Diagnosis) -> str:
         f"{100 * posterior.gain_sd:.2g} % of its gain, and {noise.wander_sd:.2g} mm of the displacement. They come "
         f"from {noise.source}. The {len(found.observed.values)} values compared carry as much "
         f"information as {found.errors.effective_samples:.0f} independent ones, because neighbours have similar "
-        f"errors. {solved} What is not known exactly (the geometry and the assumed tissue parameters) may vary within "
-        "its stated accuracy; the table of numbers says how far each was moved."
+        f"errors. {solved} {_solved_in_full(found)}What is not known exactly (the geometry and the assumed tissue "
+        "parameters) may vary within its stated accuracy; the table of numbers says how far each was moved."
     )

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from legfem.common.documents import json_types, versions_of
+from legfem.inverse.averaging import left_open
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, key_of
 from legfem.inverse.document import estimate_document, fitted_document
 from legfem.inverse.estimates import Estimate
@@ -79,6 +80,7 @@ def document(found: Diagnosis, subject: Recorded, seconds: float) -> dict[str, A
             "untested": found.untested,
             "next_experiment": next_experiments(found),
             "full_solutions": found.solutions,
+            "left_open": left_open(found.explained, DEEP_C10),
             "seed": found.seed,
             "wall_s": seconds,
             "versions": versions(),
