@@ -10,6 +10,7 @@ from legfem.inverse.document import estimate_document, fitted_document
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.fit import Identity
+from legfem.inverse.location import SetAside
 from legfem.inverse.notice import FitNotice
 from legfem.inverse.predictive import HeldOut, checks_by_phase
 from legfem.inverse.stored import SCHEMAS
@@ -28,9 +29,7 @@ type Recorded = Subject | Identity
 def document(found: Diagnosis, subject: Recorded, seconds: float) -> dict[str, Any]:
     """Return the diagnosis as JSON types, its values by their fields' names; what isn't finite is null."""
     notices, explained = notices_of(found, subject), found.explained
-    kept = [one for one in explained.every if one.probability > _LEAST]
     said = [one for one in explained.statements() if one.nothing_shows or one.probability > _LEAST]
-    aside = found.aside
     return json_types(
         {
             "schema": SCHEMA,
@@ -60,7 +59,8 @@ def document(found: Diagnosis, subject: Recorded, seconds: float) -> dict[str, A
                     "log_evidence": one.posterior.log_evidence,
                     "parameters": {key_of(name): one.shown(name) for name in one.fit.stiffness},
                 }
-                for one in kept
+                for one in explained.every
+                if one.probability > _LEAST
             ],
             "statements": said,
             "models": [_model(found, *each) for each in zip(found.models, found.held_out, strict=True)],
@@ -75,7 +75,7 @@ def document(found: Diagnosis, subject: Recorded, seconds: float) -> dict[str, A
             "places": places_of(found),
             "scores": found.assessment.scores,
             "limits": found.limits,
-            "set_aside": aside and {"trial": aside.trial, "phases": aside.phases, "size_N": aside.size_N},
+            "set_aside": _aside(found.aside),
             "by_phase": {model_name(model): checks_by_phase(model) for model in (found.weighted_base, *found.models)},
             "untested": found.untested,
             "next_experiment": next_experiments(found),
@@ -86,6 +86,10 @@ def document(found: Diagnosis, subject: Recorded, seconds: float) -> dict[str, A
             "versions": versions(),
         }
     )
+
+
+def _aside(part: SetAside | None) -> dict[str, Any] | None:
+    return None if part is None else {"trial": part.trial, "phases": part.phases, "size_N": part.size_N}
 
 
 _LEAST = 1e-4
