@@ -30,6 +30,8 @@ noise, ..."""
 AT_REST_FORCE, AT_REST_MM = 0.01, 0.05
 """... but for what is noise whatever was stated: a leg is never quite at rest. Of the greatest
 force, and mm."""
+USUAL_AT_REST = 0.5 * AT_REST_FORCE
+"""The same where no repeats show how quiet it was."""
 _VAGUENESS, _STATED = 1.0, 0.3
 """Log-standard deviations of what is expected before looking at the repeats, and of a figure that
 the data sheet states: the repeats tell a slow error's size over its time well, each of them ill."""
@@ -93,13 +95,15 @@ def estimate_noise(
         wander_sd=instrument.wander_sd(observed.jitter_sd),
         source=few if observed.repeats < 2 else f"the repeats and {figures}",
     )
+    greatest = float(np.abs(observed.force).max())
     if observed.repeats < 2:
-        # Neither a data sheet nor repeats tell of slow errors: load cells' are about as large.
-        return expected if instrument.stated else replace(expected, slow_sd=white)
+        # Neither a data sheet nor repeats tell of slow errors: load cells' are about as large, and what is pressed is
+        # not at rest.
+        seen = expected.slow_sd if instrument.stated else white
+        return replace(expected, slow_sd=max(seen, USUAL_AT_REST * greatest))
     vague = np.array([_STATED if instrument.stated else _VAGUENESS, _VAGUENESS, _VAGUENESS])
     values = observed.force if residual is None else residual
     found = _from_repeats(observed, expected, values, vague)
-    greatest = float(np.abs(observed.force).max())
     return _as_stated(found, expected, greatest) if instrument.stated else found
 
 
