@@ -80,11 +80,11 @@ def test_a_deeply_nested_toml_is_refused(tmp_path):
 
 def test_an_error_is_worded_by_each_door_and_survives_a_process():
     remedy = Remedy("give ", Argument("site", "the back"), " to ", Command("study doe", given="a leg"), " {as it is}")
-    error = InputError(Argument("leave_out"), Argument("emulator", False), "is wrong", remedy)
+    error = InputError(Argument("leave_out"), Argument("depth", "3"), "is wrong", remedy)
     error = pickle.loads(pickle.dumps(error.at(problem="is odd")))
-    said = "--leave-out: --no-emulator: is odd; give --site 'the back' to legfem study doe 'a leg' {as it is}"
+    said = "--leave-out: --depth 3: is odd; give --site 'the back' to legfem study doe 'a leg' {as it is}"
     assert str(error) == said
-    assert str(error.worded(lambda one: one.name)) == ("leave_out: emulator: is odd; give site to study doe {as it is}")
+    assert str(error.worded(lambda one: one.name)) == ("leave_out: depth: is odd; give site to study doe {as it is}")
 
 
 def test_a_package_that_is_missing_is_one_line_that_says_how_to_get_it(capsys):

@@ -155,7 +155,6 @@ WRONG = {
     "a correction in 3D": ({"model": "3d", "correction": "own"}, "correction: own: nothing is left to correct in 3D"),
     "a section's mesh in 3D": ({"model": "3d", "mesh": "coarse"}, "mesh: coarse: is a section's"),
     "a leg's mesh in a plane": ({"mesh": SolidLegSettings()}, "mesh: SolidLegSettings: is no"),
-    "no emulator": ({"settings": IdentificationSettings(emulator=False)}, "emulator: 2 sites"),
     "no weights": ({"settings": IdentificationSettings(weighting="paper")}, "weighting: 2 sites"),
     "fibres in a plane": ({"identify": RATIO}, 'plane strain; solve the leg in 3D: model="3d"'),
     "no such parameter": ({"identify": ["deep.C11"]}, "identify: deep.C11: is not a parameter"),

@@ -148,17 +148,6 @@ def test_intervals_cover_planted_truths(tmp_path: Path, weighting: str, number: 
     assert len(called) > 20 and max(called) < IDENTIFIABLE_WITHIN
 
 
-def test_genetic_algorithm_on_the_full_model_agrees(tmp_path: Path) -> None:
-    subject = pressed_leg(tmp_path, 0.7, 0.8)
-    settings = IdentificationSettings(emulator=False, seed=2)
-    plain, (neo_hookean, found) = identify(subject, settings)[1], identify(subject)
-    assert plain.log.cost_map is None and plain.log.forward_solves > 5 * found.log.forward_solves
-    assert plain.cost.value >= found.cost.value
-    # The valley of the two stiffnesses is narrow: the algorithm alone gets near, and the solves' derivatives end there.
-    assert plain.cost.value < 0.2 * neo_hookean.cost.value
-    assert plain.log.converged
-
-
 def test_bounds_are_kept_and_reported(tmp_path: Path) -> None:
     bounds = (1e-3, 3e-3), (5e-4, 4e-3)
     both = zip(default_parameters(AnalyticLeg().nominal), bounds, strict=True)

@@ -232,7 +232,6 @@ def test_a_character_that_goes_wrong_in_a_site_ends_in_one_line_or_none(tmp_path
     ("options", "said"),
     [
         (["--model", "3d"], "--model"),
-        (["--no-emulator"], "--no-emulator"),
         (["--weighting", "paper"], "--weighting"),
         (["--site", "front"], "is not a site"),
         (["--identify", "instrument.gain"], "--identify"),

@@ -50,7 +50,6 @@ def identify(
     leave_out: Sequence[str] = (),
     weighting: AskedWeighting | None = None,
     seed: int | None = None,
-    emulator: bool | None = None,
     settings: IdentificationSettings | None = None,
     mesh: Mesh | None = None,
     out: loading.Given | None = None,
@@ -92,9 +91,9 @@ def identify(
         The one to identify by itself, of a leg with several ``[[site]]``.
     leave_out : sequence of str
         Recordings, specimens or tests of a folder of specimens that are predicted, and not fitted. Correction, depth,
-        model, site, weighting and emulator are for legs alone.
-    weighting, seed, emulator, settings
-        Means of the search: the first three take the place of those in ``settings``, see
+        model, site and weighting are for legs alone.
+    weighting, seed, settings
+        Means of the search: the first two take the place of those in ``settings``, see
         `legfem.inverse.settings.IdentificationSettings`.
     mesh : PlaneStrainSettings, SolidLegSettings or "coarse", optional
         Finite elements of a section, or of a leg that is solved in 3D alone; ``"coarse"`` is
@@ -129,7 +128,7 @@ def identify(
         loading.check_folder("out", out)
     if not isinstance(settings, IdentificationSettings | None):
         raise loading.of_another_kind("settings", settings, "legfem.inverse.settings.IdentificationSettings")
-    direct: dict[str, Any] = {"weighting": weighting, "seed": seed, "emulator": emulator}
+    direct: dict[str, Any] = {"weighting": weighting, "seed": seed}
     stated = {name: value for name, value in direct.items() if value is not None}
     settings = replace(settings or IdentificationSettings(), **stated)
     loading.check_seed(settings.seed)
@@ -149,7 +148,6 @@ def identify(
             "model": model != "2d",
             "site": site != "",
             "weighting": weighting is not None,
-            "no_emulator": emulator is False,
         }
         loading.check_unused("specimens", legs_alone)
         return identify_specimens(given, law, wanted, leave_out or (), request, progress)

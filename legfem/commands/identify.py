@@ -82,9 +82,6 @@ def run(
     c20_bounds: Annotated[
         tuple[float, float] | None, optional("Bounds of the search for deep.C20 (kPa); 0 50 by default.")
     ] = None,
-    emulator: Annotated[
-        bool, optional("Search on an emulator (the default), or call the full model each time (slow).")
-    ] = True,
     quiet: command_line.Quiet = False,
     as_json: command_line.AsJson = False,
 ) -> None:
@@ -110,7 +107,7 @@ def run(
         found = identify_in_full(
             leg,
             **passed(context, "law", "identify", "prior", "fix", "c10_bounds", "c20_bounds", "correction", "depth"),
-            **passed(context, "model", "leave_out", "weighting", "seed", "emulator"),
+            **passed(context, "model", "leave_out", "weighting", "seed"),
             site="" if specimen_dir is None else site or "",
             out=folder,
             jobs=processes,

@@ -6,7 +6,6 @@ The command's words stand here, since an error's line is the command's; `InputEr
 import shlex
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
 
 
 @dataclass(frozen=True)
@@ -17,18 +16,16 @@ class Argument:
     ----------
     name : str
         As a keyword: ``leave_out``.
-    value : str or False, optional
-        What to give; False turns it off, None leaves the value open.
+    value : str, optional
+        What to give; None leaves it open.
     """
 
     name: str
-    value: str | Literal[False] | None = None
+    value: str | None = None
 
     def __str__(self) -> str:
         """Return the command's option."""
         option = self.name.replace("_", "-")
-        if self.value is False:
-            return f"--no-{option}"
         return f"--{option}" if self.value is None else f"--{option} {shlex.quote(self.value)}"
 
 

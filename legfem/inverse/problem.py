@@ -165,7 +165,7 @@ def _full_solve(trial: Trial, search: Search[Any]) -> FullSolve:
 def _cost_map(search: Search[Any]) -> CostMap | None:
     """Cost over the region that was solved in, of one or two parameters."""
     law, domain = search.law, search.domain
-    if not search.settings.emulator or len(law.names) > 2:
+    if len(law.names) > 2:
         return None
     solved = np.array([trial.point for trial in search.complete])
     low, high = solved.min(axis=0), solved.max(axis=0)
@@ -199,7 +199,7 @@ def held_values(law: catalogue.IdentifiedLaw) -> catalogue.Values:
 def search_settings(search: Search[Any]) -> dict[str, Any]:
     """Numbers that a search depends on, their units in the names."""
     law, settings = search.law, search.settings
-    minimiser = settings.minimiser if settings.emulator else settings.plain_minimiser
+    minimiser = settings.minimiser
     bounds = {}
     for parameter in law.parameters:
         unit, factor = readable_unit(parameter.unit)
@@ -210,7 +210,6 @@ def search_settings(search: Search[Any]) -> dict[str, Any]:
         **catalogue.with_units(held_values(law)),
         **bounds,
         "priors": {catalogue.key_of(one.name): prior_document(one) for one in law.parameters if one.prior},
-        "emulator": settings.emulator,
         "most_solves": settings.most_solves,
         "genetic": asdict(minimiser)
         if is_dataclass(minimiser) and not isinstance(minimiser, type)

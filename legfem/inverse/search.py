@@ -352,10 +352,6 @@ class Search[C: Comparison]:
         step = self.newton_step()
         return self._is_short(step, _LAST_STEP_OF_ERROR, 0.0) and self._is_short(step, 0.0, _AGREE_OF_VALUE)
 
-    def is_near_optimum(self) -> bool:
-        """Whether Gauss-Newton's step from the best full solve is well within its errors."""
-        return self._is_short(self.newton_step(), _AGREE_OF_ERROR, _AGREE_OF_VALUE)
-
     def _is_short(self, step: FloatArray, of_error: float, of_value: float) -> bool:
         sizes = sizes_of(self.best, self.law.parameters)
         scale = np.maximum(of_error * self.standard_error(), of_value * sizes)

@@ -6,17 +6,14 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-import numpy as np
-
-from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import DEEP_C20, IdentifiedLaw, LawName, model_values
 from legfem.inverse.comparison import Comparison
 from legfem.inverse.least_squares import Residual
-from legfem.inverse.outcome import FullSolver, Key, Outcome, key_of_values
+from legfem.inverse.outcome import FullSolver, Outcome, key_of_values
 from legfem.inverse.parameter import Domain
-from legfem.inverse.search import Search, SearchError
+from legfem.inverse.search import Search
 from legfem.inverse.settings import IdentificationSettings
-from legfem.inverse.trial import Generation, Linearised, Trial
+from legfem.inverse.trial import Linearised, Trial
 
 
 def run_together[C: Comparison](searches: Sequence[Search[C]]) -> None:
@@ -40,45 +37,6 @@ def run_together[C: Comparison](searches: Sequence[Search[C]]) -> None:
                 asked[k] = going[k].send(trials)
 
 
-def run_plain(search: Search) -> None:
-    """Search without an emulator; a repeated individual isn't solved again.
-
-    Where other weights brought a search near the optimum, a few steps by the solves' own derivatives end there.
-    """
-    if search.begun:
-        for _ in range(_MOST_STEPS):
-            if search.is_near_optimum():
-                break
-            search.solve(search.domain.inside(search.best.point + search.newton_step())[None], "proposal")
-        search.converged = search.is_near_optimum()
-        return
-    domain, settings, law = search.domain, search.settings, search.law
-    done: dict[Key, Trial] = {}
-
-    def cost(genes: FloatArray) -> FloatArray:
-        points = domain.values(genes)
-        keys = [key_of_values(law.values(point)) for point in points]
-        new = {key: point for key, point in zip(keys, points, strict=True) if key not in done}
-        if new:
-            trials = search.solve(np.array(list(new.values())), "genetic")
-            done.update(zip(new, trials, strict=True))
-        return np.array([done[key].objective for key in keys])
-
-    middle = np.full((1, len(law.parameters)), 0.5)
-    found = settings.plain_minimiser(cost, middle, settings.seed)
-    if not search.complete:
-        raise SearchError(f"no full solve reaches {search.misfit.reach}")
-    for number, (genes, _) in enumerate(found.path):
-        values = law.values(domain.values(genes))
-        trial = done.get(key_of_values(values))
-        if trial is not None and trial.prediction is not None:
-            misfit = float(search.misfit.cost(trial.prediction.values))
-            search.generations.append(Generation(0, number, values, misfit))
-    search.converged = search.is_near_optimum()
-
-
-_MOST_STEPS = 5
-"""By a solve's own derivatives."""
 _MOST_REFINED = 6
 """Times that a comparison is made anew about what a search found."""
 # C20 over its standard error below which the neo-Hookean limit is looked at by itself.
@@ -103,10 +61,7 @@ class Found[C: Comparison]:
     @property
     def residual(self) -> Residual:
         """The weighted residual of points (p,), without further full solves."""
-        search = self.search
-        if search.settings.emulator:
-            return search.emulated().residual
-        return self.linear.at
+        return self.search.emulated().residual
 
     @property
     def trials(self) -> list[Trial]:
@@ -204,29 +159,22 @@ class Searches[C: Comparison]:
         return self._searches[name]
 
     def _run(self, names: Sequence[LawName]) -> None:
-        """Search for laws, with an emulator side by side."""
+        """Search for laws side by side."""
         new = {name: self._new(name) for name in names}
         self.solver.progress.stage(f"identifying the {' and the '.join(new)} law")
         started = time.perf_counter()
-        self._settle(list(new.values()))
+        run_together(list(new.values()))
         for name in new:
             for _ in range(_MOST_REFINED if self.refines else 0):
                 if (comparison := self.problem.refined(new[name])) is None:
                     break
                 new[name] = new[name].beside(comparison)
-                self._settle([new[name]])
+                run_together([new[name]])
         spent = time.perf_counter() - started
         solves = sum(len(search.trials) for search in new.values())
         for name, search in new.items():
             self._searches[name] = search
             self._seconds[name] = spent * len(search.trials) / solves
-
-    def _settle(self, searches: list[Search[C]]) -> None:
-        if self.settings.emulator:
-            run_together(searches)
-            return
-        for search in searches:
-            run_plain(search)
 
     def _new(self, name: LawName) -> Search[C]:
         law = self.problem.unknowns[name]

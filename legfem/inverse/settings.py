@@ -175,20 +175,16 @@ class IdentificationSettings:
         a channel weigh equally. A prior can't be weighed against the plain sum.
     seed : int
         Of the search.
-    emulator : bool
-        False lets the search call the forward model at every evaluation.
     most_solves : int
-        Full solves after which a search with an emulator ends unconverged.
-    minimiser, plain_minimiser : Minimiser
-        The search, with and without an emulator; see `legfem.inverse.settings`.
+        Full solves after which a search ends unconverged.
+    minimiser : Minimiser
+        The search on the emulator; see `legfem.inverse.settings`.
     """
 
     weighting: AskedWeighting | None = None
     seed: int = 1
-    emulator: bool = True
     most_solves: int = 25
     minimiser: Minimiser = field(default_factory=Genetic)
-    plain_minimiser: Minimiser = field(default_factory=lambda: Genetic(population=12, generations=25))
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ class FullSolve:
     """Values of model and instrument, in their units."""
     cost: float
     """N2 (Eq. 12); NaN where the solve stopped short."""
-    stage: Literal["design", "proposal", "bound", "genetic"]
+    stage: Literal["design", "proposal", "bound"]
     complete: bool
     reason: str
     """Why it stopped, if short of its depth."""
@@ -43,7 +43,7 @@ class Generation:
     values: Values
     """Values of model and instrument, in their units."""
     cost: float
-    """N2 on the emulator (of the full model without one)."""
+    """N2 on the emulator."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +70,7 @@ class SearchLog:
     """In the order in which they were asked for."""
     generations: tuple[Generation, ...] = ()
     cost_map: CostMap | None = None
-    """None without an emulator, or with more than two parameters."""
+    """None with more than two parameters."""
     converged: bool
     seed: int
     """Seed of all random numbers."""
@@ -90,7 +90,7 @@ class SearchLog:
     """What the best solve's model gave up to go on, in words; empty if nothing."""
 
 
-Stage = Literal["design", "proposal", "genetic"]
+Stage = Literal["design", "proposal"]
 
 
 @dataclass(frozen=True, eq=False)

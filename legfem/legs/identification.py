@@ -293,12 +293,9 @@ def check_joint(leg: SitedLeg, settings: IdentificationSettings, correction: str
     name = leg.sites[0].site
     by_itself = (", or identify one of the sites: ", Argument("site", name)) if name else ()
     what = f"{len(leg.sites)} sites" if name else "the leg in 3D"
-    for option, given, why in (
-        (Argument("emulator", False), not settings.emulator, "is for one site in plane strain"),
-        (Argument("weighting"), settings.weighting == "paper", "paper weighs no site's errors against another's"),
-    ):
-        if given:
-            raise InputError(option, what, why, Remedy("leave it out", *by_itself))
+    if settings.weighting == "paper":
+        why = "paper weighs no site's errors against another's"
+        raise InputError(Argument("weighting"), what, why, Remedy("leave it out", *by_itself))
     if not in_3d:
         return
     if correction not in (AUTO, NONE):

@@ -161,11 +161,6 @@ def _procedure(fit: LegFit) -> str:
     )
     trials = sum(curve.n_trials for curve in curves)
     weighed = "the loading of" if fit.weighting == "paper" else "loading, hold and unloading of"
-    searched = (
-        "an emulator of the model, which full solves refined and confirmed"
-        if fit.settings.get("emulator", True)
-        else "the full model itself"
-    )
     own = ""
     if details.own_errors:
         sizes = ", ".join(f"{symbol_of(name)} {sd:.3g} (sd)" for name, sd in details.own_errors.items())
@@ -178,7 +173,7 @@ def _procedure(fit: LegFit) -> str:
     return (
         f"The recordings ({trials} trial{'s' * (trials > 1)}) are of {pressed}. At stations along {weighed} every "
         f"trial they are compared with the model. {together}{_model(fit)} {searcher} searched for {sought} "
-        f"on {searched}; {_WEIGHTINGS[fit.weighting]}.{own}"
+        f"on an emulator of the model, which full solves refined and confirmed; {_WEIGHTINGS[fit.weighting]}.{own}"
     )
 
 
