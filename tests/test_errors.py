@@ -9,11 +9,12 @@ import pytest
 from making_diagnosis import INSTRUMENT, NOISE, noisy, observations, ramps, two_rates
 from test_observations import observed as recorded
 
+from legfem.data import Instrument
 from legfem.inverse.accuracy import Cause
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.errors import COMMON_GAIN_SD, ErrorModel, NuisanceEffect, error_model
 from legfem.inverse.intervals import NUMERICAL_ERROR
-from legfem.inverse.trial_noise import estimate_noise, trial_covariance
+from legfem.inverse.trial_noise import USUAL_AT_REST, estimate_noise, trial_covariance
 from legfem.solve.protocol import Protocol
 
 TRUTH = {DEEP_C10: 1e-3, DEEP_C20: 0.8e-3}
@@ -136,6 +137,12 @@ def test_where_errors_are_known_from_is_said():
     twice = recorded(Protocol.ramp(15.0, 0.5), Protocol.ramp(15.0, 0.5))
     unstated = replace(INSTRUMENT, stated=False)
     assert "no repeats" in estimate_noise(alone, INSTRUMENT, 12.0).source
+    # A data sheet doesn't know how quiet what was pressed is; repeats would show it.
+    best = Instrument(1e-4, 1e-4)
+    quiet, living = (estimate_noise(alone, best, 12.0, at_rest=share).slow_sd for share in (0.0, USUAL_AT_REST))
+    assert living == pytest.approx(USUAL_AT_REST * np.abs(alone.force).max())
+    assert quiet < 0.1 * living
+    assert estimate_noise(twice, INSTRUMENT, 12.0, at_rest=0.5) == estimate_noise(twice, INSTRUMENT, 12.0)
     assert estimate_noise(twice, INSTRUMENT, 12.0).source == ("the repeats and the instrument's stated accuracy")
     assert "stated accuracy" not in estimate_noise(twice, unstated, 12.0).source
 

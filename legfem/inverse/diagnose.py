@@ -75,6 +75,8 @@ class DiagnosisInput:
         Which strengths mechanisms may have, and how common the great ones are; within their bounds without it.
     complete
         Solves what the library lacks; explanations stand by what it has without it.
+    at_rest
+        Least slow error of the force, over the greatest, where no repeats tell of it.
     """
 
     observed: Observations
@@ -90,6 +92,7 @@ class DiagnosisInput:
     ruled_out: Mapping[str, str] = field(default_factory=dict)
     possible: Mapping[str, Occurrence] = field(default_factory=dict)
     complete: Complete | None = None
+    at_rest: float = 0.0
 
     def nuisances(self, fitted: LinearisedFit) -> list[NuisanceEffect]:
         """Return what isn't known exactly does beside a fit's mechanisms."""
@@ -227,7 +230,7 @@ def _begun(
     anew once the trials' first contacts are fitted.
     """
     observed, slowest = predictor.observed, predictor.observed.slowest
-    noise = estimate_noise(observed, given.instrument, slowest)
+    noise = estimate_noise(observed, given.instrument, slowest, at_rest=given.at_rest)
     problem = LinearisedProblem(predictor, error_model(observed, noise, observed.values))
     error = math.nan
     if given.identified is None:
@@ -235,7 +238,8 @@ def _begun(
         found = ordinary_fit(problem, starts(predictor.law, middle))
     else:
         problem, found, error = _about(given.identified, problem)
-    noise = estimate_noise(observed, given.instrument, slowest, found.residual[: len(observed.force)])
+    left = found.residual[: len(observed.force)]
+    noise = estimate_noise(observed, given.instrument, slowest, left, given.at_rest)
     problem = replace(problem, errors=problem.errors_about(noise, found, given.nuisances(found)))
     return base_about_solution(problem, found, solved) if given.identified is None else (problem, found, error)
 

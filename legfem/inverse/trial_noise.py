@@ -31,7 +31,7 @@ AT_REST_FORCE, AT_REST_MM = 0.01, 0.05
 """... but for what is noise whatever was stated: a leg is never quite at rest. Of the greatest
 force, and mm."""
 USUAL_AT_REST = 0.5 * AT_REST_FORCE
-"""The same where no repeats show how quiet it was."""
+"""The same of a living leg where no repeats show how quiet it was."""
 _VAGUENESS, _STATED = 1.0, 0.3
 """Log-standard deviations of what is expected before looking at the repeats, and of a figure that
 the data sheet states: the repeats tell a slow error's size over its time well, each of them ill."""
@@ -65,7 +65,11 @@ class Noise:
 
 
 def estimate_noise(
-    observed: Observations, instrument: Instrument, slowest: float, residual: FloatArray | None = None
+    observed: Observations,
+    instrument: Instrument,
+    slowest: float,
+    residual: FloatArray | None = None,
+    at_rest: float = 0.0,
 ) -> Noise:
     """Estimate the sizes of a trial's errors from repeats and instruments.
 
@@ -83,6 +87,8 @@ def estimate_noise(
     residual
         (n,), N: of a fitted model, whose misfit is alike in all trials but whose first contacts
         are each trial's own; the recorded force without it.
+    at_rest
+        Least slow error, over the greatest force, where no repeats tell of it.
     """
     white = observed.white_sd
     figures = "the instrument's stated accuracy" if instrument.stated else "differences from sample to sample"
@@ -97,10 +103,9 @@ def estimate_noise(
     )
     greatest = float(np.abs(observed.force).max())
     if observed.repeats < 2:
-        # Neither a data sheet nor repeats tell of slow errors: load cells' are about as large, and what is pressed is
-        # not at rest.
+        # Neither a data sheet nor repeats tell of slow errors: load cells' are about as large.
         seen = expected.slow_sd if instrument.stated else white
-        return replace(expected, slow_sd=max(seen, USUAL_AT_REST * greatest))
+        return replace(expected, slow_sd=max(seen, at_rest * greatest))
     vague = np.array([_STATED if instrument.stated else _VAGUENESS, _VAGUENESS, _VAGUENESS])
     values = observed.force if residual is None else residual
     found = _from_repeats(observed, expected, values, vague)

@@ -157,6 +157,7 @@ class Diagnoser:
             ruled_out_of(subject, ends),
             OCCURRENCES,
             complete,
+            subject.at_rest,
         )
 
 

@@ -14,6 +14,7 @@ from legfem.geometry.section import LegSection
 from legfem.inverse.accuracy import MeasuredEffect
 from legfem.inverse.elastography import FibreRatio, ShearModulus
 from legfem.inverse.parameter import Prior
+from legfem.inverse.trial_noise import USUAL_AT_REST
 
 Law = Literal["neo-hookean", "reduced-polynomial"]
 
@@ -98,6 +99,11 @@ class Subject:
     """Of C10 of the deep tissue (MPa), for a diagnosis: of people like this one."""
     typical_shape: bool = False
     """Whether the section is a typical calf's of the measured girth and fat, in place of the leg's own outlines."""
+
+    @property
+    def at_rest(self) -> float:
+        """Least slow error of the force, over the greatest: of a living leg."""
+        return USUAL_AT_REST if self.origin == "measured" else 0.0
 
     @cached_property
     def trials(self) -> tuple[Segmentation, ...]:
