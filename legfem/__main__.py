@@ -11,6 +11,7 @@ COMMANDS = {
     "study": "design of experiments, 3D correction, reproduction",
     "plan": "which tests of a leg would show which effects",
     "diagnose": "where model and recordings differ, and which physics is missing",
+    "live": "whether trials are usable, and what to measure next, while a leg is in the rig",
     "stocking": "pressures inside a leg in a compression stocking, from its scans",
     "cohort": "all of that for a folder of many, with one table and one page",
     "app": "all of this in a browser window, on this machine alone",

@@ -29,7 +29,7 @@ MINIMAL_SAMPLES = 20
 """Fewest samples of a loading."""
 GRADES = {"A": "good", "B": "usable", "C": "look at it first", "D": "not to be used"}
 """What grades mean."""
-BEST_GRADE = "A"
+BEST_GRADE, WORST_GRADE = "A", "D"
 
 
 @dataclass(frozen=True)
@@ -87,9 +87,9 @@ def quality_of(trial: Segmentation) -> Quality:
     try:
         check_trial(trial)
     except InputError as error:
-        judged.append(("D", f"{error.field}: {error.problem}"))
+        judged.append((WORST_GRADE, f"{error.field}: {error.problem}"))
     if saturated >= _SATURATED_SAMPLES:
-        judged.append(("D", f"the force stays at its limit for {saturated} samples: saturated"))
+        judged.append((WORST_GRADE, f"the force stays at its limit for {saturated} samples: saturated"))
     if drops:
         judged.append(("C", f"the force drops suddenly at {drops[0]:.4g} s ({len(drops)} times)"))
     share = dropped / (len(recording) + dropped)

@@ -1,6 +1,7 @@
 """A subject out of the folder that gives it."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -19,7 +20,7 @@ from legfem.inverse.elastography import ShearModulus, fibre_ratio
 from legfem.legs.placement import placed
 from legfem.legs.plausibility import doubts_about
 from legfem.legs.plausible_recordings import check_channels
-from legfem.legs.schema import SUBJECTS, SubjectFile, TissueEntry, site_names, subject_entry
+from legfem.legs.schema import SUBJECTS, SubjectEntry, SubjectFile, TissueEntry, site_names, subject_entry
 from legfem.legs.subject import TYPICAL_ACCURACY, LegAccuracy, SitedLeg, Subject, TissueParameters
 
 
@@ -91,11 +92,6 @@ def load_subject(
         axis_deg=place.axis_deg,
     )
     _check_aim(toml, section, indenter)
-    channels = given.recordings.channels()
-    folder = directory / entry.recordings
-    files = [file for file in recording_files(folder) if not is_channel_file(file, given.channels, entry.site)]
-    recordings = _recordings(folder, files, channels) if need_recordings else ()
-    recordings = with_channels(toml, given.channels, recordings, Site(section, indenter), entry.site)
     moduli = tuple(map(ShearModulus.of, given.elastography))
     deep = given.tissues.deep
     subject = Subject(
@@ -105,8 +101,8 @@ def load_subject(
         section=section,
         indenter=indenter,
         tissues=MappingProxyType(_tissues(given, moduli)),
-        instrument=_instrument(toml, given, recordings, need_instrument),
-        recordings=recordings,
+        instrument=_instrument(toml, given, (), needed=False),
+        recordings=(),
         directory=directory,
         starts_at_contact=given.recordings.starts_at_contact,
         plane_strain=(
@@ -127,11 +123,37 @@ def load_subject(
         fibres=fibre_ratio(moduli, deep.fibre_ratio, deep.fibre_ratio_sd),
         typical_shape=given.section.girth_mm is not None,
         measured=tuple(MeasuredEffect(**entry.model_dump()) for entry in given.measured),
+        wanted=None if given.wanted is None else given.wanted.C10_percent / 100,
     )
+    return with_trials(subject, entry, trial_files(directory, entry) if need_recordings else None, need_instrument)
+
+
+def trial_files(directory: Path, entry: SubjectEntry) -> list[Path]:
+    """Return the files among a leg's recordings that may be trials: not what channels beside them are read from."""
+    files = recording_files(directory / entry.recordings)
+    return [file for file in files if not is_channel_file(file, entry.given.channels, entry.site)]
+
+
+def with_trials(
+    leg: Subject, entry: SubjectEntry, files: Sequence[Path] | None, need_instrument: bool = False
+) -> Subject:
+    """Return a leg with recordings, read and checked, in place of its own; without any for None.
+
+    Raises
+    ------
+    InputError
+        As `load_subject` does for recordings.
+    """
+    toml, given, site = leg.directory / SUBJECTS.file, entry.given, Site(leg.section, leg.indenter)
+    read = (
+        () if files is None else read_recordings(leg.directory / entry.recordings, files, given.recordings.channels())
+    )
+    read = with_channels(toml, given.channels, read, site, entry.site)
+    subject = replace(leg, recordings=read, instrument=_instrument(toml, given, read, need_instrument))
     outlines = (TYPICAL_ACCURACY if subject.typical_shape else subject.accuracy).contour_sd or 0.0
     for trial in subject.trials:
         check_trial(trial)
-        check_channels(trial, section, indenter, outlines)
+        check_channels(trial, subject.section, subject.indenter, outlines)
     doubts_about(subject)
     return subject
 
@@ -155,7 +177,14 @@ def _instrument(toml: Path, given: SubjectFile, recordings: Sequence[Recording],
     return seen_instrument(recordings)
 
 
-def _recordings(folder: Path, there: Sequence[Path], channels: SourceColumns | None) -> tuple[Recording, ...]:
+def read_recordings(folder: Path, there: Sequence[Path], channels: SourceColumns | None) -> tuple[Recording, ...]:
+    """Return the recordings of files in a folder; by ``channels`` where they are named, else CSV files alone.
+
+    Raises
+    ------
+    InputError
+        If there are none, two have one name, or one can't be read.
+    """
     files = there if channels is not None else [f for f in there if f.suffix.lower() == ".csv"]
     if not files:
         raise InputError(folder, "*.csv", "there are no recordings", _where_recordings_are(folder, there))

@@ -191,6 +191,13 @@ class MeasuredEntry(input_files.FileTable):
     source: input_files.Text = "measured"
 
 
+class WantedEntry(input_files.FileTable):
+    """``wanted``, optional: how well what is measured is to be known, for `legfem live`."""
+
+    C10_percent: Annotated[float, Field(gt=0, le=100.0, allow_inf_nan=False)]
+    """Half of C10's 95 % interval over C10."""
+
+
 class SubjectFile(input_files.NamedFile):
     """``subject.toml`` as it is written, in the file's units."""
 
@@ -206,6 +213,7 @@ class SubjectFile(input_files.NamedFile):
     channels: ChannelsEntry = ChannelsEntry()  # type: ignore[valid-type]
     confirmed: list[input_files.Text] = Field(default_factory=list)
     """Fields whose unusual values are right: they aren't doubted."""
+    wanted: WantedEntry | None = None
 
     @property
     def is_cut(self) -> bool:

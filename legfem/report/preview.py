@@ -11,7 +11,6 @@ from legfem.common.errors import InputError, doubt_lines
 from legfem.common.input_files import check_printable
 from legfem.common.progress import Progress
 from legfem.data import Scales, Segmentation, SourceColumn, seen_instrument, segment
-from legfem.data.channel_reader import is_channel_file
 from legfem.data.columns import Proposal, propose
 from legfem.data.contact import LEG
 from legfem.data.formats import Sheet, read_sheets, recording_files
@@ -19,7 +18,7 @@ from legfem.data.quality import quality_of
 from legfem.data.recording import PLAIN_COLUMNS, SourceColumns, recording_of
 from legfem.geometry.leg_shape import perimeter
 from legfem.geometry.section import fat_thickness, girth
-from legfem.legs.loading import load_sites, load_subject
+from legfem.legs.loading import load_sites, load_subject, trial_files
 from legfem.legs.plausibility import doubts_about, room_before
 from legfem.legs.schema import RECORDINGS, SUBJECTS, site_names, subject_entry
 from legfem.legs.subject import Subject
@@ -157,11 +156,7 @@ def _site(folder: Path, out: Path, name: str = "") -> Preview:
         channels, recordings = entry.given.recordings.channels(), folder / entry.recordings
     except InputError as error:
         return Preview.refused(folder, error, _recordings(recording_files(recordings), out, None))
-    trouble, unsaid, files = (
-        "",
-        False,
-        [f for f in recording_files(recordings) if not is_channel_file(f, entry.given.channels, name)],
-    )
+    trouble, unsaid, files = "", False, trial_files(folder, entry)
     try:
         subject = load_subject(folder, site=name)
     except InputError as error:

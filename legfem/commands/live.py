@@ -1,0 +1,53 @@
+"""``legfem live``."""
+
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from legfem.commands.options import Jobs, Site, passed, print_outcome, results_folder
+from legfem.common.command_line import AsJson, Quiet, command_context, parallel_context
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+
+
+@app.command()
+def live(
+    context: typer.Context,
+    folder: Annotated[Path, typer.Argument(help="A leg's folder, whose recordings/ an instrument fills.")],
+    site: Site = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for results; results/live-ID by default.")] = None,
+    library: Annotated[Path | None, typer.Option(help="Folder of the legs' responses, as of diagnose.")] = None,
+    within: Annotated[str, typer.Option("--for", help="Time for an answer, after each trial.")] = "15s",
+    once: Annotated[bool, typer.Option("--once", help="End when what is there was answered.")] = False,
+    jobs: Jobs = None,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+) -> None:
+    """Watch a leg's folder while the leg is in the rig, and say what to do next while it is there.
+
+    Says of each trial, as soon as its file is whole, whether it is usable; then what all trials so
+    far give, and what to measure next. With wanted = { C10_percent = 10 } in subject.toml it says
+    when C10 is known well enough. Ctrl-C ends it; what is solved is kept.
+
+    Example: legfem live path/to/folder
+    """
+    with parallel_context(jobs, quiet=quiet) as processes:
+        from legfem.api.diagnosed import DIAGNOSIS, Diagnosed
+        from legfem.api.diagnosis import diagnose
+        from legfem.api.live import follow, visit_of
+
+        visit = visit_of(folder, site or "")
+        results, given = results_folder(out, "live", visit.leg.id), passed(context, "library", "within")
+
+        def tell(lines: list[str]) -> None:
+            if lines and not (quiet or as_json):
+                print("\n".join(lines), flush=True)
+
+        def answered(found: Diagnosed) -> None:
+            print_outcome("", results / DIAGNOSIS, found.write(results), quiet, as_json)
+
+        with command_context(f"the last answer is in {results}, and the same command goes on", quiet):
+            answer = partial(diagnose, jobs=processes, progress=not quiet, **given)
+            follow(visit, answer, tell, answered, once)
