@@ -7,11 +7,13 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Event
+from typing import Any
 
 from legfem.api.diagnosed import Diagnosed
 from legfem.api.loading import Given, folder_of
 from legfem.common.errors import InputError, doubt_lines
 from legfem.data.quality import WORST_GRADE, quality_of
+from legfem.data.reader import is_cut
 from legfem.data.watched import STALLED_S, FileState, Watched, changes, looked, stamps_of
 from legfem.inverse.answer import Finding
 from legfem.inverse.catalogue import DEEP_C10
@@ -69,8 +71,7 @@ class Visit:
         """Look at the folder at a time (s); return what is new to be said."""
         before, told, subject = self.files, self.told, None
         there = stamps_of(trial_files(self.leg.directory, self.entry))
-        columns = self.entry.given.recordings.channels()
-        self.files = looked(before, there, now, lambda path: read_recordings(self.folder, [path], columns))
+        self.files = looked(before, there, now, self._read)
         if changes(before, self.files):
             self.told = {}
             for path, file in sorted(self.files.items(), key=lambda one: one[1].since):
@@ -82,6 +83,11 @@ class Visit:
                 self.subject = subject
         self.settled = not any(one.open for one in self.files.values())
         return [line for path, lines in self.told.items() if lines != told.get(path) for line in lines]
+
+    def _read(self, path: Path) -> None:
+        if is_cut(path):
+            raise InputError(path, "rows", "the last one isn't whole", "save the file anew if nothing more comes")
+        read_recordings(self.folder, [path], self.entry.given.recordings.channels())
 
     def _judged(self, path: Path, before: Subject | None) -> tuple[list[str], Subject | None]:
         """Return what is to be said of a trial beside those before it, and the leg with those that can be used."""
@@ -100,7 +106,7 @@ class Visit:
         # A file that isn't read is told of by itself.
         new = [one for one in doubts_about(subject) if one not in known and one.field != RECORDINGS]
         lines = (facts, *quality.reasons, *doubt_lines(new))
-        head = f"{path.name}: {'usable' if usable else 'NOT USABLE'}"
+        head = f"{path.name}: {'usable' if usable else 'NOT USABLE'}, grade {quality.grade}"
         return [head, *(f"  {line}" for line in lines)], subject if usable else before
 
 
@@ -143,21 +149,21 @@ def answer_lines(found: Diagnosed, leg: Subject) -> list[str]:
 
 def follow(
     visit: Visit,
-    diagnose: Callable[[Subject], Diagnosed],
+    diagnose: Callable[[Subject], Any],
     tell: Callable[[list[str]], None],
     answered: Callable[[Diagnosed], object],
     once: bool = False,
 ) -> None:
     """Watch a leg's folder, and tell of each trial, and of all of them together, until it is interrupted.
 
-    A provisional answer is sought on while there is nothing new.
+    A provisional answer is sought on as long as that brings something new, or another trial comes.
 
     Parameters
     ----------
     visit
         The leg.
     diagnose
-        Answers by its trials so far; goes on from what it solved before.
+        Returns what is diagnosed by its trials so far; goes on from what was solved before.
     tell
         Shows lines, if there are any.
     answered
@@ -177,7 +183,8 @@ def follow(
             tell(visit.look(time.monotonic()))
 
     tell([f"waiting for recordings in {visit.folder}"])
-    leg, open_, last = None, False, list[str]()
+    leg: Subject | None = None
+    open_, last = False, list[str]()
     # Solutions and Ctrl-C are the main thread's.
     with ThreadPoolExecutor(1) as threads:
         watching = threads.submit(watch)
@@ -185,12 +192,12 @@ def follow(
             while not watching.done():
                 ends, before, leg = once and visit.settled, leg, visit.subject
                 if leg is not None and (open_ or leg is not before):
-                    found = diagnose(leg)
-                    if (lines := answer_lines(found, leg)) != last:
+                    found: Diagnosed = diagnose(leg)
+                    lines = answer_lines(found, leg)
+                    if new := leg is not before or lines != last:
                         tell(lines)
                         answered(found)
-                    # What brings nothing new isn't sought on.
-                    open_, last = found.diagnosis.provisional and lines != last and not once, lines
+                    open_, last = new and found.diagnosis.provisional and not once, lines
                 elif ends:
                     break
                 else:

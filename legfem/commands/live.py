@@ -6,15 +6,14 @@ from typing import Annotated
 
 import typer
 
-from legfem.commands.options import Jobs, Site, passed, print_outcome, results_folder
-from legfem.common.command_line import AsJson, Quiet, command_context, parallel_context
+from legfem.commands.options import Jobs, Site, print_outcome
+from legfem.common.command_line import AsJson, Quiet, command_context, parallel_context, results_folder
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
 
 @app.command()
 def live(
-    context: typer.Context,
     folder: Annotated[Path, typer.Argument(help="A leg's folder, whose recordings/ an instrument fills.")],
     site: Site = None,
     out: Annotated[Path | None, typer.Option(help="Folder for results; results/live-ID by default.")] = None,
@@ -37,17 +36,24 @@ def live(
         from legfem.api.diagnosed import DIAGNOSIS, Diagnosed
         from legfem.api.diagnosis import diagnose
         from legfem.api.live import follow, visit_of
+        from legfem.api.loading import check_folder, seconds_of
 
-        visit = visit_of(folder, site or "")
-        results, given = results_folder(out, "live", visit.leg.id), passed(context, "library", "within")
+        seconds_of("within", within)
+        if library is not None:
+            check_folder("library", library)
+        visit, brief = visit_of(folder, site or ""), quiet or as_json
+        results = results_folder(out, f"live-{visit.leg.id}")
+        answer = partial(diagnose, library=library, within=within, jobs=processes, progress=not brief)
 
         def tell(lines: list[str]) -> None:
-            if lines and not (quiet or as_json):
+            if lines and not brief:
                 print("\n".join(lines), flush=True)
 
         def answered(found: Diagnosed) -> None:
-            print_outcome("", results / DIAGNOSIS, found.write(results), quiet, as_json)
+            report = found.write(results)
+            tell([f"report: {report}", ""])
+            if brief:
+                print_outcome("", results / DIAGNOSIS, report, quiet, as_json)
 
         with command_context(f"the last answer is in {results}, and the same command goes on", quiet):
-            answer = partial(diagnose, jobs=processes, progress=not quiet, **given)
             follow(visit, answer, tell, answered, once)

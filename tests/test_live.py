@@ -1,0 +1,359 @@
+"""A leg's folder that an instrument fills: what is seen of its files, what is said of each trial and of all."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from making import TOML, press, tissue_force, write_recording, write_subject
+from making_diagnosed import diagnosed
+from typer.testing import CliRunner
+
+from legfem.api import live
+from legfem.api.diagnosed import Diagnosed
+from legfem.api.live import Visit, answer_lines, follow, visit_of
+from legfem.commands.live import app
+from legfem.common.command_line import BAD_INPUT, INTERRUPTED
+from legfem.common.errors import InputError
+from legfem.data.watched import SETTLED_S, STALLED_S, Watched, changes, looked
+from legfem.inverse.verdict import Diagnosis
+from legfem.legs.schema import SUBJECTS
+from legfem.legs.subject import Subject
+
+ONE, OTHER = Path("trial1.csv"), Path("trial2.csv")
+WANTED = "wanted = {{ C10_percent = {} }}\n"
+
+
+# --- files, by a clock that is moved by hand ---
+
+
+def unreadable(path: Path) -> None:
+    raise InputError(path, "row 7", "has two cells", "give three")
+
+
+def states(*looks: tuple[float, dict[Path, tuple[int, int]]], read: Callable[[Path], None] = str) -> list[dict]:
+    """Return the changes at looks, each a time and the stamps of the files that are there."""
+    told, before = [], {}
+    for now, there in looks:
+        after: Watched = looked(before, there, now, read)
+        told.append({path.stem: state for path, state in changes(before, after).items()})
+        before = after
+    return told
+
+
+def test_a_file_is_complete_once_it_has_stood_still_and_is_told_of_once():
+    grows = [(0.0, {ONE: (1, 0)}), (1.0, {ONE: (2, 1)}), (2.5, {ONE: (3, 2)}), (4.0, {ONE: (3, 2)})]
+    stands = [(4.5, {ONE: (3, 2)}), (60.0, {ONE: (3, 2)})]
+    appeared, growing, complete = ({"trial1": state} for state in ("appeared", "growing", "complete"))
+    assert states(*grows, *stands) == [appeared, growing, {}, {}, complete, {}]
+    assert SETTLED_S == 2.0
+
+
+def test_a_half_written_file_is_waited_for_and_one_that_stands_still_is_stalled_once():
+    half = [(t, {ONE: (1, 0)}) for t in (0.0, 3.0, 9.9)]
+    told = states(*half, (STALLED_S, half[0][1]), (30.0, half[0][1]), (31.0, {ONE: (2, 1)}), read=unreadable)
+    assert told == [{"trial1": "appeared"}, {}, {}, {"trial1": "stalled"}, {}, {"trial1": "growing"}]
+
+
+def test_why_a_stalled_file_cannot_be_read_is_kept():
+    before = looked({}, {ONE: (1, 0)}, 0.0, unreadable)
+    assert "has two cells" in looked(before, {ONE: (1, 0)}, STALLED_S, unreadable)[ONE].trouble
+
+
+def test_a_whole_file_that_is_written_again_or_deleted_is_told_of():
+    both = {ONE: (1, 0), OTHER: (1, 0)}
+    again = {ONE: (1, 5), OTHER: (1, 0)}
+    told = states((0.0, both), (2.0, both), (5.0, again), (5.5, {ONE: (2, 6), OTHER: (1, 0)}), (6.0, {ONE: (2, 6)}))
+    assert told[1:] == [{"trial1": "complete", "trial2": "complete"}, {"trial1": "replaced"}, {}, {"trial2": "gone"}]
+    assert states((0.0, {ONE: (1, 0)}), (1.0, {}), (2.0, {}), (3.0, {ONE: (1, 0)})) == [
+        {"trial1": "appeared"},
+        {"trial1": "gone"},
+        {},
+        {"trial1": "appeared"},
+    ]
+
+
+# --- trials of a leg ---
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A leg's folder without recordings."""
+    made = write_subject(tmp_path / "leg")
+    shutil.rmtree(made / "recordings")
+    return made
+
+
+def record(folder: Path, name: str, times: float = 1.0, seed: int = 0, **how: float) -> Path:
+    """Write a trial, whose force is so many times a leg's."""
+    made = press(force_sd=0.03, displacement_sd=0.02, seed=seed, **how)
+    stiffer = replace(made, force=made.force + (times - 1.0) * tissue_force(made.displacement))
+    path = folder / "recordings" / f"{name}.csv"
+    path.parent.mkdir(exist_ok=True)
+    return write_recording(path, stiffer)
+
+
+def settled(visit: Visit, at: float) -> list[str]:
+    """Return what is said at three looks, between which files stand still."""
+    return [line for now in (at, at + SETTLED_S, at + SETTLED_S + 0.5) for line in visit.look(now)]
+
+
+def trials(visit: Visit) -> list[str]:
+    return [] if visit.subject is None else [one.trial for one in visit.subject.recordings]
+
+
+def test_each_trial_is_judged_once_beside_those_before(folder):
+    visit = visit_of(folder)
+    assert settled(visit, 0.0) == [] and visit.settled and visit.subject is None
+    record(folder, "trial1")
+    first = settled(visit, 10.0)
+    assert first[0] == "trial1.csv: usable, grade A" and trials(visit) == ["trial1"]
+    assert re.search(r"first contact at the start.*; 20.0 mm deep$", first[1])
+    one = visit.subject
+    assert settled(visit, 15.0) == [] and visit.subject is one
+    record(folder, "trial2", times=1.2, seed=1)
+    second = settled(visit, 20.0)
+    assert second[0] == "trial2.csv: usable, grade A" and trials(visit) == ["trial1", "trial2"]
+    assert float(re.search(r"at 18 mm ([\d.]+) times", second[1])[1]) == pytest.approx(1.2, abs=0.01)
+
+
+def test_a_trial_that_cannot_be_used_says_why_and_does_not_count(folder):
+    visit = visit_of(folder)
+    record(folder, "trial1")
+    settled(visit, 0.0)
+    leg = visit.subject
+    record(folder, "short", depth=2.0, seed=1)
+    (line,) = settled(visit, 10.0)
+    assert line.startswith("short.csv: NOT USABLE: ") and "mm of loading after contact are too short" in line
+    shutil.copy(folder / "recordings" / "trial1.csv", folder / "recordings" / "trial2.csv")
+    (line,) = settled(visit, 20.0)
+    assert line.startswith("trial2.csv: NOT USABLE: ") and "copy" in line
+    assert visit.subject is leg
+
+
+def test_what_is_doubtful_is_told_with_the_trial_that_brought_it(folder):
+    visit = visit_of(folder)
+    record(folder, "trial1")
+    assert not any("DOUBTFUL" in line for line in settled(visit, 0.0))
+    record(folder, "trial2", times=2.0, seed=1)
+    assert any("DOUBTFUL INPUT" in line and "is not a repeat" in line for line in settled(visit, 10.0))
+    record(folder, "trial3", times=2.0, seed=2)
+    assert not any("trial2.csv" in line for line in settled(visit, 20.0))
+
+
+def test_what_was_refused_beside_a_trial_counts_once_that_is_deleted(folder):
+    visit = visit_of(folder)
+    wrong = record(folder, "trial1", times=6.0)
+    settled(visit, 0.0)
+    record(folder, "trial2", seed=1)
+    assert any("trial2.csv: NOT USABLE" in line for line in settled(visit, 10.0))
+    wrong.unlink()
+    said = settled(visit, 20.0)
+    assert said[0].startswith("trial1.csv was deleted") or said[-1].startswith("trial1.csv was deleted")
+    assert any("trial2.csv: usable" in line for line in said) and trials(visit) == ["trial2"]
+
+
+def test_a_trial_that_is_replaced_counts_again_once_it_is_whole(folder):
+    visit = visit_of(folder)
+    record(folder, "trial1")
+    settled(visit, 0.0)
+    before = visit.subject
+    record(folder, "trial1", times=1.1, seed=5)
+    assert visit.look(10.0) == ["trial1.csv is written again: the answer is made anew once it is whole"]
+    assert visit.subject is None and not visit.settled
+    assert settled(visit, 11.0)[0] == "trial1.csv: usable, grade A"
+    assert visit.subject is not None and visit.subject is not before
+
+
+def test_a_half_written_file_is_never_refused_and_is_said_to_stand_still(folder):
+    visit = visit_of(folder)
+    whole = record(folder, "trial1").read_text()
+    half = folder / "recordings" / "trial1.csv"
+    # As a buffer of so many bytes is written.
+    half.write_text(whole[: len(whole) // 2].rpartition(",")[0])
+    assert [visit.look(now) for now in (0.0, 3.0, 6.0, 9.5)] == [[]] * 4
+    (line,) = visit.look(STALLED_S)
+    assert line.startswith("trial1.csv has stood still for 10 s and can't be read; does the instrument still write?")
+    assert visit.look(30.0) == []
+    half.write_text(whole)
+    assert settled(visit, 40.0)[0] == "trial1.csv: usable, grade A"
+
+
+# --- all so far ---
+
+
+def answered(leg: Subject, **given: object) -> Diagnosed:
+    """Return a made-up diagnosis of a leg."""
+    return Diagnosed(leg, diagnosed({"fascia-stiffness.factor": 4.0}, asked=("fascia-stiffness", "force-drift")), 0.0)
+
+
+def leg_of(folder: Path, names: tuple[str, ...]) -> Subject:
+    visit = visit_of(folder)
+    for seed, name in enumerate(names):
+        record(folder, name, seed=seed)
+    settled(visit, 0.0)
+    assert visit.subject is not None
+    return visit.subject
+
+
+def test_the_answer_has_the_finding_and_what_to_do_next(folder):
+    one = leg_of(folder, ("trial1",))
+    lines = answer_lines(answered(one), one)
+    assert lines[0].startswith("by trial1: ") and "C10" in lines[0]
+    assert lines[-1].startswith("next: Press again at the same place. Then: ")
+    two = leg_of(folder, ("trial1", "trial2"))
+    lines = answer_lines(answered(two), two)
+    assert lines[0].startswith("by trial1, trial2: ") and lines[-1].startswith("next: ")
+    assert "Press again" not in lines[-1]
+
+
+@pytest.mark.parametrize(("percent", "enough"), [(0.5, False), (99.0, True)])
+def test_what_is_wanted_is_enough_or_how_far_it_is(folder, percent, enough):
+    toml = folder / "subject.toml"
+    toml.write_text(WANTED.format(percent) + TOML)
+    leg = leg_of(folder, ("trial1", "trial2"))
+    assert leg.wanted == percent / 100
+    lines = answer_lines(answered(leg), leg)
+    if enough:
+        assert re.fullmatch(r"enough: C10 [\d.]+ kPa ± \d+ %", lines[-1])
+    else:
+        assert any(re.fullmatch(r"± \d+ % of 0.5 % wanted", line) for line in lines)
+        assert lines[-1].startswith("next: ")
+    toml.write_text(TOML)
+    plain = leg_of(folder, ("trial1", "trial2"))
+    assert not any("wanted" in line or "enough" in line for line in answer_lines(answered(plain), plain))
+
+
+def test_a_provisional_answer_is_enough_only_so_far(folder, monkeypatch):
+    (folder / "subject.toml").write_text(WANTED.format(99) + TOML)
+    leg = leg_of(folder, ("trial1", "trial2"))
+    monkeypatch.setattr(Diagnosis, "weighed", (7, 22))
+    lines = answer_lines(answered(leg), leg)
+    assert "7 of 22 effects were weighed" in lines[0]
+    assert any(line.startswith("so far enough: C10 ") for line in lines) and lines[-1].startswith("next: ")
+
+
+@pytest.mark.parametrize("wrong", ["0", "-5", "101", '"ten"'])
+def test_what_can_not_be_wanted_is_refused(folder, wrong):
+    (folder / "subject.toml").write_text(WANTED.format(wrong) + TOML)
+    with pytest.raises(InputError, match=r"wanted\.C10_percent"):
+        visit_of(folder)
+
+
+def test_answers_are_made_until_all_that_is_there_was_answered_once(folder, monkeypatch):
+    monkeypatch.setattr(live, "LOOK_S", 0.05)
+    record(folder, "trial1")
+    said, found = [], []
+    follow(visit_of(folder), answered, said.extend, found.append, once=True)
+    assert said[0] == f"waiting for recordings in {folder / 'recordings'}"
+    assert len(found) == 1 and sum(line.startswith("by trial1: ") for line in said) == 1
+
+
+class EndsError(Exception):
+    """As Ctrl-C."""
+
+
+def test_an_answer_is_made_again_after_a_change_and_ctrl_c_ends_the_watch(folder, monkeypatch):
+    monkeypatch.setattr(live, "LOOK_S", 0.05)
+    one, said = record(folder, "trial1"), []
+    record(folder, "trial2", seed=1)
+    asked = []
+
+    def diagnose(leg: Subject) -> Diagnosed:
+        asked.append([trial.trial for trial in leg.recordings])
+        if len(asked) == 2:
+            raise EndsError
+        one.unlink()
+        return answered(leg)
+
+    before = threading.active_count()
+    with pytest.raises(EndsError):
+        follow(visit_of(folder), diagnose, said.extend, lambda _: None)
+    assert asked == [["trial1", "trial2"], ["trial2"]]
+    assert "trial1.csv was deleted: the answer is made without it" in said
+    assert threading.active_count() == before
+
+
+# --- the command ---
+
+
+def ran(*words: object) -> tuple[int, str]:
+    done = CliRunner().invoke(app, list(map(str, words)))
+    assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
+    return done.exit_code, done.output
+
+
+@pytest.mark.parametrize("what", ["nowhere", "empty", "broken", "time"])
+def test_a_wrong_folder_or_time_is_one_line(tmp_path, folder, what):
+    (tmp_path / "empty").mkdir()
+    if what == "broken":
+        (folder / "subject.toml").write_text(TOML.replace("diameter_mm = 30.0", "diameter_mm = 0.03"))
+    words = [folder, "--for", "soon"] if what == "time" else [folder if what == "broken" else tmp_path / what]
+    status, output = ran(*words, "--once", "--out", tmp_path / "out")
+    assert status == BAD_INPUT and output.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_without_recordings_waits_and_says_so(tmp_path, folder):
+    status, output = ran(folder, "--once", "--out", tmp_path / "out")
+    assert status == BAD_INPUT
+    assert output.splitlines()[0] == f"waiting for recordings in {folder / 'recordings'}"
+    assert "there is none that can be used" in output.splitlines()[-1]
+
+
+def test_ctrl_c_ends_it_and_says_where_the_results_are(tmp_path, folder, monkeypatch):
+    def interrupted(_: float) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(live.time, "sleep", interrupted)
+    status, output = ran(folder, "--out", tmp_path / "out")
+    assert status == INTERRUPTED and f"the last answer is in {tmp_path / 'out'}" in output.splitlines()[-1]
+
+
+@pytest.mark.slow
+def test_an_answer_is_given_after_each_of_subject_3s_trials(tmp_path):
+    folder, given = tmp_path / "leg", SUBJECTS.find("3")
+    shutil.copytree(given, folder)
+    shutil.rmtree(folder / "recordings")
+    (folder / "recordings").mkdir()
+    seen, said = threading.Event(), []
+
+    def instrument() -> None:
+        for path in sorted((given / "recordings").iterdir()):
+            rows = path.read_text().splitlines(keepends=True)
+            with (folder / "recordings" / path.name).open("w") as file:
+                for k in range(0, len(rows), 100):
+                    file.writelines(rows[k : k + 100])
+                    file.flush()
+                    time.sleep(0.1)
+            seen.wait(600.0)
+            seen.clear()
+
+    def tell(lines: list[str]) -> None:
+        said.extend(lines)
+
+    def answer(found: Diagnosed) -> None:
+        found.write(tmp_path / "out")
+        seen.set()
+        if len(found.subject.recordings) == 3:
+            raise EndsError
+
+    from legfem.api.diagnosis import diagnose
+
+    def within(leg: Subject) -> Diagnosed:
+        return diagnose(leg, library=tmp_path / "library", within="15s")
+
+    writing = threading.Thread(target=instrument)
+    writing.start()
+    with pytest.raises(EndsError):
+        follow(visit_of(folder), within, tell, answer)
+    writing.join()
+    for by in ("trial1", "trial1, trial2", "trial1, trial2, trial3"):
+        assert any(line.startswith(f"by {by}: ") and "C10" in line for line in said), said
+    assert (tmp_path / "out" / "diagnosis.json").is_file()
