@@ -270,13 +270,16 @@ def test_an_answer_is_made_again_after_a_change_and_ctrl_c_ends_the_watch(folder
         if len(asked) == 2:
             raise EndsError
         one.unlink()
+        while visit.subject is leg:
+            time.sleep(0.01)
         return answered(leg)
 
-    before = threading.active_count()
+    before, visit = threading.active_count(), visit_of(folder)
     with pytest.raises(EndsError):
-        follow(visit_of(folder), diagnose, said.extend, lambda _: None)
+        follow(visit, diagnose, said.extend, lambda _: None)
     assert asked == [["trial1", "trial2"], ["trial2"]]
     assert "trial1.csv was deleted: the answer is made without it" in said
+    assert not any(line.startswith("by ") for line in said), "of a trial that is gone"
     assert threading.active_count() == before
 
 

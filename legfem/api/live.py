@@ -185,8 +185,7 @@ def follow(
     tell([f"waiting for recordings in {visit.folder}"])
     leg: Subject | None = None
     open_, last = False, list[str]()
-    # Solutions and Ctrl-C are the main thread's.
-    with ThreadPoolExecutor(1) as threads:
+    with ThreadPoolExecutor(1) as threads:  # solutions and Ctrl-C are the main thread's
         watching = threads.submit(watch)
         try:
             while not watching.done():
@@ -194,7 +193,8 @@ def follow(
                 if leg is not None and (open_ or leg is not before):
                     found: Diagnosed = diagnose(leg)
                     lines = answer_lines(found, leg)
-                    if new := leg is not before or lines != last:
+                    counts = set(_used(leg)) <= set(_used(visit.subject))
+                    if new := counts and (leg is not before or lines != last):
                         tell(lines)
                         answered(found)
                     open_, last = new and found.diagnosis.provisional and not once, lines

@@ -75,16 +75,16 @@ def _reported(answer: Answer) -> str:
     (known,) = answer.values.values()
     first, last = known.ci95 or (math.nan, math.nan)
     low, high = between(first, last)
+    first_words = "So far" if answer.finding is Finding.PROVISIONAL else "Report"
     if not known.range_only:
         moduli = moduli_text(known.value or math.nan, known.standard_error)
-        first_words = "So far" if answer.finding is Finding.PROVISIONAL else "Report"
         return f"{first_words}: C10 = {_value(known)} kPa ({low} to {high}), {moduli}."
     only = "" if known.value is None else f" ({_value(known)} if no hidden effect is present)"
     spread = (last - first) / 4
     shear, young = (" and ".join(number(times * end, times * spread) for end in (first, last)) for times in MODULI)
     return (
-        f"Report a range: C10 between {low} and {high} kPa{only}, shear modulus G between {shear} kPa, Young's modulus "
-        f"E between {young} kPa."
+        f"{first_words} a range: C10 between {low} and {high} kPa{only}, shear modulus G between {shear} kPa, Young's "
+        f"modulus E between {young} kPa."
     )
 
 
