@@ -13,16 +13,14 @@ from legfem.api.diagnosed import Diagnosed
 from legfem.api.loading import Given, folder_of
 from legfem.common.errors import InputError, doubt_lines
 from legfem.data.quality import WORST_GRADE, quality_of
-from legfem.data.reader import is_cut
-from legfem.data.watched import STALLED_S, FileState, Watched, changes, looked, stamps_of
+from legfem.data.watched import STALLED_S, FileState, Watched, changes, is_cut, looked, stamps_of
 from legfem.inverse.answer import Finding
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.verdict import answer_of
 from legfem.legs.diagnosis import doubts_of
 from legfem.legs.loading import load_subject, read_recordings, trial_files, with_trials
 from legfem.legs.plausibility import doubts_about
-from legfem.legs.plausible_recordings import common_depth
-from legfem.legs.schema import RECORDINGS, SUBJECTS, SubjectEntry, subject_entry
+from legfem.legs.schema import RECORDINGS, SUBJECTS, SubjectEntry, WantedEntry, subject_entry
 from legfem.legs.subject import Subject
 from legfem.report.answers import headline_of
 from legfem.report.diagnosis_headline import to_do
@@ -100,7 +98,8 @@ class Visit:
         usable = quality.grade != WORST_GRADE
         facts = f"first contact {contact_text(quality)}; {trial.loading.depth:.1f} mm deep"
         if before is not None:
-            at, others = common_depth(subject.trials), [one for one in subject.trials if one is not trial]
+            at = min(one.loading.depth for one in subject.trials)
+            others = [one for one in subject.trials if one is not trial]
             mean = sum(one.loading.force_near(at) for one in others) / len(others)
             facts += f"; at {at:.3g} mm {trial.loading.force_near(at) / mean:.3g} times the force of those before"
         # A file that isn't read is told of by itself.
@@ -128,20 +127,21 @@ def visit_of(folder: Given, site: str = "") -> Visit:
     return Visit(leg, subject_entry(found / SUBJECTS.file, site))
 
 
-def answer_lines(found: Diagnosed, leg: Subject) -> list[str]:
+def answer_lines(found: Diagnosed, leg: Subject, wanted: WantedEntry | None = None) -> list[str]:
     """Return what all trials so far say, how well C10 is known beside what is wanted, and what to do next."""
     answer, known = answer_of(found.diagnosis), doubts_about(leg)
     lines = [f"by {', '.join(one.trial for one in leg.recordings)}: {headline_of(answer).said}"]
     lines += doubt_lines(one for one in doubts_of(found.diagnosis, leg) if one not in known)
     so_far, enough = answer.finding is Finding.PROVISIONAL, False
-    if leg.wanted is not None and (c10 := answer.values.get(DEEP_C10)) is not None and c10.ci95 is not None:
+    if wanted is not None and (c10 := answer.values.get(DEEP_C10)) is not None and c10.ci95 is not None:
         low, high = c10.ci95
         value = (low + high) / 2 if c10.value is None else c10.value
-        enough = (high - low) / 2 <= leg.wanted * value
+        percent = 50 * (high - low) / value
+        enough = percent <= wanted.C10_percent
         # No error is said to be less than it is.
-        error = f"± {math.ceil(50 * (high - low) / value)} %"
+        error = f"± {math.ceil(percent)} %"
         shown = f"{'so far ' * so_far}enough: C10 {number(value, (high - low) / 4)} kPa {error}"
-        lines.append(shown if enough else f"{error} of {100 * leg.wanted:g} % wanted")
+        lines.append(shown if enough else f"{error} of {wanted.C10_percent:g} % wanted")
     again = "Press again at the same place. Then: " * (len(leg.trials) == 1)
     asked = [] if enough and not so_far else [f"next: {again}{to_do(found.diagnosis, found.next_tests)}"]
     return [*lines, *asked]
@@ -192,7 +192,7 @@ def follow(
                 ends, before, leg = once and visit.settled, leg, visit.subject
                 if leg is not None and (open_ or leg is not before):
                     found: Diagnosed = diagnose(leg)
-                    lines = answer_lines(found, leg)
+                    lines = answer_lines(found, leg, visit.entry.given.wanted)
                     counts = set(_used(leg)) <= set(_used(visit.subject))
                     if new := counts and (leg is not before or lines != last):
                         tell(lines)

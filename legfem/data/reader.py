@@ -6,9 +6,8 @@ from legfem.channels.kinds import IN_COLUMNS
 from legfem.common.errors import InputError
 from legfem.common.wording import Remedy
 from legfem.data.columns import look_command, propose
-from legfem.data.formats import READERS, read_sheets
+from legfem.data.formats import read_sheets
 from legfem.data.formats.sheet import Column
-from legfem.data.formats.text import read_text
 from legfem.data.formats.times import BY_RATE
 from legfem.data.recording import (
     QUANTITIES,
@@ -66,18 +65,6 @@ def _breaks_off(path: Path) -> bool:
     with path.open("rb") as file:
         file.seek(-1, 2)
         return file.read(1) not in b"\r\n"
-
-
-def is_cut(path: Path) -> bool:
-    """Tell whether a text file ends within a row: one that lacks cells of the row before, and an end."""
-    if READERS.get(path.suffix.lower()) is not read_text or not _breaks_off(path):
-        return False
-    before, last = [b"", *path.read_bytes()[-_LAST_BYTES:].splitlines()][-2:]
-    return any(last.count(mark) < before.count(mark) for mark in (b",", b";", b"\t"))
-
-
-_LAST_BYTES = 4000
-"""That hold a file's last two rows."""
 
 
 def _other_dialect(path: Path, area: float | None) -> Recording | None:

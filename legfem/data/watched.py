@@ -11,6 +11,8 @@ from pathlib import Path
 from typing import Literal
 
 from legfem.common.errors import InputError
+from legfem.data.formats import READERS
+from legfem.data.formats.text import read_text
 
 SETTLED_S, STALLED_S = 2.0, 10.0
 """That a file stands still before it is taken for complete, and before it is said that it can't be read."""
@@ -47,6 +49,19 @@ def stamps_of(files: Iterable[Path]) -> dict[Path, Stamp]:
             seen = path.stat()
             found[path] = seen.st_size, seen.st_mtime_ns
     return found
+
+
+def is_cut(path: Path) -> bool:
+    """Tell whether a text file ends within a row: one that has no end, and fewer cells than the row before."""
+    if READERS.get(path.suffix.lower()) is not read_text:
+        return False
+    before, last = [b"", b"", *path.read_bytes()[-_LAST_BYTES:].splitlines(keepends=True)][-2:]
+    cells = (last.count(mark) < before.count(mark) for mark in (b",", b";", b"\t"))
+    return not last.endswith((b"\r", b"\n")) and any(cells)
+
+
+_LAST_BYTES = 4000
+"""That hold a file's last two rows."""
 
 
 def looked(before: Watched, there: Mapping[Path, Stamp], now: float, read: Callable[[Path], object]) -> Watched:

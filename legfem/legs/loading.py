@@ -93,7 +93,8 @@ def load_subject(
     )
     _check_aim(toml, section, indenter)
     moduli = tuple(map(ShearModulus.of, given.elastography))
-    deep = given.tissues.deep
+    deep, known = given.tissues.deep, given.accuracy
+    assumed = None if known.assumed_sd_percent is None else known.assumed_sd_percent / 100
     subject = Subject(
         id=given.id,
         title=given.title,
@@ -105,16 +106,9 @@ def load_subject(
         recordings=(),
         directory=directory,
         starts_at_contact=given.recordings.starts_at_contact,
-        plane_strain=(
-            given.origin != "measured" if given.recordings.plane_strain is None else given.recordings.plane_strain
-        ),
-        plane_strain_stated=given.recordings.plane_strain is not None,
-        accuracy=LegAccuracy(
-            given.accuracy.contour_sd_mm,
-            given.accuracy.aim_sd_mm,
-            given.accuracy.direction_sd_deg,
-            None if (percent := given.accuracy.assumed_sd_percent) is None else percent / 100,
-        ),
+        plane_strain=given.origin != "measured" if (flat := given.recordings.plane_strain) is None else flat,
+        plane_strain_stated=flat is not None,
+        accuracy=LegAccuracy(known.contour_sd_mm, known.aim_sd_mm, known.direction_sd_deg, assumed),
         confirmed=tuple(given.confirmed),
         cut_from=place.cut_from,
         landmark_residual=place.landmark_residual,
@@ -123,7 +117,6 @@ def load_subject(
         fibres=fibre_ratio(moduli, deep.fibre_ratio, deep.fibre_ratio_sd),
         typical_shape=given.section.girth_mm is not None,
         measured=tuple(MeasuredEffect(**entry.model_dump()) for entry in given.measured),
-        wanted=None if given.wanted is None else given.wanted.C10_percent / 100,
     )
     return with_trials(subject, entry, trial_files(directory, entry) if need_recordings else None, need_instrument)
 
@@ -134,22 +127,27 @@ def trial_files(directory: Path, entry: SubjectEntry) -> list[Path]:
     return [file for file in files if not is_channel_file(file, entry.given.channels, entry.site)]
 
 
-def with_trials(
-    leg: Subject, entry: SubjectEntry, files: Sequence[Path] | None, need_instrument: bool = False
-) -> Subject:
+def with_trials(leg: Subject, entry: SubjectEntry, files: Sequence[Path] | None, needed: bool = False) -> Subject:
     """Return a leg with recordings, read and checked, in place of its own; without any for None.
+
+    Parameters
+    ----------
+    leg, entry
+        What its folder gives.
+    files
+        Of the recordings.
+    needed
+        Whether the instrument's errors have to be stated.
 
     Raises
     ------
     InputError
         As `load_subject` does for recordings.
     """
-    toml, given, site = leg.directory / SUBJECTS.file, entry.given, Site(leg.section, leg.indenter)
-    read = (
-        () if files is None else read_recordings(leg.directory / entry.recordings, files, given.recordings.channels())
-    )
-    read = with_channels(toml, given.channels, read, site, entry.site)
-    subject = replace(leg, recordings=read, instrument=_instrument(toml, given, read, need_instrument))
+    toml, folder, given = leg.directory / SUBJECTS.file, leg.directory / entry.recordings, entry.given
+    read = () if files is None else read_recordings(folder, files, given.recordings.channels())
+    read = with_channels(toml, given.channels, read, Site(leg.section, leg.indenter), entry.site)
+    subject = replace(leg, recordings=read, instrument=_instrument(toml, given, read, needed))
     outlines = (TYPICAL_ACCURACY if subject.typical_shape else subject.accuracy).contour_sd or 0.0
     for trial in subject.trials:
         check_trial(trial)

@@ -158,13 +158,8 @@ def _motion(trial: Segmentation, room: float) -> Iterator[Doubt]:
     yield from found.refused_if(loading.depth > room + 0.5)
 
 
-def common_depth(trials: Sequence[Segmentation]) -> float:
-    """Return a displacement that all trials reach, at which their forces are compared, mm."""
-    return 0.9 * min(trial.loading.depth for trial in trials)
-
-
 def _differing(trials: Sequence[Segmentation]) -> Iterator[Doubt]:
-    at = common_depth(trials)
+    at = 0.9 * min(trial.loading.depth for trial in trials)
     worst, most = None, 1.0
     for pair in combinations(trials, 2):
         soft, stiff = sorted(pair, key=lambda trial: trial.loading.force_near(at))

@@ -99,8 +99,6 @@ class Subject:
     """Of C10 of the deep tissue (MPa), for a diagnosis: of people like this one."""
     typical_shape: bool = False
     """Whether the section is a typical calf's of the measured girth and fat, in place of the leg's own outlines."""
-    wanted: float | None = None
-    """Half of C10's 95 % interval over C10 that is enough, where the folder says so."""
 
     @property
     def at_rest(self) -> float:
