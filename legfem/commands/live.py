@@ -18,7 +18,7 @@ def live(
     site: Site = None,
     out: Annotated[Path | None, typer.Option(help="Folder for results; results/live-ID by default.")] = None,
     library: Annotated[Path | None, typer.Option(help="Folder of the legs' responses, as of diagnose.")] = None,
-    within: Annotated[str, typer.Option("--for", help="Time for an answer, after each trial.")] = "15s",
+    within: Annotated[str, typer.Option("--for", "--within", help="Time for an answer, after each trial.")] = "15s",
     once: Annotated[bool, typer.Option("--once", help="End when what is there was answered.")] = False,
     jobs: Jobs = None,
     quiet: Quiet = False,
