@@ -23,7 +23,6 @@ from legfem.commands.plan import app
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.motion import inward, stretch_round
 from legfem.report.curves import Curves, Line
-from legfem.report.dressed_leg import by_height
 from legfem.report.estimates import words_of
 from legfem.report.kinds import page_of
 from legfem.report.kinds.specimens import curves_of
@@ -32,6 +31,7 @@ from legfem.report.page import Bars, LabelledBar, Slider, View
 from legfem.report.plan import plan_web_page
 from legfem.report.render import PAGE_FILES, embed, rendered
 from legfem.report.specimen_sentences import procedure
+from legfem.report.stocking_pressures import by_height
 from legfem.specimens.laws import SpecimenTissue
 from legfem.study.correction.command import correction_web_page
 from legfem.study.doe.command import study_web_page

@@ -28,47 +28,6 @@ from legfem.report.style import BONE_COLOUR, REGION_COLOURS
 _CORNERS = {6: [0, 1, 2], 9: [0, 1, 3, 2]}
 
 
-@dataclass(frozen=True, eq=False)
-class DrawnSection:
-    """A section's second-order cells as arrays; one rank's, so use it on one rank."""
-
-    nodes: FloatArray
-    """(cells, 6 or 9, 2), mm, undeformed."""
-    displacement: FloatArray
-    """(cells, 6 or 9, 2), mm."""
-    numbers: FloatArray
-    """(cells, 6 or 9): of the nodes."""
-    region: FloatArray
-    """(cells,)."""
-    pressure: FloatArray
-    """(cells, 6 or 9), kPa."""
-    stretch: FloatArray
-    """(cells, 6 or 9), the greatest principal one."""
-
-    @classmethod
-    def of(cls, fields: LegFields) -> "DrawnSection":
-        """Return the arrays of some fields in a plane."""
-        space = fields.displacement.function_space
-        numbers = space.dofmap.list
-        there = space.tabulate_dof_coordinates()[:, :2]
-        moved = fields.displacement.x.array.reshape(-1, 2)
-        quadratic = fem.functionspace(space.mesh, ("DG", 2))
-
-        def at_nodes(linear: Any) -> FloatArray:
-            values = fem.Function(quadratic)
-            values.interpolate(linear)
-            return np.asarray(values.x.array[quadratic.dofmap.list])
-
-        return cls(
-            there[numbers],
-            moved[numbers],
-            numbers,
-            fields.region.x.array[: len(numbers)],
-            at_nodes(fields.pressure),
-            at_nodes(fields.stretch),
-        )
-
-
 _MOVE, _SHARE = 1 / 200, 1 / 50_000
 """mm, and share of a measure's range, a count: what whole numbers of 16 bits hold of them."""
 _MARGIN = 12.0
@@ -77,15 +36,47 @@ _COLOURS = {tag: REGION_COLOURS[name] for name, tag in REGIONS.items()}
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """The section at one displacement of the indenter."""
+    """The section at one displacement of the indenter, cell by cell; of one rank, so use it on one rank."""
 
     displacement: float
     """mm."""
-    force: float
-    """N; NaN until the solution's curve is known."""
     centre: FloatArray
     """(2,), mm: of the indenter."""
-    drawn: DrawnSection
+    vertices: NDArray[np.int_]
+    """(cells, 3 or 4): numbers of the corners."""
+    corners: FloatArray
+    """(cells, 3 or 4, 2), mm, undeformed."""
+    moved: FloatArray
+    """(cells, 3 or 4, 2), mm: the corners' displacement."""
+    region: FloatArray
+    """(cells,)."""
+    measures: FloatArray
+    """(3, cells), means over a cell: pressure (kPa), movement (mm), greatest principal stretch."""
+
+    @classmethod
+    def of(cls, at: float, fields: LegFields) -> "State":
+        """Return the state of some fields in a plane, at a displacement (mm)."""
+        space = fields.displacement.function_space
+        nodes = space.dofmap.list
+        vertices = nodes[:, _CORNERS[nodes.shape[1]]]
+        moved = fields.displacement.x.array.reshape(-1, 2)
+        quadratic = fem.functionspace(space.mesh, ("DG", 2))
+
+        def mean(linear: Any) -> FloatArray:
+            values = fem.Function(quadratic)
+            values.interpolate(linear)
+            return np.asarray(values.x.array[quadratic.dofmap.list].mean(axis=1))
+
+        movement = np.linalg.norm(moved[nodes], axis=2).mean(axis=1)
+        return cls(
+            at,
+            np.array(fields.indenter_centre),
+            vertices,
+            space.tabulate_dof_coordinates()[vertices, :2],
+            moved[vertices],
+            fields.region.x.array[: len(nodes)],
+            np.stack([mean(fields.pressure), movement, mean(fields.stretch)]),
+        )
 
 
 @dataclass(eq=False)
@@ -109,57 +100,39 @@ class Film:
         last = self.states[-1].displacement if self.states else 0.0
         if not is_due(at, last, self.depth):
             return
-        fields = self.reader.read()
-        centre = np.array(fields.indenter_centre)
-        self.states.append(State(at, float("nan"), centre, DrawnSection.of(fields)))
+        self.states.append(State.of(at, self.reader.read()))
 
 
 def pressed_section(film: Film, displacement: FloatArray, force: FloatArray, what: str) -> PressedSection | None:
     """Return the states of a film with their forces (N); None where there are too few."""
     if len(film.states) < 2:
         return None
-    first = film.states[0].drawn
-    corners = _CORNERS[first.numbers.shape[1]]
-    vertices, cells = np.unique(first.numbers[:, corners], return_inverse=True)
-    cells = cells.reshape(-1, len(corners))
-    moves = np.zeros((len(film.states) + 1, len(vertices), 2))
-    pressures = np.zeros((len(film.states) + 1, len(cells)))
-    stretches, movements = np.ones_like(pressures), np.zeros_like(pressures)
-    at = np.zeros((len(vertices), 2))
-    at[cells] = first.nodes[:, corners]
+    first, touch = film.states[0], film.experiment.section_mesh.touch
+    numbers, cells = np.unique(first.vertices, return_inverse=True)
+    cells = cells.reshape(first.vertices.shape)
+    at, moves = np.zeros((len(numbers), 2)), np.zeros((len(film.states) + 1, len(numbers), 2))
+    at[cells] = first.corners
+    for move, state in zip(moves[1:], film.states, strict=True):
+        move[cells] = state.moved
+    unpressed = np.broadcast_to([[0.0], [0.0], [1.0]], first.measures.shape)
+    measured = np.stack([unpressed, *(state.measures for state in film.states)], axis=1)
     tissue = first.region != REGIONS["fascia"]
-    rows = [["0.0", "0.00", "0.0", "0.0", "1.00"]]
-    touch = film.experiment.section_mesh.touch
-    forces, centres = [0.0], [touch.tolist()]
-    for k, state in enumerate(film.states, 1):
-        moves[k][cells] = state.drawn.displacement[:, corners]
-        pressures[k] = state.drawn.pressure.mean(axis=1)
-        stretches[k] = state.drawn.stretch.mean(axis=1)
-        movements[k] = np.linalg.norm(state.drawn.displacement, axis=2).mean(axis=1)
-        forces.append(float(np.interp(state.displacement, displacement, force)))
-        centres.append(state.centre.tolist())
-        rows.append(
-            [
-                f"{state.displacement:.1f}",
-                f"{forces[-1]:.2f}",
-                f"{pressures[k][tissue].max():.1f}",
-                f"{movements[k].max():.1f}",
-                f"{stretches[k][tissue].max():.2f}",
-            ]
-        )
-    measures = [
-        _measure("pressure", "kPa", 0, pressures, tissue),
-        _measure("movement", "mm", 1, movements, tissue),
-        _measure("stretch", "", 2, stretches, tissue),
+    depths = [0.0, *(state.displacement for state in film.states)]
+    forces = [0.0, *(float(np.interp(depth, displacement, force)) for depth in depths[1:])]
+    centres = [touch.tolist(), *(state.centre.tolist() for state in film.states)]
+    rows = [
+        [f"{d:.1f}", f"{f:.2f}", f"{p[tissue].max():.1f}", f"{moved.max():.1f}", f"{stretch[tissue].max():.2f}"]
+        for d, f, p, moved, stretch in zip(depths, forces, *measured, strict=True)
     ]
+    measures = [_measure(*named, values, tissue) for named, values in zip(_MEASURES, measured, strict=True)]
     section, radius = film.experiment.section, film.experiment.indenter.radius
     content = {
-        "displacement": [0.0, *(state.displacement for state in film.states)],
+        "displacement": depths,
         "force": forces,
         "centres": centres,
         "radius": radius,
         "vertices": np.round(at, 3).ravel().tolist(),
-        "corners": len(corners),
+        "corners": cells.shape[1],
         "cells": packed(cells, "<u2"),
         "moves": packed(moves / _MOVE, "<i2"),
         "mm_a_count": _MOVE,
@@ -171,9 +144,11 @@ def pressed_section(film: Film, displacement: FloatArray, force: FloatArray, wha
         "bone": BONE_COLOUR,
         "frame": _frame(section, radius, *centres),
     }
-    deepest = film.states[-1].displacement
-    names = [str(measure["name"]) for measure in measures]
-    return PressedSection(what, content, deepest, names, rows)
+    return PressedSection(what, content, depths[-1], [name for name, *_ in _MEASURES], rows)
+
+
+_MEASURES = (("pressure", "kPa", 0), ("movement", "mm", 1), ("stretch", "", 2))
+"""By which a section is coloured, their units, and the least decimals."""
 
 
 def _measure(name: str, unit: str, least_digits: int, values: FloatArray, tissue: NDArray[np.bool_]) -> dict[str, Any]:

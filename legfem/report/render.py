@@ -104,7 +104,7 @@ _TOLD = (*_WRITTEN, "curves", "pressed", "turned")
 def _template(name: str) -> Template:
     environment = Environment(
         loader=PackageLoader("legfem", "resources/web"),
-        autoescape=name.endswith(".html"),
+        autoescape=name.endswith((".html", ".svg")),
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
@@ -113,6 +113,11 @@ def _template(name: str) -> Template:
     environment.globals |= {"provenances": web.PROVENANCE, "table": table, "width": WIDTH}
     environment.globals |= {"written": _WRITTEN, "told": _TOLD}
     return environment.get_template(name)
+
+
+def filled(name: str, **given: Any) -> str:
+    """Return a text or picture whose template stands in ``resources/web``."""
+    return _template(name).render(given)
 
 
 def plain_page(page: web.WebPage, files: Sequence[ReportFile]) -> str:
@@ -134,13 +139,12 @@ def _text(
     files: Sequence[ReportFile] = (),
     brief: bool = False,
 ) -> str:
-    given = {"page": page, "known": known, "chapters": chapters, "files": files, "brief": brief}
-    return _template(REPORT).render(given).rstrip() + "\n"
+    return filled(REPORT, page=page, known=known, chapters=chapters, files=files, brief=brief).rstrip() + "\n"
 
 
 def markdown_page(page: web.WebPage) -> str:
     """All that a page says, as Markdown (CommonMark with GitHub's tables)."""
-    return _template(MARKDOWN).render(page=page).rstrip() + "\n"
+    return filled(MARKDOWN, page=page).rstrip() + "\n"
 
 
 def markdown_chapters(chapters: Sequence[web.Chapter]) -> str:
@@ -152,7 +156,8 @@ def markdown_chapters(chapters: Sequence[web.Chapter]) -> str:
 def rendered(page: web.WebPage) -> str:
     """Return a page as HTML that loads nothing."""
     kinds = {block.kind for chapter in page.chapters for block in chapter.blocks}
-    return _template(web.PAGE).render(
+    return filled(
+        web.PAGE,
         page=page,
         tone=page.headline.shown_heading,
         data=str(page.kind_of_data),

@@ -8,7 +8,7 @@ from legfem.inverse.catalogue import DEEP_C10
 from legfem.report import diagnosis_document
 from legfem.report import diagnosis_numbers as tables
 from legfem.report.diagnosis_curves import model_name
-from legfem.report.render import bullets, fill, table
+from legfem.report.render import filled
 from legfem.specimens.agreement import agreement_document
 from legfem.specimens.diagnosis import DiagnosedSpecimen, tests_finding, thickness_finding
 from legfem.specimens.folder import SpecimenFolder
@@ -68,21 +68,11 @@ def specimens_page(made: Sequence[DiagnosedSpecimen], folder: SpecimenFolder) ->
             before, after = (tables.estimate(model, DEEP_C10) for model in (found.base_model, found.best))
             verdict = "consistent by itself" if contradicted else found.verdict
             rows.append([one.id, verdict, left_out, before, after if found.models else "-"])
-    heading = f"Specimens {folder.id} ({folder.title}): does the model describe the recordings?"
     columns = ["specimen", "verdict", "what was left out", "C10 before (kPa)", "C10 after (kPa)"]
-    blocks = [
-        f"{heading}\n{'=' * min(len(heading), 100)}",
-        f"*** {folder.origin.upper()} DATA ***",
-        table(columns, rows),
-        fill("Each specimen has a folder with its own report beside this one."),
-    ]
     as_given, repaired = tests_finding(made), tests_finding(made, after=True)
+    first = [] if thickness is None else [f"WARNING: {thickness.text} Don't rely on any one specimen's verdict."]
     if as_given is not None and repaired is not None:
         remedy = repaired.remedy if repaired.disagree else ""
         said = f" With what each diagnosis found to be left out: {repaired.text} {remedy}"
-        blocks.insert(2, fill(f"WARNING: {as_given.text}{said}".strip() if as_given.disagree else as_given.text))
-    if thickness is not None:
-        blocks.insert(2, fill(f"WARNING: {thickness.text} Don't rely on any one specimen's verdict."))
-    if missing:
-        blocks.append(f"Not used\n--------\n{bullets(missing)}")
-    return "\n\n".join(blocks) + "\n"
+        first.append(f"WARNING: {as_given.text}{said}".strip() if as_given.disagree else as_given.text)
+    return filled("specimens.txt", folder=folder, first=first, columns=columns, rows=rows, missing=missing)

@@ -2,7 +2,6 @@
 
 import math
 from functools import partial
-from html import escape
 
 from nicegui import ui
 
@@ -12,6 +11,7 @@ from legfem.app.pages.run import address
 from legfem.app.runs import EVERY, Run, runs_of
 from legfem.app.workspace import Workspace, description_of, files_of
 from legfem.data.folder import RESOURCES
+from legfem.report.render import filled
 
 _KINDS = {
     "subject.toml": "a leg that was pressed",
@@ -158,43 +158,14 @@ def _differences(rows: list[RunResult]) -> None:
     draw()
 
 
-_MARGIN, _SCALE, _LINE = 16, 500, 46
-"""Beside the plot's axis, the axis' width, and the height of a row with its name above it, in its own units."""
-
-
 def _plot(known: dict[str, tuple[float, float, float]], chosen: str) -> None:
-    """Put C10 of every result with its interval on one axis; the chosen one's interval goes through all rows."""
+    """Put C10 of every result with its interval on one axis."""
     most = max(ends[2] for ends in known.values())
     step = next(step for k in range(-4, 5) for step in (10.0**k, 2 * 10.0**k, 5 * 10.0**k) if most / step <= 6)
     ticks = [k * step for k in range(math.ceil(most / step) + 1)]
-    foot = _LINE * len(known) + 8
-
-    def at(value: float) -> float:
-        return _MARGIN + _SCALE * value / ticks[-1]
-
-    _, low, high = known[chosen]
-    drawn = f'<rect x="{at(low):.1f}" y="0" width="{at(high) - at(low):.1f}" height="{foot}" fill="#e6f0f7"/>'
-    for tick in ticks:
-        drawn += f'<line x1="{at(tick):.1f}" x2="{at(tick):.1f}" y1="0" y2="{foot}" stroke="#ddd"/>'
-        drawn += f'<text x="{at(tick):.1f}" y="{foot + 18}" text-anchor="middle">{tick:g}</text>'
-    drawn += f'<text x="{at(ticks[-1] / 2):.1f}" y="{foot + 38}" text-anchor="middle">C10 (kPa), 95 % interval</text>'
-    for row, (name, (value, low, high)) in enumerate(known.items()):
-        y = _LINE * (row + 0.75)
-        shown = name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 1]}…"
-        drawn += f'<text x="{_MARGIN}" y="{y - 13:.0f}">{escape(shown)}</text>'
-        drawn += f'<line x1="{at(low):.1f}" x2="{at(high):.1f}" y1="{y}" y2="{y}" stroke="#0b3d5c" stroke-width="3"/>'
-        drawn += f'<circle cx="{at(value):.1f}" cy="{y}" r="5" fill="#b03000"/>'
-    box = f"0 0 {_SCALE + 2 * _MARGIN} {foot + 46}"
     with ui.element("figure"):
-        ui.html(
-            f'<svg viewBox="{box}" class="compared" role="img" aria-label="C10 of all results; the table has the '
-            f'numbers" font-size="15">{drawn}</svg>',
-            sanitize=False,
-        )
+        ui.html(filled("compared.svg", known=known, chosen=chosen, ticks=ticks), sanitize=False)
         tag("figcaption", f"C10 of muscle or specimen with its 95 % interval. The interval of {chosen} is shaded.")
-
-
-_LONGEST_NAME = 44
 
 
 def _table(rows: list[RunResult], reference: tuple[float, float, float] | None) -> None:

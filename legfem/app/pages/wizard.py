@@ -2,6 +2,7 @@
 
 import tomllib
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -25,22 +26,11 @@ from legfem.geometry.motion import CuttingPlane
 from legfem.geometry.section import PARTS, LegSection, line_of_travel
 from legfem.geometry.section_from_outlines import section_from_outlines
 from legfem.legs.schema import SectionEntry
+from legfem.report.render import filled
 from legfem.report.style import BONE_COLOUR, REGION_COLOURS
 from legfem.specimens.kinds import kinds
 
-_FAT, _MUSCLE = REGION_COLOURS["superficial"], REGION_COLOURS["deep"]
-_OVAL = (
-    f'<ellipse cx="50" cy="45" rx="40" ry="34" fill="{_FAT}"/>'
-    f'<ellipse cx="50" cy="44" rx="33" ry="27" fill="{_MUSCLE}"/>'
-)
-_BONES = f'<circle cx="46" cy="30" r="8" fill="{BONE_COLOUR}"/><circle cx="68" cy="38" r="4" fill="{BONE_COLOUR}"/>'
-_PICTURES = {
-    "leg": f'{_OVAL}{_BONES}<circle cx="50" cy="88" r="13"/><path d="M50 103v-8m-3 3 3-4 3 4" stroke="#111"/>',
-    "stocking": f'{_OVAL}{_BONES}<ellipse cx="50" cy="45" rx="44" ry="38" fill="none" stroke="#0b3d5c" '
-    'stroke-width="4" stroke-dasharray="5 2"/>',
-    "specimens": f'<rect x="12" y="52" width="76" height="34" fill="{_MUSCLE}"/><path d="M4 86h92" stroke="#111" '
-    'stroke-width="3"/><rect x="36" y="20" width="28" height="32"/><path d="M50 4v12m-3-4 3 4 3-4" stroke="#111"/>',
-}
+_COLOURS = {"fat": REGION_COLOURS["superficial"], "muscle": REGION_COLOURS["deep"], "bone": BONE_COLOUR}
 _KINDS = {
     "leg": "A leg that was pressed",
     "stocking": "A leg in a compression stocking",
@@ -76,11 +66,7 @@ def describe_page(workspace: Workspace, name: str, looking: Run) -> None:
         for kind in possible:
             cards[kind] = tag("button", "", "kind").props("type=button")
             with cards[kind]:
-                ui.html(
-                    f'<svg viewBox="0 0 100 106" width="110" aria-hidden="true" fill="#B8C4CC" stroke="#333">'
-                    f"{_PICTURES[kind]}</svg>",
-                    sanitize=False,
-                )
+                ui.html(filled("kind.svg", kind=kind, **_COLOURS), sanitize=False)
                 tag("span", _KINDS[kind])
 
     def choose(kind: str) -> None:
@@ -267,25 +253,17 @@ def _section(folder: Path, source: str, level: float | None) -> LegSection:
 
 def _clicked(section: LegSection, place: Stated) -> None:
     low, high = section.skin.min(axis=0) - _ROOM, section.skin.max(axis=0) + _ROOM
-    fills = (_FAT, _MUSCLE, BONE_COLOUR, BONE_COLOUR)
+    fills = (_COLOURS["fat"], _COLOURS["muscle"], BONE_COLOUR, BONE_COLOUR)
 
     def pixels(points: Any) -> Any:
         return (np.asarray(points) - [low[0], high[1]]) * [_PIXELS, -_PIXELS]
 
-    drawn = ""
-    for part, fill in zip(PARTS, fills, strict=True):
-        outline = pixels(section.contour(part))
-        drawn += f'<polygon points="{" ".join(f"{x:.0f},{y:.0f}" for x, y in outline)}" fill="{fill}" stroke="#333"/>'
-        if fill == BONE_COLOUR:
-            x, y = outline.mean(axis=0)
-            drawn += f'<text x="{x:.0f}" y="{y:.0f}" text-anchor="middle" font-size="22">{part}</text>'
+    parts = [(part, fill, pixels(section.contour(part))) for part, fill in zip(PARTS, fills, strict=True)]
     tag("p", "Click the section where the skin was pressed. The direction of travel is then square to the skin.")
     width, height = (high - low) * _PIXELS
 
-    def picture_of(more: str) -> str:
-        return f'<svg viewBox="0 0 {width:.0f} {height:.0f}" aria-hidden="true">{drawn}{more}</svg>'
-
-    picture = ui.html(picture_of(""), sanitize=False).classes("aim")
+    picture_of = partial(filled, "aim.svg", width=width, height=height, parts=parts, bone=BONE_COLOUR)
+    picture = ui.html(picture_of(), sanitize=False).classes("aim")
     with ui.element("div").classes("fields"):
         boxes = [
             _number("aim x (mm)", "of a point on the line of travel"),
@@ -299,12 +277,8 @@ def _clicked(section: LegSection, place: Stated) -> None:
         x, y, direction = (float(box.value) for box in boxes)
         place["indenter", "aim_mm"], place["indenter", "direction_deg"] = [x, y], direction
         way = np.array([np.cos(np.radians(direction)), np.sin(np.radians(direction))])
-        (x0, y0), (x1, y1) = pixels([np.array([x, y]) - _DRAWN_RADIUS * way, np.array([x, y]) + 12.0 * way])
-        picture.content = picture_of(
-            f'<circle cx="{x0:.0f}" cy="{y0:.0f}" r="{_DRAWN_RADIUS * _PIXELS:.0f}" fill="#B8C4CC"/>'
-            f'<line x1="{x0:.0f}" y1="{y0:.0f}" x2="{x1:.0f}" y2="{y1:.0f}" stroke="#b03000" stroke-width="5"/>'
-            f'<circle cx="{x1:.0f}" cy="{y1:.0f}" r="8" fill="#b03000"/>'
-        )
+        ends = pixels([np.array([x, y]) - _DRAWN_RADIUS * way, np.array([x, y]) + 12.0 * way])
+        picture.content = picture_of(travel=ends.ravel().tolist(), radius=_DRAWN_RADIUS * _PIXELS)
 
     def clicked(event: GenericEventArguments) -> None:
         point = np.array(event.args) * [high[0] - low[0], low[1] - high[1]] + [low[0], high[1]]

@@ -15,7 +15,6 @@ from legfem.inverse.answer import Finding
 from legfem.report import estimates, stocking_pressures, stocking_stiffness
 from legfem.report import page as web
 from legfem.report.curves import curves_figure
-from legfem.report.dressed_leg import dressed_leg
 from legfem.report.estimates import held_text, modulus_rows, words_of
 from legfem.report.folder import ReportFile
 from legfem.report.kinds import ReportKind
@@ -75,7 +74,8 @@ class StockingReport(ReportKind):
         details, differ = fit.details, fit.details.discrepancy
         chapters = []
         if details.pressures is not None and details.moved is not None:
-            chapters.append(web.Chapter("The leg, bare and dressed", [dressed_leg(details, details.moved)]))
+            dressed = stocking_pressures.dressed_leg(details, details.moved)
+            chapters.append(web.Chapter("The leg, bare and dressed", [dressed]))
         if details.equilibrium.state.report.complete:
             chapters.append(web.Chapter(stocking_pressures.ALONG, stocking_pressures.level_blocks(details)))
         where = [web.Prose(_wrong(details))] if differ is None else stocking_stiffness.discrepancy_blocks(differ)
