@@ -124,7 +124,7 @@ def plan_before(subject: Subject, diagnoser: Diagnoser, expected: Expected, prog
     every = _at_all(tests)
     able, _ = shown_mechanisms(with_correction(mechanisms(), diagnoser.correction), every, ruled_out_of(subject, ends))
     complete, _ = diagnoser.tabulating(subject, every, rounded(expected.c10), progress, able)
-    library = complete(Detail.of_all(able, pairs=False))
+    library = complete(Detail())
     able = [m for m in able if m.name not in library.missing]
     law = subject.tissues["deep"].law
     observed = blank_observations([Protocol.ramp(expected.depth, expected.rate)] * 3)
