@@ -12,7 +12,9 @@ from legfem.common.errors import InputError
 from legfem.common.progress import Silent
 from legfem.experiments.leg_3d import IdealisedLegSettings
 from legfem.inverse.correction import TabulatedCorrection, read_correction, smooth_ratio
-from legfem.legs.correction_of_leg import find_correction
+from legfem.legs.correction_of_leg import choose_correction
+from legfem.legs.loading import load_subject
+from legfem.legs.schema import SUBJECTS
 from legfem.meshing.structured import IdealisedLeg, LegMeshSettings
 from legfem.solve.path import ForceCurve
 from legfem.study.correction.calibration import Calibration, calibrate
@@ -59,11 +61,12 @@ def test_the_covariance_is_that_of_the_relative_error():
 
 def test_a_file_holds_all(tmp_path: Path):
     path = made().write(tmp_path / "correction.json")
-    found = find_correction(str(path))
+    subject = load_subject(SUBJECTS.find("3"), need_recordings=False)
+    found = choose_correction(str(path), subject)
     assert found is not None and found.name == "a test"
     c10, c20 = np.array(1e-3), np.array(0.3e-3)
     assert found.factor(GRID, c10, c20) == pytest.approx(made().factor(GRID, c10, c20))
-    assert find_correction("none") is None
+    assert choose_correction("none", subject) is None
 
 
 @pytest.mark.parametrize("break_it", ["missing", "text", "kind", "schema", "shape", "key", "nan"])
