@@ -135,7 +135,7 @@ class SlidingForces:
         gap, slope, _ = self._gaps(unknown, bend=False)
         found = np.zeros(len(unknown))
         scale = values[self._named("normal")] * self._weights * gap
-        np.add.at(found, self._places, np.einsum("p,pi,pij->pj", scale, slope, self._spread))
+        np.add.at(found, self._places, ((scale[:, None] * slope)[:, None] @ self._spread)[:, 0])
         fat, fascia, share = self._pairs
         away = values[self._named("shear")] * share[:, None] * (unknown[fat] - unknown[fascia])
         np.add.at(found, fat, away)
@@ -147,7 +147,7 @@ class SlidingForces:
         gap, slope, bend = self._gaps(unknown)
         scale = self.values[self._named("normal")] * self._weights
         blocks = slope[:, :, None] * slope[:, None, :] + gap[:, None, None] * bend
-        blocks = np.einsum("p,pio,pij,pjq->poq", scale, self._spread, blocks, self._spread)
+        blocks = self._spread.transpose(0, 2, 1) @ (scale[:, None, None] * blocks) @ self._spread
         places = self._places
         width = places.shape[1]
         rows, columns = np.repeat(places, width, axis=1).ravel(), np.tile(places, (1, width)).ravel()
