@@ -1,5 +1,6 @@
 """Channels of a pressed model along a path: what reads them off each state, and the log of all of them."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -25,7 +26,7 @@ def _of_images(file: ChannelFile, seen: Seen, stated: Channels) -> dict[str, tup
     for way, image in WAYS.items():
         sides = file.laid(seen, image), file.laid(seen, image.other_side)
         for name in (name for name in stated if name in sides[0] or name in sides[1]):
-            ahead, behind = (one[name] if name in one and np.isfinite(one[name][0]) else None for one in sides)
+            ahead, behind = (one[name] if name in one and math.isfinite(one[name][0]) else None for one in sides)
             (high, high_rates), (low, low_rates) = ahead or stated[name], behind or stated[name]
             span = 2.0 if ahead and behind else 1.0
             found[laid_course(name, way)] = (high - low) / span, (high_rates - low_rates) / span

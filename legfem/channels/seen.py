@@ -264,7 +264,7 @@ class Seen:
         """Outlines by name, crossed by the line of travel."""
         system, found = self.model.system, {}
         for name, outline in self.model.outlines.items():
-            moved = [outline.values(one) for one in self._moved]
+            moved = np.array([outline.values(one) for one in self._moved])
             places, line = outline.places, (system.start, system.direction)
             known = self.model.crossings_at_rest[name]
             found[name] = CrossedOutline(places, places + moved[0], moved[1:], *line, known)
@@ -279,7 +279,7 @@ class CrossedOutline:
     ----------
     places, points : (m, 3, 2) array
         Nodes of its edges, undeformed and deformed, mm.
-    rates
+    rates : (p, m, 3, 2) array
         Derivatives of the points.
     origin, direction
         Point and direction of the line.
@@ -289,7 +289,7 @@ class CrossedOutline:
 
     places: FloatArray
     points: FloatArray
-    rates: list[FloatArray]
+    rates: FloatArray
     origin: FloatArray
     direction: FloatArray
     known: dict[bytes, Crossing | None]
@@ -306,4 +306,4 @@ class CrossedOutline:
         found = first_crossing(self.points, self.origin, self.direction, shift)
         if found is None:
             return None
-        return found.along, np.array([found.rate(one, self.direction) for one in self.rates])
+        return found.along, found.rate(self.rates, self.direction) if len(self.rates) else np.zeros(0)

@@ -73,10 +73,10 @@ class Crossing:
     along: float
     slip: float
 
-    def rate(self, rates: FloatArray, direction: FloatArray) -> float:
-        """Return the derivative of its place along the line, from those of the edges' nodes (m, 3, 2)."""
-        moves = edge_shapes(self.position) @ rates[self.edge]
-        return float(moves @ direction - self.slip * (moves @ across(direction)))
+    def rate(self, rates: FloatArray, direction: FloatArray) -> FloatArray:
+        """Return derivatives (...) of its place along the line, from those of the edges' nodes (..., m, 3, 2)."""
+        moves = edge_shapes(self.position) @ rates[..., self.edge, :, :]
+        return np.asarray(moves @ direction - self.slip * (moves @ across(direction)))
 
 
 def first_crossing(

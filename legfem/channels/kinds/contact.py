@@ -160,7 +160,7 @@ class ContactWidths(ChannelFile):
             for s in (float(root.real) for root in roots if abs(root.imag) < 1e-9 and -1e-9 <= root.real <= 1 + 1e-9):
                 point, along = a + b * s + c * s**2, b + 2 * c * s
                 shapes = np.array([(1 - s) * (1 - 2 * s), s * (2 * s - 1), 4 * s * (1 - s)])
-                rates = np.array([shapes @ one[edge] for one in skin.rates]).reshape(-1, 2)
+                rates = shapes @ skin.rates[:, edge]
                 moving = rates - np.outer(rates @ point / (along @ point), along)
                 turn = np.array([-point[1], point[0]])
                 ahead, sideways = point @ seen.model.system.direction, point @ seen.left
@@ -235,15 +235,12 @@ class ContactPressures(FramesFile[Site]):
         if not len(places):
             return {}
         face, comm = seen.face, seen.model.system.comm
-        found = {}
-        for name, (begins, ends) in zip(PRESSURE.courses(len(places)), places, strict=True):
-            (low, low_slope), (high, high_slope) = (_step((face.arc - at) / _BLUR_MM) for at in (begins, ends))
-            share, slope = low - high, (low_slope - high_slope) / _BLUR_MM
-            width = ends - begins
-            load = comm.allreduce(float(share @ face.load)) / width
-            rates = comm.allreduce(face.load_rates @ share + face.arc_rates @ (slope * face.load)) / width
-            found[name] = (mpa_to_kpa(load), mpa_to_kpa(1.0) * np.asarray(rates))
-        return found
+        steps, slopes = _step((face.arc - places[..., None]) / _BLUR_MM)
+        share, slope = steps[:, 0] - steps[:, 1], (slopes[:, 0] - slopes[:, 1]) / _BLUR_MM
+        width = places[:, 1] - places[:, 0]
+        load = comm.allreduce(share @ face.load) / width
+        rates = comm.allreduce(face.load_rates @ share.T + face.arc_rates @ (slope * face.load).T) / width
+        return PRESSURE.by_course(mpa_to_kpa(1.0) * load, mpa_to_kpa(1.0) * rates)
 
     def plans(self, site: Site) -> Sequence[ChannelPlan]:
         """Return a film of a few sensels about the face's deepest point."""
