@@ -10,6 +10,7 @@ import shapely
 import shapely.ops
 from making_mechanics import COARSE, subject_3
 
+from legfem.experiments.experiment import Solved
 from legfem.fem.compat import cell_nodes
 from legfem.geometry.section import BONES, PARTS, LegSection, smooth_closed_curve
 from legfem.meshing.section import MeshMotion, SectionMesh, mesh_section, moved_section_mesh
@@ -162,6 +163,40 @@ def moved_section(section: LegSection, motion: MeshMotion, plain: SectionMesh) -
         points = smooth_closed_curve(section.contour(part)).evenly(800)
         parts[part] = points + motion.displacement(points, section, plain.touch, plain.direction)
     return LegSection(**parts, fascia_thickness=section.fascia_thickness)
+
+
+def test_a_leg_moved_from_geometry_to_geometry_is_meshed_once_and_has_the_force_of_another_mesh(monkeypatch):
+    """Outlines beside first touch and at it, a bone, and the first again: none remembers where the last ones were."""
+    from legfem.experiments import plane_strain
+    from legfem.inverse.body_models import Displaced
+    from legfem.inverse.mechanism import Solution
+    from legfem.legs.finite_element_models import LegVariants
+    from legfem.solve.protocol import Protocol
+
+    section, indenter, tissues = subject_3()
+    settings = plane_strain.PlaneStrainSettings(mesh=COARSE)
+    base = plane_strain.PlaneStrainIndentation(section, indenter, tissues, settings)
+    made: list[SectionMesh] = []
+    meshing = plane_strain.mesh_section
+    monkeypatch.setattr(plane_strain, "mesh_section", lambda *given: made.append(meshing(*given)) or made[-1])
+    variants, loading = LegVariants(base), Protocol.ramp(6.0, 1.0)
+
+    def solved(motion: MeshMotion | None) -> Solved:
+        geometry = None if motion is None else Displaced("", motion, None)
+        return variants.follow(loading, {}, Solution(), geometry=geometry)
+
+    before = solved(None)
+    followed = [solved(motion) for motion in (MOTIONS[0], MOTIONS[7], MOTIONS[8], MOTIONS[0])]
+    assert len(made) == 2, "the leg as it is, and one that is moved"
+    np.testing.assert_array_equal(solved(None).curve.force, before.curve.force)
+    np.testing.assert_array_equal(followed[0].curve.force, followed[3].curve.force)
+    assert np.abs(followed[0].curve(5.0) / before.curve(5.0) - 1) > 1e-3, "the motion tells something"
+    for motion, found in zip((MOTIONS[0], MOTIONS[7], MOTIONS[8]), followed, strict=False):
+        anew = replace(base, moved=motion).solve(protocol=loading)
+        np.testing.assert_array_equal(found.curve.displacement, anew.curve.displacement)
+        np.testing.assert_allclose(found.curve.force, anew.curve.force, rtol=1e-10)
+        for name, course in anew.path.channels.items():
+            np.testing.assert_allclose(found.path.channels[name], course, rtol=1e-8, atol=1e-10, err_msg=name)
 
 
 @pytest.mark.slow

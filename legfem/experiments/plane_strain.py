@@ -212,6 +212,29 @@ class PlaneStrainIndentation(indentation.IndentationTest):
         return moved_section_mesh(meshed, self.moved, self.section, indenter.radius, indenter.aim)
 
     @cached_in_process
+    def _at_rest(self) -> tuple[FloatArray, FloatArray]:
+        """Coordinates of the mesh and of its skin before they are moved, mm."""
+        spaces = self.system.spaces
+        return spaces.mesh.geometry.x.copy(), spaces.skin.geometry.x.copy()
+
+    def moved_to(self, motion: MeshMotion) -> "PlaneStrainIndentation":
+        """Return the test with outlines moved, for which this one's mesh and system are moved and not made again.
+
+        They are in one place at a time: this test, and any that it returned before, solves no more. A face inside the
+        body knows places of its own, and has everything made again.
+        """
+        other = replace(self, moved=motion)
+        if self.model.at("face"):
+            return other
+        spaces, given = self.system.spaces, self.indenter
+        for mesh, rest in zip((spaces.mesh, spaces.skin), self._at_rest, strict=True):
+            mesh.geometry.x[:] = rest
+        meshed = moved_section_mesh(self.section_mesh, motion, self.section, given.radius, given.aim, spaces.skin)
+        pressing = replace(self.pressing, reader=self._reader(self.system, meshed))
+        vars(other).update(section_mesh=meshed, pressing=pressing)
+        return other
+
+    @cached_in_process
     def replays(self) -> indentation.RecentSolutions:
         """Solutions whose states are kept."""
         return indentation.RecentSolutions()
@@ -328,8 +351,11 @@ class PlaneStrainIndentation(indentation.IndentationTest):
             self.indenter.radius,
             self.indenter.length,
             self.settings.steps,
-            ChannelReader(system, files_of("2d"), self.sights, TravelLine(meshed.touch, meshed.direction)),
+            self._reader(system, meshed),
         )
+
+    def _reader(self, system: System, meshed: SectionMesh) -> ChannelReader:
+        return ChannelReader(system, files_of("2d"), self.sights, TravelLine(meshed.touch, meshed.direction))
 
     def _placed(self, placement: LateralPlacement) -> indentation.IndentationModel:
         meshed, indenter = self.section_mesh, self.indenter

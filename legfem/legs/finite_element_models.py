@@ -26,6 +26,7 @@ from legfem.legs.subject import Subject, TissueParameters
 from legfem.mechanics.materials import Hyperelastic, NeoHookean, ReducedPolynomial
 from legfem.mechanics.model import Term
 from legfem.mechanisms import Solution, TissueMechanism, mechanisms, shown_in
+from legfem.meshing.section import MeshMotion
 from legfem.solve.protocol import Protocol
 
 _CUT_OF_SLIP = 0.25
@@ -45,7 +46,7 @@ class LegVariants(Picklable):
     base: PlaneStrainIndentation
 
     @cached_in_process
-    def _models(self) -> dict[str, PlaneStrainIndentation]:
+    def _models(self) -> dict[tuple[str, bool], PlaneStrainIndentation]:
         return {}
 
     @cached_in_process
@@ -86,8 +87,7 @@ class LegVariants(Picklable):
             Where mesh and cylinder are moved to; as stated without it.
         """
         moved, placement = (None, None) if geometry is None else (geometry.moved, geometry.placement)
-        model = self.model(solution.variant)
-        model = model if moved is None else replace(model, moved=moved)
+        model = self.model(solution.variant, moved)
         values = solution.values(deep, model.model.parameters)
         at = placement or LateralPlacement()
         tilted = replace(at, tilt_deg=at.tilt_deg + solution.tilt_deg)
@@ -103,12 +103,13 @@ class LegVariants(Picklable):
             self._described[variant] = repr((self._terms(variant), self._settings(variant)))
         return self._described[variant]
 
-    def model(self, variant: str) -> PlaneStrainIndentation:
-        """Return a model by its name."""
-        if variant not in self._models:
+    def model(self, variant: str, moved: MeshMotion | None = None) -> PlaneStrainIndentation:
+        """Return a model by its name, with outlines moved: on a mesh of its own then, until another motion's."""
+        key = variant, moved is not None
+        if key not in self._models:
             settings, terms = self._settings(variant), self._terms(variant)
-            self._models[variant] = replace(self.base, settings=settings, mechanisms=terms)
-        return self._models[variant]
+            self._models[key] = replace(self.base, settings=settings, mechanisms=terms, meshed=None)
+        return self._models[key] if moved is None else self._models[key].moved_to(moved)
 
     def _settings(self, variant: str) -> PlaneStrainSettings:
         settings = self.base.settings
@@ -124,10 +125,8 @@ class LegVariants(Picklable):
                 settings = replace(settings, steps=steps)
         for other in mechanisms():
             if isinstance(other, TissueMechanism) and variant in (other.variant, other.null_variant):
-                contact = settings.contact
-                softer = other.contact_softness * contact.stiffness
-                onset = other.contact_onset or contact.onset
-                contact = replace(contact, stiffness=softer, onset=onset)
+                contact, onset = settings.contact, other.contact_onset or settings.contact.onset
+                contact = replace(contact, stiffness=other.contact_softness * contact.stiffness, onset=onset)
                 settings = replace(settings, contact=contact)
         return settings
 
@@ -171,13 +170,9 @@ def solved_responses(
 
     def on_mesh(coarsening: float, rougher: SolvedResponses | None = None) -> SolvedResponses:
         test = plane_strain_test(subject, replace(settings, mesh=settings.mesh.refined(1 / coarsening)))
-        return SolvedResponses(
-            LegVariants(replace(test, sights=(*subject.sights, *planned))),
-            depth,
-            folder,
-            {**test.fingerprint(), "model": "plane strain with mechanisms", "depth_mm": depth},
-            rougher=rougher,
-        )
+        variants = LegVariants(replace(test, sights=(*subject.sights, *planned)))
+        depends_on = {**test.fingerprint(), "model": "plane strain with mechanisms", "depth_mm": depth}
+        return SolvedResponses(variants, depth, folder, depends_on, rougher=rougher)
 
     return on_mesh(1.0), on_mesh(COARSENING, on_mesh(COARSER))
 
@@ -189,16 +184,8 @@ def tissues_of(subject: Subject) -> Tissues:
     """
     given = subject.tissues
     deep = given["deep"]
-    return Tissues(
-        deep=ReducedPolynomial(
-            C10=1e-3 if deep.C10 is None else deep.C10,
-            D1=deep.D1,
-            C20=deep.C20 or 0.0,
-            D2=math.inf if deep.D2 is None else deep.D2,
-        ),
-        superficial=_law(given["superficial"]),
-        fascia=_law(given["fascia"]),
-    )
+    law = _polynomial(deep, 1e-3 if deep.C10 is None else deep.C10)
+    return Tissues(law, _law(given["superficial"]), _law(given["fascia"]))
 
 
 def _law(given: TissueParameters) -> Hyperelastic:
@@ -206,19 +193,19 @@ def _law(given: TissueParameters) -> Hyperelastic:
         raise ValueError("only the deep tissue's stiffness is identified")
     if given.law == "neo-hookean":
         return NeoHookean(given.C10, given.D1)
-    second = math.inf if given.D2 is None else given.D2
-    return ReducedPolynomial(given.C10, given.D1, given.C20 or 0.0, second)
+    return _polynomial(given, given.C10)
+
+
+def _polynomial(given: TissueParameters, c10: float) -> ReducedPolynomial:
+    return ReducedPolynomial(c10, given.D1, given.C20 or 0.0, math.inf if given.D2 is None else given.D2)
 
 
 def plane_strain_test(
     subject: Subject, settings: PlaneStrainSettings | None = None, mechanisms: Sequence[Term] = ()
 ) -> PlaneStrainIndentation:
     """Return the cylinder pressed into a subject's section; the deep tissue's law covers both of the paper's."""
-    settings = settings or PlaneStrainSettings()
-    tissues, sights = tissues_of(subject), subject.sights
-    return PlaneStrainIndentation(
-        subject.section, subject.indenter, tissues, settings, mechanisms=mechanisms, sights=sights
-    )
+    given = subject.section, subject.indenter, tissues_of(subject), settings or PlaneStrainSettings()
+    return PlaneStrainIndentation(*given, mechanisms=mechanisms, sights=subject.sights)
 
 
 def spatial_test(

@@ -220,12 +220,12 @@ def mesh_section(
 
 
 def moved_section_mesh(
-    meshed: SectionMesh, motion: MeshMotion, section: LegSection, radius: float, aim: FloatArray
+    meshed: SectionMesh, motion: MeshMotion, section: LegSection, radius: float, aim: FloatArray, *parts: Any
 ) -> SectionMesh:
-    """Move a section's mesh, in place, and return it with the first touch that it then has."""
-    x = meshed.mesh.geometry.x
-    shift = motion.displacement(x[:, :2].copy(), section, meshed.touch, meshed.direction)
-    x[:, :2] += shift
+    """Move a section's mesh and meshes of parts of it, in place, and return it with its new first touch."""
+    for mesh in (meshed.mesh, *parts):
+        x = mesh.geometry.x
+        x[:, :2] += motion.displacement(x[:, :2].copy(), section, meshed.touch, meshed.direction)
     outline = meshed.outline + motion.displacement(meshed.outline, section, meshed.touch, meshed.direction)
     touch = first_touch(outline, radius, aim, meshed.direction)
     return replace(meshed, outline=outline, touch=touch)
