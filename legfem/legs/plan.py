@@ -16,7 +16,7 @@ from legfem.inverse.library import Detail, Library
 from legfem.inverse.library_tasks import rounded
 from legfem.inverse.linearised import LinearisedProblem, nuisance_effects
 from legfem.inverse.map_fit import fit
-from legfem.inverse.mechanism import shown_mechanisms
+from legfem.inverse.mechanism import TissueMechanism, shown_mechanisms
 from legfem.inverse.observations import Observations, blank_observations
 from legfem.inverse.plan import (
     Candidate,
@@ -124,7 +124,9 @@ def plan_before(subject: Subject, diagnoser: Diagnoser, expected: Expected, prog
     every = _at_all(tests)
     able, _ = shown_mechanisms(with_correction(mechanisms(), diagnoser.correction), every, ruled_out_of(subject, ends))
     complete, _ = diagnoser.tabulating(subject, every, rounded(expected.c10), progress, able)
-    library = complete(Detail())
+    # Usual effects are far from those at nodes.
+    near = [m for m in able if isinstance(m, TissueMechanism) and not m.nodes]
+    library = complete(Detail.of_all(near, pairs=False))
     able = [m for m in able if m.name not in library.missing]
     law = subject.tissues["deep"].law
     observed = blank_observations([Protocol.ramp(expected.depth, expected.rate)] * 3)
