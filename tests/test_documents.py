@@ -20,6 +20,7 @@ ROOT = Path(__file__).resolve().parents[1]
 COMMANDS = (
     "legfem.identify",
     "legfem.diagnose",
+    "legfem.live",
     "legfem.stocking",
     "legfem.geometry",
     "legfem.meshing",
