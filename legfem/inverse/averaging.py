@@ -31,7 +31,6 @@ from legfem.inverse.mechanism import Mechanism, Occurrence, Unseen
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Prior
 from legfem.inverse.posterior import Mixture
-from legfem.inverse.responses import SolvedResponses
 from legfem.inverse.screening import lacking, may_move, moves
 
 POWER = 0.5
@@ -217,8 +216,7 @@ class LeftOpen:
 
 def left_open(explained: Explained, name: str) -> LeftOpen:
     """Return what the evidence of explanations may move that rest on what was only screened."""
-    library = explained.base.problem.predictor.responses
-    assert not isinstance(library, SolvedResponses)
+    library = explained.base.problem.predictor.library
     waiting = [one for one in explained.every if one.names and lacking(one, library.detail) != Detail()]
     screened = {one.names[0]: may_move(one, explained.every) for one in waiting if len(one.names) == 1}
     ends = averaged_interval(explained, name) or ()

@@ -96,8 +96,7 @@ class DiagnosisInput:
 
     def nuisances(self, fitted: LinearisedFit) -> list[NuisanceEffect]:
         """Return what isn't known exactly does beside a fit's mechanisms."""
-        library = fitted.problem.predictor.responses
-        assert not isinstance(library, SolvedResponses)
+        library = fitted.problem.predictor.library
         changes = library.nuisances_beside([(m, values_of(fitted.values, m)) for m in fitted.mechanisms])
         stiffness = deep_stiffness(fitted.values)
         return nuisance_effects(changes, self.observed, fitted.prediction, self.accuracy, self.ends, stiffness)
@@ -194,9 +193,8 @@ def diagnose(
 
 def _lacks(explained: Explained) -> bool:
     """Return whether more could be solved of what explanations rest on."""
-    library = explained.base.problem.predictor.responses
-    assert not isinstance(library, SolvedResponses)
-    return rests_on(explained.every, library.detail) != library.detail
+    detail = explained.base.problem.predictor.library.detail
+    return rests_on(explained.every, detail) != detail
 
 
 def _leaves_something(explained: Explained) -> bool:

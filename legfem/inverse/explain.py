@@ -36,7 +36,6 @@ from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
 from legfem.inverse.map_fit import fit, refitted_beside
 from legfem.inverse.mechanism import Mechanism, null_of
 from legfem.inverse.posterior import Posterior
-from legfem.inverse.responses import SolvedResponses
 from legfem.inverse.screening import Complete, may_move, rests_on
 
 FORM_SHARE = 0.1
@@ -107,9 +106,8 @@ class Weighing:
             predictor = replace(fitted.problem.predictor, responses=library)
             return replace(fitted, problem=replace(fitted.problem, predictor=predictor))
 
-        before, plain = one.problem.predictor.responses, one.fit_without_discrepancy
-        assert not isinstance(before, SolvedResponses)
-        if library.knows_no_more(before, one.names):
+        plain = one.fit_without_discrepancy
+        if library.knows_no_more(one.problem.predictor.library, one.names):
             return replace(one, fit=told(one.fit), fit_without_discrepancy=None if plain is None else told(plain))
         begun = told(plain or one.fit)
         return self.of(refitted_beside(fit(begun.problem, begun.mechanisms, begun.values)), one.log_prior)
@@ -273,10 +271,9 @@ def _completed(
 ) -> list[Explanation]:
     """Solve in full what explanations rest on, and refit those that it changes, until nothing more could matter."""
     while complete is not None and not deadline.passed:
-        known = _nothing(found).problem.predictor.responses
-        assert not isinstance(known, SolvedResponses)
-        wanted = rests_on(found, known.detail)
-        if wanted == known.detail:
+        known = _nothing(found).problem.predictor.library.detail
+        wanted = rests_on(found, known)
+        if wanted == known:
             break
         library = complete(wanted)
         found = anew(with_probabilities([weighing.by(library, one) for one in found]))

@@ -75,6 +75,12 @@ class Predictor:
     _kept: dict[Any, Any] = field(default_factory=dict, init=False, repr=False)
     """Curves of the stiffnesses last asked for."""
 
+    @property
+    def library(self) -> Library:
+        """The tables that it predicts by."""
+        assert not isinstance(self.responses, SolvedResponses)
+        return self.responses
+
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """Parameters of the base model: stiffness, and first contact of every trial."""

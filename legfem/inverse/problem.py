@@ -198,8 +198,7 @@ def held_values(law: catalogue.IdentifiedLaw) -> catalogue.Values:
 
 def search_settings(search: Search[Any]) -> dict[str, Any]:
     """Numbers that a search depends on, their units in the names."""
-    law, settings = search.law, search.settings
-    minimiser = settings.minimiser
+    law, settings, minimiser = search.law, search.settings, search.settings.minimiser
     bounds = {}
     for parameter in law.parameters:
         unit, factor = readable_unit(parameter.unit)

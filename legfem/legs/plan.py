@@ -12,7 +12,7 @@ from legfem.geometry.indenter import Site
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.channel_readings import PlannedChannel, StationChannel
 from legfem.inverse.errors import NuisanceEffect, error_model
-from legfem.inverse.library import Detail, Library
+from legfem.inverse.library import Detail
 from legfem.inverse.library_tasks import rounded
 from legfem.inverse.linearised import LinearisedProblem, nuisance_effects
 from legfem.inverse.map_fit import fit
@@ -75,8 +75,7 @@ def plan_after(found: Diagnosis, subject: Subject, diagnoser: Diagnoser, progres
         return []
     models = found.models
     rates = found.observed.rates
-    library = found.base_model.problem.predictor.responses
-    assert isinstance(library, Library)
+    library = found.base_model.problem.predictor.library
     deepest, site = float(library.grid[-1]), Site(subject.section, subject.indenter)
     tests = designs(found.observed.depth, rates[0], deepest, site, found.observed.shows_air)
     tests = _beside(tests, found.observed.channels)
@@ -148,8 +147,7 @@ def _reckoned(
     gain_sd: float,
 ) -> list[DesignValue]:
     """Return what tests are worth whose responses are known."""
-    known, library = accuracy_of(subject), predictor.responses
-    assert isinstance(library, Library)
+    known, library = accuracy_of(subject), predictor.library
 
     def nuisances(test: Design, blank: Observations, readings: FloatArray) -> list[NuisanceEffect]:
         accuracy = replace(known, contour_sd=0.0) if test.outlines_known else known
