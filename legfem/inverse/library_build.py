@@ -79,9 +79,9 @@ def build_library(
     tissue = [m for m in asked if isinstance(m, TissueMechanism)]
     detail = Detail.of_all(tissue) if detail is None else detail
     if detail.whole:
-        progress.stage(f"in full, what the answer rests on: {', '.join(sorted(detail.whole))}")
+        progress.stage(f"solving in full: {', '.join(sorted(detail.whole))}")
+    at = lattice or cross(stiffening)
     while True:
-        at = lattice or cross(stiffening)
         tasks = tasks_for(observed, tissue, middle, stiffening, coarse.variants, at, detail)
         found = outcomes_of((solved, coarse), tasks, jobs, progress, deadline)
         begun = [tasks[place] for place in sorted(found)]
