@@ -6,6 +6,7 @@ from typing import Any
 
 from legfem.common.errors import Doubt, doubt_lines
 from legfem.common.units import mpa_to_kpa, percent
+from legfem.data import Instrument
 from legfem.geometry.section import girth
 from legfem.inverse.plan import DesignValue
 from legfem.legs.plan import Expected
@@ -160,8 +161,7 @@ def _headline(ranked: Sequence[DesignValue], names: Sequence[str], never: Sequen
 
 
 def _known(subject: Subject, expected: Expected) -> list[web.Known]:
-    instrument, indenter = subject.instrument, subject.indenter
-    stated, usual = "the command, or usual values", "subject.toml, or usual"
+    indenter, stated = subject.indenter, "the command, or usual values"
     law = f"{LAW_NAMES[subject.tissues['deep'].law]} law"
     cylinder = f"{2 * indenter.radius:g} mm across, {indenter.length:g} mm long"
     return [
@@ -169,8 +169,16 @@ def _known(subject: Subject, expected: Expected) -> list[web.Known]:
         web.Known("expected C20", f"{mpa_to_kpa(expected.c20):g} kPa", "assumed", stated),
         web.Known("depth", f"{expected.depth:g} mm", "assumed", stated),
         web.Known("rate", f"{expected.rate:g} mm/s", "assumed", stated),
-        web.Known("error of a force reading", f"{instrument.force_sd:.3g} N (sd)", "prior", usual),
-        web.Known("error of a displacement reading", f"{instrument.displacement_sd:.3g} mm (sd)", "prior", usual),
+        *errors_of_readings(subject.instrument),
         web.Known("girth of the section", f"{girth(subject.section):.0f} mm", subject.origin, "contours of the skin"),
         web.Known("cylinder", cylinder, "assumed", "subject.toml"),
+    ]
+
+
+def errors_of_readings(instrument: Instrument) -> list[web.Known]:
+    """What is assumed of an instrument's readings, as rows of the table of numbers."""
+    usual = "subject.toml, or usual"
+    return [
+        web.Known("error of a force reading", f"{instrument.force_sd:.3g} N (sd)", "prior", usual),
+        web.Known("error of a displacement reading", f"{instrument.displacement_sd:.3g} mm (sd)", "prior", usual),
     ]

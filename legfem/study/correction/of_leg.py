@@ -114,7 +114,7 @@ def run(
     curves = p_curves("leg", title, more, found.displacement, lines, found.sd)
     drawn = curves_figure([curves], f"P(d), {found.stiffness}", subject.title, "simulated")
     figure = save(drawn, out, "leg", svg=True)
-    write_document(out / DOCUMENT, _document(found))
+    write_document(out / DOCUMENT, json_types(_document(found)))
     write_atomically(out / web.PAGE, rendered(_page(found, curves, cells)))
     print(f"leg: {out / DOCUMENT}\nfigure: {figure[0]}\npage: {out / web.PAGE}")
 
@@ -160,29 +160,26 @@ def _cells(found: LegAndTable) -> Cells:
 
 def _document(found: LegAndTable) -> dict[str, Any]:
     outcome = found.solved.outcome
-    document: dict[str, Any] = json_types(
-        {
-            "schema": 1,
-            "subject": found.subject.id,
-            "shape": found.models.leg.source,
-            "extruded": found.models.leg.extruded,
-            "definition": DEFINITION,
-            "c10_kPa": round(mpa_to_kpa(found.c10), 9),
-            "c20_kPa": round(mpa_to_kpa(found.c20), 9),
-            "displacement_mm": found.displacement,
-            "force_3d_N": outcome.curve(found.displacement),
-            "force_2d_N": found.plane(found.displacement),
-            "P": found.solved.P,
-            "errors": found.solved.errors,
-            "table": found.table.name,
-            "table_P": found.table_P,
-            "table_P_sd": found.table.standard_deviation(found.displacement),
-            "factorisations": outcome.factorisations,
-            "seconds": outcome.seconds,
-            "versions": versions_of("dolfinx", "python"),
-        }
-    )
-    return document
+    return {
+        "schema": 1,
+        "subject": found.subject.id,
+        "shape": found.models.leg.source,
+        "extruded": found.models.leg.extruded,
+        "definition": DEFINITION,
+        "c10_kPa": round(mpa_to_kpa(found.c10), 9),
+        "c20_kPa": round(mpa_to_kpa(found.c20), 9),
+        "displacement_mm": found.displacement,
+        "force_3d_N": outcome.curve(found.displacement),
+        "force_2d_N": found.plane(found.displacement),
+        "P": found.solved.P,
+        "errors": found.solved.errors,
+        "table": found.table.name,
+        "table_P": found.table_P,
+        "table_P_sd": found.table.standard_deviation(found.displacement),
+        "factorisations": outcome.factorisations,
+        "seconds": outcome.seconds,
+        "versions": versions_of("dolfinx", "python"),
+    }
 
 
 def _page(found: LegAndTable, curves: Curves, cells: Cells) -> web.WebPage:

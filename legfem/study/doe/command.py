@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from legfem.common.documents import write_atomically, write_document
+from legfem.common.documents import json_types, write_atomically, write_document
 from legfem.common.progress import progress_on
 from legfem.inverse.outcome import Outcome
 from legfem.jobs.pool import Workers, leading
@@ -22,6 +22,7 @@ from legfem.report import page as web
 from legfem.report.curves import Curves, Line
 from legfem.report.folder import REPORT, RESULT, ReportFile
 from legfem.report.page import PAGE, Bars, LabelledBar, ResponseSurface, SurfaceFactor, SurfaceMetric
+from legfem.report.plan import errors_of_readings
 from legfem.report.render import write_page
 from legfem.report.style import DATA_COLOUR, FAINT
 from legfem.report.words import DataKind
@@ -117,7 +118,7 @@ def _study(options: DoeOptions, definition: Definition, subject: Subject, worksh
     ]
     write_page(page, out, "curves and the response surface", entries)
     wall = time.perf_counter() - began
-    write_document(out / "result.json", study_document(result, options.seed, wall))
+    write_document(out / "result.json", json_types(study_document(result, options.seed, wall)))
     print(
         f"{definition.title}: {len(result.outcomes)} runs, {result.seconds:.0f} s; "
         f"report: {out / REPORT}\npage:   {out / PAGE}"
@@ -231,44 +232,26 @@ def _known(result: StudyResult) -> list[web.Known]:
         for f in result.definition.factors
     ]
     rows.append(web.Known("depth of the press", f"{result.definition.depth:g} mm", "assumed", source))
-    found = result.information
-    if found is not None:
-        instrument = result.subject.instrument
-        rows += [
-            web.Known(
-                "error of a force reading", f"{instrument.force_sd:.3g} N (sd)", "prior", "subject.toml, or usual"
-            ),
-            web.Known(
-                "error of a displacement reading",
-                f"{instrument.displacement_sd:.3g} mm (sd)",
-                "prior",
-                "subject.toml, or usual",
-            ),
-        ]
-    return rows
+    return rows if result.information is None else rows + errors_of_readings(result.subject.instrument)
 
 
 def _effects(result: StudyResult) -> list[web.Block]:
     if not result.analyses:
         return [web.Prose(_NO_METRIC)]
-    blocks: list[web.Block] = [
+    metrics = [analysis.metric.label for analysis in result.analyses]
+    main, interactions = zip(*(analysis.shares() for analysis in result.analyses), strict=True)
+    shares = {f.label: [100 * one[f.symbol] for one in main] for f in result.definition.factors}
+    shares["all interactions"] = [100 * rest for rest in interactions]
+    bars = [LabelledBar(name, each[-1], f"{each[-1]:.1f} %") for name, each in shares.items()]
+    rows = [[name, *(f"{share:.1f} %" for share in each)] for name, each in shares.items()]
+    return [
         web.Prose(
             "Shares of how a metric varies when every factor goes from its low to its high value: "
             "squares of the coefficients over their sum. Slopes say how hard the leg is to press "
             "in a window of depth, curvatures how fast that grows."
-        )
-    ]
-    factors = result.definition.factors
-    every = [(analysis.metric.label, *analysis.shares()) for analysis in result.analyses]
-    deepest, main, interactions = every[-1]
-    bars = [LabelledBar(f.label, 100 * main[f.symbol], f"{100 * main[f.symbol]:.1f} %") for f in factors]
-    bars.append(LabelledBar("all interactions", 100 * interactions, f"{100 * interactions:.1f} %"))
-    rows = [[f.label, *(f"{100 * one[f.symbol]:.1f} %" for _, one, _ in every)] for f in factors]
-    rows.append(["all interactions", *(f"{100 * rest:.1f} %" for _, _, rest in every)])
-    return [
-        *blocks,
-        Bars(f"Shares of the {deepest}", ("factor", "share"), bars, greatest=100.0),
-        web.WebTable("Shares of every metric", ["factor", *(name for name, _, _ in every)], rows),
+        ),
+        Bars(f"Shares of the {metrics[-1]}", ("factor", "share"), bars, greatest=100.0),
+        web.WebTable("Shares of every metric", ["factor", *metrics], rows),
     ]
 
 

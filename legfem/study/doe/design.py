@@ -116,8 +116,6 @@ def factorial_design(factors: int) -> FloatArray:
 
 def space_filling_design(factors: int, points: int, seed: int) -> FloatArray:
     """Latin hypercube (points, k) whose points keep apart."""
-    if points == 0:
-        return np.zeros((0, factors))
     if points == 1:
         return np.random.default_rng(seed).uniform(-1, 1, (1, factors))
     unit = lhs(factors, samples=points, criterion="maximin", iterations=200, seed=seed)

@@ -93,12 +93,6 @@ class EmulatorError:
     """rms over the standard deviation of the simulations."""
 
 
-def emulator_error(emulator: MetricEmulator, at: FloatArray, values: FloatArray) -> EmulatorError:
-    """Return the error at simulated points (n, k)."""
-    rms = float(np.sqrt(np.mean((emulator(at) - values) ** 2)))
-    return EmulatorError(len(values), rms, rms / float(values.std()))
-
-
 def _terms(at: FloatArray, squares: bool) -> FloatArray:
     pairs = combinations(range(at.shape[1]), 2)
     products = [at[:, i] * at[:, j] for i, j in pairs]
@@ -139,9 +133,10 @@ def sobol_indices(
     if len(learn) < 4 * len(factors) or len(test) < _ENOUGH:
         return None
     emulator = MetricEmulator(coordinates(factors, learn[symbols].to_numpy(float)), learn[metric.name].to_numpy(float))
-    at = coordinates(factors, test[symbols].to_numpy(float))
+    at, unseen = coordinates(factors, test[symbols].to_numpy(float)), test[metric.name].to_numpy(float)
+    rms = float(np.sqrt(np.mean((emulator(at) - unseen) ** 2)))
+    error = EmulatorError(len(unseen), rms, rms / float(unseen.std()))
     found = sobol_of(lambda coded: emulator(coordinates(factors, coded)), symbols, seed)
-    error = emulator_error(emulator, at, test[metric.name].to_numpy(float))
     return SobolIndices(metric, found["S1"], found["S1_conf"], found["ST"], found["ST_conf"], error)
 
 

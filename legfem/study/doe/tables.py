@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from legfem.common.documents import Cells, json_types, row_cells, versions_of
+from legfem.common.documents import Cells, row_cells, versions_of
 from legfem.common.units import FloatArray
 from legfem.report import page as web
 from legfem.report.curves import Curves, Line
@@ -132,10 +132,10 @@ def versions() -> dict[str, str]:
 
 
 def study_document(result: StudyResult, seed: int, wall_s: float) -> dict[str, Any]:
-    """Result as plain types: every number with its unit."""
+    """Result as a document: every number with its unit."""
     definition = result.definition
     stopped = [(number, result.outcomes[number - 1]) for number in result.failed]
-    document = {
+    return {
         "schema": 1,
         "study": "doe",
         "title": definition.title,
@@ -157,8 +157,6 @@ def study_document(result: StudyResult, seed: int, wall_s: float) -> dict[str, A
         "sobol": _sobol(result),
         "information": _information(result),
     }
-    plain: dict[str, Any] = json_types(document)
-    return plain
 
 
 def _metric(a: MetricAnalysis) -> dict[str, Any]:
