@@ -44,12 +44,10 @@ class BodyModels(Protocol):
     @property
     def assumed(self) -> tuple[str, ...]:
         """Full names of the numbers that are assumed, and may be somewhat off."""
-        ...
 
     @property
     def displaced(self) -> tuple[Displaced, ...]:
         """Geometries other than the stated one, whose forces tell of what isn't known of it."""
-        ...
 
     def follow(
         self,
@@ -60,15 +58,12 @@ class BodyModels(Protocol):
         geometry: Displaced | None = None,
     ) -> "Solved":
         """Solve a protocol for a stiffness; see `legfem.legs.finite_element_models.LegVariants.follow`."""
-        ...
 
     def parameters(self, variant: str) -> Mapping[str, float]:
         """Return a variant's parameters by full name (MPa, 1/MPa)."""
-        ...
 
     def described(self, variant: str) -> str:
         """Return what tells a variant from others."""
-        ...
 
 
 type Columns = dict[str, FloatArray]

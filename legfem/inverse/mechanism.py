@@ -35,17 +35,14 @@ class IndentedLeg(Protocol):
     @property
     def section(self) -> "LegSection":
         """Across the leg."""
-        ...
 
     @property
     def indenter(self) -> "Indenter":
         """Its size, aim and direction."""
-        ...
 
     @property
     def tissues(self) -> "Tissues":
         """The base model's laws."""
-        ...
 
 
 def strength(

@@ -92,19 +92,15 @@ class Forward(Protocol):
     @property
     def nominal(self) -> Values:
         """All values of the model as assumed, by full name."""
-        ...
 
     def prepare(self) -> None:
         """Mesh and compile now."""
-        ...
 
     def solve(self, values: Values, sensitivities: Sequence[str]) -> Outcome:
         """Solve in full; stopping short of the depth is an outcome, not an exception."""
-        ...
 
     def fingerprint(self) -> Mapping[str, Any]:
         """Return all that a solve depends on but the values, as JSON types."""
-        ...
 
 
 @dataclass(eq=False)

@@ -32,21 +32,17 @@ class Problem[C: Comparison](Searched[C], Protocol):
     @property
     def forward(self) -> Forward:
         """Model of all tests: one curve a test in every outcome."""
-        ...
 
     @property
     def sensitivities(self) -> tuple[str, ...]:
         """Full names of the model's parameters that solves are differentiated by."""
-        ...
 
     @property
     def weighs_shared_errors(self) -> bool:
         """Whether errors are known only about a first search."""
-        ...
 
     def assessed(self, found: Found[C]) -> Fit[Any]:
         """Result of a finished search."""
-        ...
 
 
 def fit[C: Comparison](

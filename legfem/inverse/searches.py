@@ -87,15 +87,12 @@ class Searched[C: Comparison](Protocol):
     @property
     def unknowns(self) -> Mapping[LawName, IdentifiedLaw]:
         """What is free and held in each law."""
-        ...
 
     def comparison(self, law: IdentifiedLaw, near: Found[C] | None = None) -> C:
         """Predictions beside the readings; by the errors about a finished search where there is one."""
-        ...
 
     def refined(self, search: Search[C]) -> C | None:
         """Comparison made anew about what a search found, to search again; None where it stays as it is."""
-        ...
 
 
 @dataclass(eq=False)

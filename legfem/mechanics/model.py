@@ -154,26 +154,6 @@ class LegModel:
         return replace(self, terms=(*self.terms, term))
 
 
-class SymbolTable(Protocol):
-    """The numbers of a model as UFL symbols."""
-
-    def of(self, prefix: str, given: Any) -> Any:
-        """Return a frozen dataclass with its numbers replaced by symbols ``prefix.field``."""
-
-    def scalar(self, name: str, value: float) -> Any:
-        """Return the symbol of that name, made on first use."""
-
-    @property
-    def zeros(self) -> frozenset[str]:
-        """Names of the numbers that are zero now."""
-
-    def __contains__(self, name: str) -> bool:
-        """Return whether there is a number of that name."""
-
-    def __getitem__(self, name: str) -> Any:
-        """Return the symbol of that name."""
-
-
 def named_parameters(prefix: str, given: Any) -> dict[str, float]:
     """Return the fields of a dataclass of numbers by full name, ``prefix.field``."""
     return {f"{prefix}.{field.name}": getattr(given, field.name) for field in dataclasses.fields(given)}
@@ -186,7 +166,7 @@ class IntegrationDomain:
     ``displacement_before`` is the converged one of the last step: a term with memory uses it.
     """
 
-    symbols: SymbolTable
+    symbols: Any
     unknown: Any
     """Unknown on this mesh, a `dolfinx.fem.Function`."""
     test: Expr

@@ -4,12 +4,9 @@ What is twisted pushes its plates apart (J. H. Poynting, Proc. R. Soc. A 82 (190
 times the torque for any law of the first invariant (R. S. Rivlin, Phil. Trans. R. Soc. A 242 (1949) 173-195).
 """
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
-from legfem.channels.kind import ChannelAccuracy, ChannelFile, ChannelKind, Channels
-
-if TYPE_CHECKING:
-    from legfem.channels.seen import Seen
+from legfem.channels.kind import ChannelAccuracy, ChannelFile, ChannelKind
 
 _RHEOMETER = ChannelAccuracy(reading=0.01, bias=0.02, gain=0.05, slow=0.02)
 """Thermal drift of the gap and what the specimen was laid in with are hundredths of a newton."""
@@ -22,7 +19,3 @@ class NormalForces(ChannelFile):
     """The normal force of tests in closed form; no mesh is twisted."""
 
     kinds: ClassVar = (NORMAL_FORCE,)
-
-    def read(self, seen: "Seen") -> Channels:
-        """Return none: what tells it has no mesh."""
-        return {}
