@@ -233,33 +233,18 @@ def _along_axes(array: NDArray[np.integer], affine: FloatArray, source: str) -> 
     """
     if array.ndim != 3 or affine.shape != (4, 4):
         raise InputError(source, "shape", f"{array.shape} is not the shape of a volume", "give one volume")
-    spacing = np.linalg.norm(affine[:3, :3], axis=0)
-    if not (spacing > 0).all() or not np.isfinite(affine).all():
+    if not np.isfinite(affine).all() or np.linalg.matrix_rank(affine[:3, :3]) < 3:
         raise InputError(source, "affine", "is singular", "correct the header")
-    cosines = affine[:3, :3] / spacing
-    order = [int(np.argmax(np.abs(cosines[axis]))) for axis in range(3)]
-    aligned = np.abs(cosines[range(3), order])
-    if len(set(order)) < 3:
-        raise InputError(
-            source,
-            "affine",
-            "the grid's axes cannot be distinguished: it is sheared, or turned by 45 degrees",
-            "resample the volume along the scanner's axes",
-        )
-    array = array.transpose(order)
-    columns = affine[:3, order].copy()
-    origin = affine[:3, 3].copy()
-    for axis in range(3):
-        if columns[axis, axis] < 0:
-            origin += columns[:, axis] * (array.shape[axis] - 1)
-            array = np.flip(array, axis)
-            columns[:, axis] *= -1
-    if (aligned < 1 - _SQUARE).any():
-        turned = np.eye(4)
-        turned[:3, :3], turned[:3, 3] = columns, origin
-        return _resampled(array, turned, source)
-    straight = np.diag([*spacing[order], 1.0])
-    straight[:3, 3] = origin
+    from nibabel.orientations import apply_orientation, inv_ornt_aff, io_orientation
+
+    nearest = io_orientation(affine)
+    affine = affine @ inv_ornt_aff(nearest, array.shape)
+    array = apply_orientation(array, nearest)
+    spacing = np.linalg.norm(affine[:3, :3], axis=0)
+    if (np.diag(affine)[:3] < (1 - _SQUARE) * spacing).any():
+        return _resampled(array, affine, source)
+    straight = np.diag([*spacing, 1.0])
+    straight[:3, 3] = affine[:3, 3]
     return np.ascontiguousarray(array), straight
 
 
