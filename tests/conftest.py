@@ -24,8 +24,8 @@ from legfem.legs.finite_element_models import solved_responses
 
 
 @pytest.fixture(scope="session", autouse=True)
-def displaced_geometries(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Keep what displaced outlines do in one folder of all tests and processes, under the key of what it depends on.
+def errors_of_geometry(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Keep what errors of outlines do in one folder of all tests and processes, under the key of what it depends on.
 
     Every identification of a leg asks for it, and most tests' legs have the same outlines.
     """

@@ -25,7 +25,7 @@ from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.diagnosis import WITHOUT_ENDS, ruled_out_of, with_correction
 from legfem.legs.finite_element_models import LegVariants
 from legfem.legs.loading import load_subject
-from legfem.legs.nuisances import displaced_geometries
+from legfem.legs.nuisances import errors_of_geometry
 from legfem.legs.schema import SUBJECTS
 from legfem.mechanisms import mechanism_named, mechanisms
 from legfem.mechanisms.rig import EndEffects
@@ -179,7 +179,7 @@ def test_the_library_stands_in_for_solutions(variants, observed, tmp_path):
     courses, exact = (one.channel_curves(CHANNELS_SEEN, *SOFT) for one in (library, solved))
     np.testing.assert_allclose(courses, exact, atol=5e-3)
     nuisances = library.nuisances
-    assert set(nuisances.geometric) == {g.name for g in displaced_geometries()}
+    assert set(nuisances.geometric) == set(errors_of_geometry())
     assert all(np.isfinite(row).all() for change in nuisances.geometric.values() for row in change.values())
     at = library.middle, library.middle * float(np.expm1(0.8))
     stiffer = mechanism_named("superficial-stiffness").solution({"factor": 1.02})
@@ -196,7 +196,7 @@ def test_the_library_stands_in_for_solutions(variants, observed, tmp_path):
 class Stopping:
     """A leg whose solutions never come to their end."""
 
-    def follow(self, protocol, deep, solution, sensitivities=(), geometry=None):
+    def follow(self, protocol, deep, solution, sensitivities=()):
         """Say that it stopped."""
         return Solved.nothing("the step became too small")
 

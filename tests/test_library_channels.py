@@ -6,8 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from legfem.experiments.plane_strain import LateralPlacement
-from legfem.inverse.body_models import Columns, Displaced, PathRequest
+from legfem.inverse.body_models import Columns, PathRequest
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.channel_readings import PlannedChannel
 from legfem.inverse.library import ChannelTables, Library, NuisanceChanges, Table, pair_strength
@@ -18,7 +17,6 @@ from legfem.inverse.observations import blank_observations
 from legfem.inverse.predictor import Predictor
 from legfem.inverse.responses import SolvedResponses
 from legfem.mechanisms import TissueMechanism, mechanism_named
-from legfem.meshing.section import MeshMotion
 from legfem.solve.protocol import Protocol
 
 GRID = 5.0 * np.arange(1, 5)
@@ -64,39 +62,11 @@ def test_what_the_base_model_or_a_mechanism_never_sees_is_not_weighed() -> None:
 
 
 @dataclass(eq=False)
-class Tilted:
-    """A leg whose bone is seen on one side alone."""
-
-    @property
-    def assumed(self) -> tuple[str, ...]:
-        return ()
+class Named:
+    """Models that are told apart by their names."""
 
     def described(self, variant: str) -> str:
         return variant
-
-
-class SeenOneSided(SolvedResponses):
-    """Solutions in closed form: force falls and muscle thins with the offset, seen where it isn't negative."""
-
-    def _solve(self, asked: PathRequest) -> dict[str, np.ndarray]:
-        at = 0.0 if asked.geometry is None else asked.geometry.placement.offset_mm
-        muscle = {MUSCLE: -0.4 - 0.02 * at} if at >= 0 else {}
-        return columns(1.0 - 0.01 * at, **{FAT: -0.05 + 0.001 * at}, **muscle)
-
-    @property
-    def grid(self) -> np.ndarray:
-        return GRID
-
-
-def test_a_nuisance_that_hides_the_bone_is_solved_for_the_other_way() -> None:
-    """The channel's change is minus the other side's; those of the force and of what is seen are its own."""
-    solved = SeenOneSided(Tilted(), 20.0, None, {})  # type: ignore[arg-type]
-    left = Displaced("aim", placement=LateralPlacement(offset_mm=2.0))
-    found, mirrored = (solved.displaced(one, POINT) for one in (left, left.opposite))
-    np.testing.assert_allclose(mirrored[MUSCLE], -found[MUSCLE])
-    np.testing.assert_allclose(mirrored["force"], -found["force"])
-    assert mirrored["force"].min() > 0 > found["force"].max()
-    np.testing.assert_allclose(mirrored[FAT], -found[FAT])
 
 
 class SeenTogether(SolvedResponses):
@@ -126,7 +96,7 @@ class Tabulated(SeenTogether):
 
 
 def made(kind: type[SeenTogether] = SeenTogether, **given: object) -> SeenTogether:
-    return kind(Tilted(), 20.0, None, {}, **given)  # type: ignore[arg-type]
+    return kind(Named(), 20.0, None, {}, **given)  # type: ignore[arg-type]
 
 
 def tissue(name: str) -> TissueMechanism:
@@ -189,7 +159,7 @@ def of_fat(factor: float) -> tuple[float, float]:
 def test_a_leg_of_stiff_fat_on_springs_is_solved_as_one(at_bones: float, factor: float) -> None:
     """Force and thickness are those of the leg with both, in series, on its bones, or between: no sum of each alone."""
     observed = blank_observations([Protocol.ramp(20.0, 0.4)], [PlannedChannel(FAT)])
-    predictor = Predictor(observed, OnSprings(Tilted(), 20.0, None, {}), "neo-hookean")  # type: ignore[arg-type]
+    predictor = Predictor(observed, OnSprings(Named(), 20.0, None, {}), "neo-hookean")  # type: ignore[arg-type]
     values = {DEEP_C10: 0.8e-3, "superficial-stiffness.factor": factor}
     springs = {"support-compliance.compliance": 0.2, "support-compliance.at_bones": at_bones}
     found = predictor(values | springs, [mechanism_named(name) for name in (FACTORS[0], "support-compliance")])
@@ -249,11 +219,3 @@ def test_a_tabulated_pair_is_in_proportion_to_both_departures() -> None:
         assert np.abs(apart(values, [fat, fascia]) - true)[seen].max() > 0.1
     assert tabulated.pair_change([(fat, {"factor": 2.0}), (tissue("indenter-tilt"), {"angle": 5.0})], POINT) == {}
     assert pair_strength(tissue("viscoelasticity")) is None
-
-
-@pytest.mark.parametrize(
-    "one", [Displaced("skin", MeshMotion("skin", 20.0)), Displaced("turned", placement=LateralPlacement(3.0, 1.0))]
-)
-def test_twice_the_other_way_is_the_first_way(one: Displaced) -> None:
-    """And once isn't."""
-    assert one.opposite.opposite == one != one.opposite

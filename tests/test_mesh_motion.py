@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -10,10 +11,16 @@ import shapely
 import shapely.ops
 from making_mechanics import COARSE, subject_3
 
-from legfem.experiments.experiment import Solved
+from legfem.channels.laid import WAYS, laid_course
+from legfem.common.units import FloatArray
+from legfem.experiments.plane_strain import LateralPlacement, PlaneStrainIndentation, PlaneStrainSettings
 from legfem.fem.compat import cell_nodes
+from legfem.geometry.indenter import Indenter, first_touch
 from legfem.geometry.section import BONES, PARTS, LegSection, smooth_closed_curve
-from legfem.meshing.section import MeshMotion, SectionMesh, mesh_section, moved_section_mesh
+from legfem.legs.finite_element_models import COARSENING
+from legfem.legs.nuisances import errors_of_geometry
+from legfem.meshing.section import MeshMotion, SectionMesh, mesh_section, slide_along_skin
+from legfem.solve.path import Path
 
 MOTIONS = [
     *(
@@ -41,6 +48,14 @@ def meshed(leg) -> SectionMesh:
 @pytest.fixture(scope="module")
 def plain(leg):
     return meshed(leg)
+
+
+def moved(given: SectionMesh, motion: MeshMotion, section: LegSection, indenter: Indenter) -> SectionMesh:
+    """Move a section's mesh in place, and return it with its new first touch."""
+    x = given.mesh.geometry.x
+    x[:, :2] += motion.displacement(x[:, :2].copy(), section, given.touch, given.direction)
+    outline = given.outline + motion.displacement(given.outline, section, given.touch, given.direction)
+    return replace(given, outline=outline, touch=first_touch(outline, indenter.radius, indenter.aim, given.direction))
 
 
 def along(line: shapely.LinearRing, count: int = 400) -> np.ndarray:
@@ -141,19 +156,19 @@ def test_a_moved_mesh_stays_sound(motion, leg, plain):
     way = np.sign(before[0])
     mesh = plain.mesh.geometry.x.copy()
     try:
-        moved = moved_section_mesh(plain, motion, section, indenter.radius, indenter.aim)
-        after = quality(moved)
+        there = moved(plain, motion, section, indenter)
+        after = quality(there)
     finally:
         plain.mesh.geometry.x[:] = mesh
     assert np.all(after * way > 0)
     assert (after * way).min() > 0.5 * (before * way).min()
     # The cylinder touches the leg where it now is: sooner where the skin came out.
     if motion.outline == "skin" and motion.arc == 0.0:
-        way_back = -(moved.touch - plain.touch) @ plain.direction
+        way_back = -(there.touch - plain.touch) @ plain.direction
         assert way_back == pytest.approx(motion.size, abs=0.3)
     # The mesh's skin is a spline through the contour's points, some micrometres off the polygon.
     if motion.outline != "skin":
-        np.testing.assert_allclose(moved.touch, plain.touch, atol=5e-3)
+        np.testing.assert_allclose(there.touch, plain.touch, atol=5e-3)
 
 
 def moved_section(section: LegSection, motion: MeshMotion, plain: SectionMesh) -> LegSection:
@@ -165,38 +180,87 @@ def moved_section(section: LegSection, motion: MeshMotion, plain: SectionMesh) -
     return LegSection(**parts, fascia_thickness=section.fascia_thickness)
 
 
-def test_a_leg_moved_from_geometry_to_geometry_is_meshed_once_and_has_the_force_of_another_mesh(monkeypatch):
-    """Outlines beside first touch and at it, a bone, and the first again: none remembers where the last ones were."""
-    from legfem.experiments import plane_strain
-    from legfem.inverse.body_models import Displaced
-    from legfem.inverse.mechanism import Solution
-    from legfem.legs.finite_element_models import LegVariants
-    from legfem.solve.protocol import Protocol
+def moved_test(test: PlaneStrainIndentation, motion: MeshMotion) -> PlaneStrainIndentation:
+    """Return the test on a mesh of its own that is moved."""
+    return replace(test, meshed=moved(meshed((test.section, test.indenter)), motion, test.section, test.indenter))
 
-    section, indenter, tissues = subject_3()
-    settings = plane_strain.PlaneStrainSettings(mesh=COARSE)
-    base = plane_strain.PlaneStrainIndentation(section, indenter, tissues, settings)
-    made: list[SectionMesh] = []
-    meshing = plane_strain.mesh_section
-    monkeypatch.setattr(plane_strain, "mesh_section", lambda *given: made.append(meshing(*given)) or made[-1])
-    variants, loading = LegVariants(base), Protocol.ramp(6.0, 1.0)
 
-    def solved(motion: MeshMotion | None) -> Solved:
-        geometry = None if motion is None else Displaced("", motion, None)
-        return variants.follow(loading, {}, Solution(), geometry=geometry)
+ERRORS = {
+    **{f"{m.outline} at {m.arc:g}, {m.turned:g}": replace(m, size=0.5) for m in (MOTIONS[0], MOTIONS[3], MOTIONS[4])},
+    "tibia": MOTIONS[8],
+    "fibula": MOTIONS[10],
+}
+NEAR, SMALL = 3e-4, 0.1
 
-    before = solved(None)
-    followed = [solved(motion) for motion in (MOTIONS[0], MOTIONS[7], MOTIONS[8], MOTIONS[0])]
-    assert len(made) == 2, "the leg as it is, and one that is moved"
-    np.testing.assert_array_equal(solved(None).curve.force, before.curve.force)
-    np.testing.assert_array_equal(followed[0].curve.force, followed[3].curve.force)
-    assert np.abs(followed[0].curve(5.0) / before.curve(5.0) - 1) > 1e-3, "the motion tells something"
-    for motion, found in zip((MOTIONS[0], MOTIONS[7], MOTIONS[8]), followed, strict=False):
-        anew = replace(base, moved=motion).solve(protocol=loading)
-        np.testing.assert_array_equal(found.curve.displacement, anew.curve.displacement)
-        np.testing.assert_allclose(found.curve.force, anew.curve.force, rtol=1e-10)
-        for name, course in anew.path.channels.items():
-            np.testing.assert_allclose(found.path.channels[name], course, rtol=1e-8, atol=1e-10, err_msg=name)
+
+@pytest.fixture(scope="module")
+def pressed():
+    """A coarse section, and its path with derivatives by errors of outlines."""
+    test = PlaneStrainIndentation(*subject_3(), PlaneStrainSettings(mesh=COARSE), motions=ERRORS)
+    return test, test.solve(depth=6.0, sensitivities=tuple(ERRORS)).path
+
+
+@pytest.mark.parametrize("name", ERRORS)
+def test_a_derivative_by_an_outline_is_the_difference_of_two_moved_legs(name, pressed):
+    """Of the force and of every channel, at rest, too, where all take the same steps: mesh and error are the same."""
+    test, path = pressed
+    ahead, behind = (
+        moved_test(test, replace(ERRORS[name], size=way * SMALL * ERRORS[name].size)).solve(depth=6.0).path
+        for way in (1.0, -1.0)
+    )
+    steps = [*range(6), -1]
+    for one in (ahead, behind):
+        np.testing.assert_allclose(one.displacement[steps], path.displacement[steps])
+
+    def slope(course: Callable[[Path], FloatArray]) -> FloatArray:
+        return (course(ahead)[steps] - course(behind)[steps]) / (2 * SMALL)
+
+    by_force = slope(lambda one: one.force)
+    np.testing.assert_allclose(path.sensitivities[name][steps], by_force, atol=NEAR * path.force.max())
+    assert np.abs(by_force[1:] / path.force[steps][1:]).max() > 1e-3, "the motion tells something"
+    images = tuple(laid_course("", way) for way in WAYS)
+    stated = [course for course in path.channels if not course.endswith(images)]
+    assert {"fat_thickness", "muscle_thickness", "lateral_force"} <= set(stated)
+    for course in stated:
+        expected = slope(lambda one, course=course: one.channels[course])
+        near = 3e-3 * max(1.0, np.abs(expected).max())
+        found = path.channel_sensitivities[course][name][steps]
+        np.testing.assert_allclose(found, expected, atol=near, err_msg=course)
+
+
+@pytest.mark.parametrize(("name", "near"), [("aim", 1.5e-3), ("direction", 3e-3)])
+def test_a_derivative_by_the_line_of_travel_is_smooth_where_a_difference_is_about_it(name, near):
+    """The skin's elements follow the cylinder: within what they do to a difference, for which it moves over them."""
+    error = errors_of_geometry()[name]
+    settings = PlaneStrainSettings(mesh=PlaneStrainSettings().mesh.refined(1 / COARSENING))
+    test, at = PlaneStrainIndentation(*subject_3(), settings, motions={name: error}), np.array([3.0, 6.0, 9.0])
+    path = test.solve(depth=9.0, sensitivities=[name]).path
+    ahead, behind = (
+        test.solve(depth=9.0, placement=LateralPlacement(way * error.tilt_deg, way * error.offset_mm)).path
+        for way in (1.0, -1.0)
+    )
+    expected = 0.5 * (ahead.force_at(at) - behind.force_at(at)) / path.force_at(at)
+    np.testing.assert_allclose(path.sensitivity_at(name, at) / path.force_at(at), expected, atol=near)
+    assert np.abs(expected).max() > 2 * near
+
+
+def test_a_shift_leaves_mesh_and_cylinder_where_they_were(pressed):
+    test, path = pressed
+    again = PlaneStrainIndentation(test.section, test.indenter, test.tissues, test.settings).solve(depth=6.0)
+    np.testing.assert_array_equal(again.curve.force, test.solve(depth=6.0).curve.force)
+    np.testing.assert_allclose(again.curve.force, path.force, rtol=1e-7)
+
+
+def test_skin_slides_along_itself_to_the_left_of_the_travel(leg, plain):
+    section, _ = leg
+    slid = slide_along_skin(plain.outline, section, plain.touch)
+    top = np.argmax(np.linalg.norm(slid, axis=1))
+    left = np.array([-plain.direction[1], plain.direction[0]])
+    assert slid[top] @ left == pytest.approx(1.0, abs=0.05)
+    line = ring(section, "skin")
+    before, after = (shapely.distance(shapely.points(x), line) for x in (plain.outline, plain.outline + slid))
+    assert np.abs(after - before).max() < 0.02, "the leg's shape stays"
+    assert not np.any(slide_along_skin(along(ring(section, "fascia")), section, plain.touch) > 1e-6)
 
 
 @pytest.mark.slow
@@ -205,8 +269,6 @@ def test_a_leg_moved_from_geometry_to_geometry_is_meshed_once_and_has_the_force_
 )
 def test_the_force_s_change_agrees_with_that_of_another_mesh_of_the_moved_contours(motion):
     """Within the noise that another mesh brings (that of two meshes of one leg), and a tenth."""
-    from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
-
     section, indenter, tissues = subject_3()
     settings = PlaneStrainSettings()
     first = PlaneStrainIndentation(section, indenter, tissues, settings)
@@ -219,11 +281,11 @@ def test_the_force_s_change_agrees_with_that_of_another_mesh_of_the_moved_contou
     there = moved_section(section, motion, first.section_mesh)
     finer = replace(settings, mesh=settings.mesh.refined(1.1))
     noise = np.abs(force(PlaneStrainIndentation(section, indenter, tissues, finer)) / before - 1)
-    moved = force(replace(first, moved=motion)) / before - 1
+    after = force(replace(first, meshed=moved(first.section_mesh, motion, section, indenter))) / before - 1
     anew = force(PlaneStrainIndentation(there, indenter, tissues, settings)) / before - 1
-    assert np.abs(moved).max() > 5e-3, "the motion tells something"
+    assert np.abs(after).max() > 5e-3, "the motion tells something"
     # A mesh's edges miss the hat's crest by up to this, and first touch is there.
     crest = 0.5 * settings.mesh.contact_size * motion.size / motion.width
     touch = crest * np.gradient(before, d) / before if motion.outline == "skin" else 0.0
-    apart = np.abs(moved - anew)
-    assert np.all(apart < max(3 * noise.max(), 0.1 * np.abs(moved).max()) + touch)
+    apart = np.abs(after - anew)
+    assert np.all(apart < max(3 * noise.max(), 0.1 * np.abs(after).max()) + touch)

@@ -10,6 +10,7 @@ from making_diagnosis import GRID, SOUGHT, fat, observations, problem_of, ramps
 from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray
+from legfem.experiments.plane_strain import LateralPlacement
 from legfem.geometry.section import BONES
 from legfem.inverse.accuracy import GEOMETRY_DOF, MATERIAL_LOG_SD, Cause
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
@@ -30,10 +31,11 @@ from legfem.legs.nuisances import (
     DRAWN,
     OUTLINES,
     ShapeAccuracy,
-    displaced_geometries,
+    errors_of_geometry,
 )
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import LegAccuracy
+from legfem.meshing.section import MeshMotion
 
 
 def effects_of(*given) -> dict[str, FloatArray]:
@@ -48,9 +50,7 @@ def blank():
     """A leg's observations and force, with changes that differ from geometry to geometry."""
     observed, predictor = observations(ramps())
     force = predictor({DEEP_C10: 0.001, DEEP_C20: 0.0008})
-    geometric = {
-        own.name: {"force": 0.01 * np.cos((k + 1) * GRID / 15)} for k, own in enumerate(displaced_geometries())
-    }
+    geometric = {name: {"force": 0.01 * np.cos((k + 1) * GRID / 15)} for k, name in enumerate(errors_of_geometry())}
     return observed, force, NuisanceChanges(GRID, geometric, {"superficial.C10": {"force": fat(GRID)}})
 
 
@@ -92,10 +92,10 @@ def test_modes_of_an_outline_have_its_error_s_covariance_along_the_arc(blank):
     effects = effects_of(nuisances, observed, force, ShapeAccuracy())
     for part in OUTLINES:
         modes = np.array([e for name, e in effects.items() if name.startswith(f"outline of the {part}")])
-        hats = [g for g in displaced_geometries() if g.name.startswith(f"outline of the {part}")]
-        arcs = np.array([g.moved.arc for g in hats])
+        hats = {name: m for name, m in errors_of_geometry().items() if name.startswith(f"outline of the {part}")}
+        arcs = np.array([m.arc for m in hats.values()])
         apart = (arcs[:, None] - arcs[None, :]) / CONTOUR_ARC_MM
-        courses = [nuisances.geometric[g.name]["force"] for g in hats]
+        courses = [nuisances.geometric[name]["force"] for name in hats]
         each = np.array([force * CubicSpline(GRID, course)(observed.displacement) for course in courses])
         expected = each.T @ np.exp(-0.5 * apart**2) @ each
         found = modes.T @ modes
@@ -117,14 +117,14 @@ def test_errors_of_the_correction_count_where_it_is_applied(blank):
     assert 0.001 < most / force[deep] < 0.2
 
 
-def test_displaced_geometries_are_one_standard_deviation_off_each():
-    geometries = displaced_geometries()
-    assert len({g.name for g in geometries}) == len(geometries)
-    for geometry in geometries:
-        assert (geometry.moved is None) != (geometry.placement is None)
-        if geometry.moved is not None:
-            assert geometry.moved.size == CONTOUR_SD_MM
-    assert {g.moved.outline for g in geometries if g.moved} == {*OUTLINES, *BONES}
+def test_errors_of_the_geometry_are_one_standard_deviation_each():
+    errors = errors_of_geometry()
+    outlines = [error for error in errors.values() if isinstance(error, MeshMotion)]
+    assert {error.size for error in outlines} == {CONTOUR_SD_MM}
+    assert {error.outline for error in outlines} == {*OUTLINES, *BONES}
+    assert errors["aim"] == LateralPlacement(offset_mm=AIM_SD_MM)
+    assert errors["direction"] == LateralPlacement(tilt_deg=DIRECTION_SD_DEG)
+    assert len(outlines) + 2 == len(errors)
 
 
 def test_a_variance_that_a_bound_makes_small_keeps_its_degrees_of_freedom():

@@ -119,7 +119,7 @@ def test_nothing_is_solved_after_a_deadline_and_the_answer_says_so():
 class Stopping:
     """A leg whose solutions never come to their end."""
 
-    def follow(self, protocol, deep, solution, sensitivities=(), geometry=None):
+    def follow(self, protocol, deep, solution, sensitivities=()):
         """Say that it stopped."""
         return Solved.nothing("the step became too small")
 

@@ -12,7 +12,7 @@ from legfem.channels.kind import ChannelFile, Channels
 from legfem.channels.laid import WAYS, laid_course
 from legfem.channels.seen import ReadState, Seen, SeenModel, SeenSpecimen
 from legfem.common.units import FloatArray
-from legfem.fem.system import System
+from legfem.fem.system import Shift, System
 from legfem.geometry.indenter import TravelLine
 from legfem.solve.sensitivity import SensitivityTracker
 
@@ -69,6 +69,11 @@ class ChannelReader:
             found |= {**stated, **_of_images(file, seen, stated)}
         return found
 
+    def read_as_stated(self, state: ReadState) -> dict[str, float]:
+        """Return the values of the channels there are in a state, but of images laid elsewhere."""
+        seen = Seen(self._model, state)
+        return {name: value for file in self.files for name, (value, _) in file.read(seen).items()}
+
 
 class ChannelLog:
     """Channels along a path, from the undeformed state on.
@@ -79,10 +84,15 @@ class ChannelLog:
         What reads them; without one there are none.
     parameters
         Full names of what they are differentiated by.
+    tracker
+        Of the derivatives by them; its first parameters are these.
     """
 
-    def __init__(self, reader: ChannelReader | None, parameters: Sequence[str]) -> None:
-        self._reader, self._parameters = reader, tuple(parameters)
+    def __init__(
+        self, reader: ChannelReader | None, parameters: Sequence[str], tracker: SensitivityTracker | None = None
+    ) -> None:
+        self._reader, self._parameters, self._tracker = reader, tuple(parameters), tracker
+        self._aside: dict[tuple[int, float], ChannelReader] = {}
         self.values: dict[str, list[float]] = {}
         """By name, NaN where a channel isn't there."""
         self._rates: dict[str, list[FloatArray]] = {}
@@ -94,27 +104,24 @@ class ChannelLog:
             self._at_rest = ReadState(unknown, rates[0], force, rates[1], nodal, rates[2])
             first = reader.read(self._at_rest)
             self.values = {name: [value] for name, (value, _) in first.items()}
-            self._rates = {name: [rates] for name, (_, rates) in first.items()}
+            explicit = self._by_shifts(reader, self._at_rest)
+            self._rates = {name: [rates + explicit[:, k]] for k, (name, (_, rates)) in enumerate(first.items())}
 
-    def take(
-        self, contact_force: FloatArray, tracker: SensitivityTracker | None, chain: FloatArray, whole: float
-    ) -> None:
+    def take(self, contact_force: FloatArray, chain: FloatArray, whole: float) -> None:
         """Read the state that a step came to.
 
         Parameters
         ----------
         contact_force
             On the model, N.
-        tracker
-            Derivatives there, by the names that the chain rule starts from.
         chain
-            Derivatives of those by the parameters, (names, parameters).
+            Derivatives of what the tracker differentiates by, by the parameters, (names, parameters).
         whole
             Force of the whole cylinder over that on the model.
         """
         if self._reader is None:
             return
-        system = self._reader.system
+        system, tracker = self._reader.system, self._tracker
         state = replace(
             self._at_rest,
             unknown=system.unknown.x.array,
@@ -130,11 +137,33 @@ class ChannelLog:
                 contact_force_rates=whole * (chain.T @ tracker.contact_force_rates),
                 nodal_force_rates=np.tensordot(chain.T, tracker.nodal_force_rates, axes=1),
             )
-        read = self._reader.read(state)
-        for name, values in self.values.items():
+        read, explicit = self._reader.read(state), self._by_shifts(self._reader, state)
+        for k, (name, values) in enumerate(self.values.items()):
             value, by = read.get(name, (np.nan, np.full(len(self._parameters), np.nan)))
             values.append(value)
-            self._rates[name].append(by)
+            self._rates[name].append(by + explicit[:, k])
+
+    def _by_shifts(self, reader: ChannelReader, state: ReadState) -> FloatArray:
+        """Return derivatives (parameters, channels) by shifts of the leg and the cylinder in a state that stays.
+
+        What images show that lie elsewhere is a difference already, and is taken to stay.
+        """
+        found = np.zeros((len(self._parameters), len(self.values)))
+        none = {
+            f"{one}_rates": getattr(state, f"{one}_rates")[:0] for one in ("unknown", "contact_force", "nodal_force")
+        }
+        alone = replace(state, **none)
+        for place, shift in self._tracker.shifts.items() if self._tracker else ():
+
+            def values(size: float, place: int = place, shift: Shift = shift) -> FloatArray:
+                if (place, size) not in self._aside:
+                    line = reader.stated and replace(reader.stated, origin=reader.stated.origin + size * shift.stated)
+                    self._aside[place, size] = replace(reader, stated=line)
+                read = self._aside[place, size].read_as_stated(alone)
+                return np.array([read.get(name, 0.0) for name in self.values])
+
+            found[place] = reader.system.by_shift(shift, values)
+        return found
 
     def channels(self) -> tuple[dict[str, FloatArray], dict[str, dict[str, FloatArray]]]:
         """Return the channels that are there at every step, and their derivatives by channel and parameter."""

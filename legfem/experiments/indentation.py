@@ -98,7 +98,7 @@ class IndentationModel(Meshed):
         time, displacement = [float(protocol.time[0])], [float(protocol.displacement[0])]
         force = [0.0]
         derivatives: list[FloatArray] = [np.zeros(len(sensitivities))]
-        log = ChannelLog(self.reader, tuple(sensitivities))
+        log = ChannelLog(self.reader, tuple(sensitivities), tracker)
 
         def record(now: float, at: float) -> None:
             time.append(now)
@@ -107,7 +107,7 @@ class IndentationModel(Meshed):
             force.append(float(contact @ self.system.direction) * self.whole)
             if tracker is not None:
                 derivatives.append(tracker.step(self.solver) @ chain * self.whole)
-            log.take(contact, tracker, chain, self.whole)
+            log.take(contact, chain, self.whole)
             if on_step is not None:
                 on_step(at)
 

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from legfem.experiments.experiment import Solved, as_protocol, cached_in_process
 from legfem.fem.fields import most_stretched
 from legfem.fem.sliding import SlidingForces
 from legfem.fem.spaces import build_spaces
-from legfem.fem.system import System
+from legfem.fem.system import Shift, System
 from legfem.geometry.indenter import Indenter, TravelLine, first_touch
 from legfem.geometry.section import BONES, LegSection, across
 from legfem.mechanics.contact import ContactSettings
@@ -37,7 +37,7 @@ from legfem.meshing.section import (
     SectionMesh,
     SectionMeshSettings,
     mesh_section,
-    moved_section_mesh,
+    slide_along_skin,
 )
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.path import ForceCurve
@@ -139,8 +139,8 @@ class PlaneStrainIndentation(indentation.IndentationTest):
         Ranks that one solution is spread over.
     mechanisms
         Terms added to those of tissues and contact, each in place of one of its name if there is.
-    moved
-        Motion of the mesh's outlines once it is made; none by default.
+    motions
+        Errors of outlines and of the line of travel by name, by which a solution can be differentiated, by one of each.
     meshed
         Mesh of the section, if there is one already; by default it is made when first needed.
     sights
@@ -159,7 +159,7 @@ class PlaneStrainIndentation(indentation.IndentationTest):
     settings: PlaneStrainSettings = field(default_factory=PlaneStrainSettings)
     comm: MPI.Intracomm = field(default_factory=lambda: MPI.COMM_SELF, repr=False)
     mechanisms: Sequence[Term] = ()
-    moved: MeshMotion | None = None
+    motions: Mapping[str, MeshMotion | LateralPlacement] = field(default_factory=dict, repr=False)
     meshed: SectionMesh | None = field(default=None, repr=False)
     sights: tuple[Sight, ...] = ()
 
@@ -197,7 +197,7 @@ class PlaneStrainIndentation(indentation.IndentationTest):
         if self.meshed is not None:
             return self.meshed
         indenter = self.indenter
-        meshed = mesh_section(
+        return mesh_section(
             self.section,
             indenter.radius,
             indenter.aim,
@@ -207,32 +207,44 @@ class PlaneStrainIndentation(indentation.IndentationTest):
             self._bones_give_way,
             bool(self.model.at("face")),
         )
-        if self.moved is None:
-            return meshed
-        return moved_section_mesh(meshed, self.moved, self.section, indenter.radius, indenter.aim)
 
     @cached_in_process
-    def _at_rest(self) -> tuple[FloatArray, FloatArray]:
-        """Coordinates of the mesh and of its skin before they are moved, mm."""
-        spaces = self.system.spaces
-        return spaces.mesh.geometry.x.copy(), spaces.skin.geometry.x.copy()
+    def _moving(self) -> dict[str, tuple[FloatArray, ...]]:
+        """By a motion's name, those of nodes, of the skin's nodes and of the outline (n, 3), mm."""
+        spaces, meshed, section = self.system.spaces, self.section_mesh, self.section
 
-    def moved_to(self, motion: MeshMotion) -> "PlaneStrainIndentation":
-        """Return the test with outlines moved, for which this one's mesh and system are moved and not made again.
+        def moving(motion: MeshMotion | LateralPlacement, at: FloatArray) -> FloatArray:
+            points = at[:, :2].copy()
+            if isinstance(motion, MeshMotion):
+                return motion.displacement(points, section, meshed.touch, meshed.direction)
+            # The farther the deeper where the travel is turned: as at the middle of the usual depth.
+            aside = motion.offset_mm + math.radians(motion.tilt_deg) * 0.5 * self.indenter.radius
+            return aside * slide_along_skin(points, section, meshed.touch)
 
-        They are in one place at a time: this test, and any that it returned before, solves no more. A face inside the
-        body knows places of its own, and has everything made again.
-        """
-        other = replace(self, moved=motion)
-        if self.model.at("face"):
-            return other
-        spaces, given = self.system.spaces, self.indenter
-        for mesh, rest in zip((spaces.mesh, spaces.skin), self._at_rest, strict=True):
-            mesh.geometry.x[:] = rest
-        meshed = moved_section_mesh(self.section_mesh, motion, self.section, given.radius, given.aim, spaces.skin)
-        pressing = replace(self.pressing, reader=self._reader(self.system, meshed))
-        vars(other).update(section_mesh=meshed, pressing=pressing)
-        return other
+        places = spaces.mesh.geometry.x, spaces.skin.geometry.x, meshed.outline
+        every = {name: [moving(motion, at) for at in places] for name, motion in self.motions.items()}
+        return {name: tuple(np.pad(one, ((0, 0), (0, 1))) for one in found) for name, found in every.items()}
+
+    def _shift(self, placement: LateralPlacement, name: str) -> Shift | None:
+        """Return what is shifted with an error of an outline, or of the line of travel, about a placement."""
+        if name not in self.motions:
+            return None
+        motion, (nodes, skin, outline) = self.motions[name], self._moving[name]
+        aside = motion if isinstance(motion, LateralPlacement) else LateralPlacement()
+        moved = 0.0 if aside is motion else outline[:, :2]
+        ahead, behind = (
+            LateralPlacement(placement.tilt_deg + way * aside.tilt_deg, placement.offset_mm + way * aside.offset_mm)
+            for way in (1.0, -1.0)
+        )
+        start = 0.5 * (self._touch(ahead, moved) - self._touch(behind, -moved))
+        direction = 0.5 * (ahead.travel(self.section_mesh.direction) - behind.travel(self.section_mesh.direction))
+        return Shift(nodes, skin, start, direction, np.zeros(2) if aside is motion else start)
+
+    def _touch(self, placement: LateralPlacement, moved: FloatArray | float = 0.0) -> FloatArray:
+        """Return the cylinder's centre at first touch (mm) of the outline, or of one that is moved."""
+        meshed, given = self.section_mesh, self.indenter
+        aim = placement.aim(given.aim, meshed.direction)
+        return first_touch(meshed.outline + moved, given.radius, aim, meshed.direction)
 
     @cached_in_process
     def replays(self) -> indentation.RecentSolutions:
@@ -358,10 +370,8 @@ class PlaneStrainIndentation(indentation.IndentationTest):
         return ChannelReader(system, files_of("2d"), self.sights, TravelLine(meshed.touch, meshed.direction))
 
     def _placed(self, placement: LateralPlacement) -> indentation.IndentationModel:
-        meshed, indenter = self.section_mesh, self.indenter
-        aim = placement.aim(indenter.aim, meshed.direction)
-        touch = first_touch(meshed.outline, indenter.radius, aim, meshed.direction)
-        self.system.place_indenter(touch, placement.travel(meshed.direction))
+        self.system.place_indenter(self._touch(placement), placement.travel(self.section_mesh.direction))
+        self.system.shift_named = partial(self._shift, placement)
         return self.pressing
 
 

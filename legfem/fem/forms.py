@@ -118,9 +118,13 @@ class History:
         """Return an expression at all quadrature points, flat."""
         return evaluate(expression, self._mesh, self._cells)
 
+    def updated(self, name: str) -> NDArray[np.float64]:
+        """Return a variable at the end of the step, flat."""
+        return self.values(self._updates[name])
+
     def advance(self) -> None:
         """Move all variables to the end of the step."""
-        fresh = {name: self.values(update) for name, update in self._updates.items()}
+        fresh = {name: self.updated(name) for name in self._updates}
         for name, value in fresh.items():
             self.variables[name].x.array[:] = value
 

@@ -1,6 +1,7 @@
 """Residual and tangent of a model on its spaces, and the state that a step starts from."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -35,6 +36,31 @@ class Balance:
     """Virtual work of the contact forces over the displacement."""
     internal_work: float
     """Virtual work of the stresses over the displacement."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shift:
+    """A change of a leg's shape, or of the indenter's way, that a path can be differentiated by; of the size 1.
+
+    Parameters
+    ----------
+    nodes, skin_nodes : (n, 3) array
+        Motion of the nodes of the mesh and of its skin's, mm.
+    start, direction : (d,) array
+        Change of the indenter's centre at zero displacement (mm), and of the unit vector of its travel.
+    stated : (d,) array
+        Change of the point on the line of travel that images refer to, mm.
+    """
+
+    nodes: FloatArray
+    skin_nodes: FloatArray
+    start: FloatArray
+    direction: FloatArray
+    stated: FloatArray
+
+
+_SMALL = 1e-3
+"""Part of a shift by which its derivatives are differences: their error is some 1e-6 of them."""
 
 
 class System:
@@ -79,6 +105,8 @@ class System:
         direction = np.zeros(spaces.dimension) if direction is None else direction
         self.comm = spaces.mesh.comm
         self.start, self.direction = start, direction
+        self.shift_named: Callable[[str], Shift | None] = lambda _: None
+        """What the model can be differentiated by beside its numbers."""
         self.body_symbols, self.skin_symbols = Symbols(spaces.mesh), Symbols(spaces.skin)
         self._clocks = Clock(spaces.mesh), Clock(spaces.skin)
         self.unknown = fem.Function(spaces.space)
@@ -139,6 +167,34 @@ class System:
         They take effect when the system is reset.
         """
         self.start, self.direction = start, direction
+
+    @contextmanager
+    def shifted(self, shift: Shift, size: float) -> Iterator[None]:
+        """Move mesh and indenter, before the step and now, for as long as a context lasts."""
+        meshes, centres = (self.spaces.mesh, self.spaces.skin), (self._centre, self._centre_before)
+        start, direction, before = self.start, self.direction, [one.value.copy() for one in centres]
+        at_rest = [mesh.geometry.x.copy() for mesh in meshes]
+        self.start, self.direction = start + size * shift.start, direction + size * shift.direction
+        for mesh, nodes in zip(meshes, (shift.nodes, shift.skin_nodes), strict=True):
+            mesh.geometry.x[:] += size * nodes
+        for centre, was in zip(centres, before, strict=True):
+            centre.value[:] = self.start + ((was - start) @ direction) * self.direction
+        try:
+            yield
+        finally:
+            self.start, self.direction = start, direction
+            for mesh, x in zip(meshes, at_rest, strict=True):
+                mesh.geometry.x[:] = x
+            for centre, was in zip(centres, before, strict=True):
+                centre.value[:] = was
+
+    def by_shift(self, shift: Shift, values: Callable[[float], FloatArray]) -> FloatArray:
+        """Return the derivative, at the present unknown, of what is computed of a shift's size."""
+        sides = []
+        for size in (_SMALL, -_SMALL):
+            with self.shifted(shift, size):
+                sides.append(values(size))
+        return (sides[0] - sides[1]) / (2 * _SMALL)
 
     def set_time(self, time: float, step: float) -> None:
         """Set the time at the end of the step, and the step (s)."""

@@ -72,7 +72,7 @@ class ShapeError:
 
     name: str
     weights: Mapping[str, float]
-    """One standard deviation of it, as a sum of displaced geometries (`BodyModels.displaced`) by name."""
+    """One standard deviation of it, as a sum of errors of the geometry (`BodyModels.geometric`) by name."""
     cause: Cause
 
 

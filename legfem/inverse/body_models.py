@@ -1,7 +1,7 @@
 """The models of a body, what is asked of them, and what they answer."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -13,29 +13,6 @@ from legfem.solve.protocol import Protocol as Motion
 
 if TYPE_CHECKING:
     from legfem.experiments.experiment import Solved
-    from legfem.experiments.plane_strain import LateralPlacement
-    from legfem.meshing.section import MeshMotion
-
-
-@dataclass(frozen=True)
-class Displaced:
-    """A geometry other than the stated one, to be solved for."""
-
-    name: str
-    moved: "MeshMotion | None" = None
-    placement: "LateralPlacement | None" = None
-    near: bool = True
-    """Whether it is one of what the indenter touches, or as near, and may do something else beside a mechanism."""
-
-    @property
-    def opposite(self) -> "Displaced":
-        """The geometry as far to the other side."""
-        moved, at = self.moved, self.placement
-        return Displaced(
-            self.name,
-            None if moved is None else replace(moved, size=-moved.size),
-            None if at is None else replace(at, tilt_deg=-at.tilt_deg, offset_mm=-at.offset_mm),
-        )
 
 
 class BodyModels(Protocol):
@@ -46,16 +23,15 @@ class BodyModels(Protocol):
         """Full names of the numbers that are assumed, and may be somewhat off."""
 
     @property
-    def displaced(self) -> tuple[Displaced, ...]:
-        """Geometries other than the stated one, whose forces tell of what isn't known of it."""
+    def geometric(self) -> tuple[str, ...]:
+        """Names of errors of the stated geometry, by which solutions are differentiated, too."""
+
+    @property
+    def near(self) -> tuple[str, ...]:
+        """Those of what the indenter touches, or as near, that may do something else beside a mechanism."""
 
     def follow(
-        self,
-        protocol: Motion,
-        deep: Mapping[str, float],
-        solution: Solution,
-        sensitivities: Sequence[str] = (),
-        geometry: Displaced | None = None,
+        self, protocol: Motion, deep: Mapping[str, float], solution: Solution, sensitivities: Sequence[str] = ()
     ) -> "Solved":
         """Solve a protocol for a stiffness; see `legfem.legs.finite_element_models.LegVariants.follow`."""
 
@@ -97,8 +73,6 @@ class PathRequest:
         Which model, and its parameters.
     derivatives
         Full names of parameters by which the force is differentiated.
-    geometry
-        Another than the stated one.
     """
 
     protocol: Motion
@@ -106,11 +80,9 @@ class PathRequest:
     stiffness: Stiffness
     solution: Solution
     derivatives: tuple[str, ...] = ()
-    geometry: Displaced | None = None
 
     def entry(self, terms: str) -> dict[str, Any]:
         """Return what its outcome is kept under; ``terms`` are those of its model."""
-        at = self.geometry
         return {
             "protocol": [list(self.protocol.time), list(self.protocol.displacement)],
             "at": np.round(self.at, 9).tolist(),
@@ -121,5 +93,4 @@ class PathRequest:
             "scaled": {k: float(v) for k, v in self.solution.scaled.items()},
             "tilt_deg": float(self.solution.tilt_deg),
             "derivatives": list(self.derivatives),
-            "geometry": repr((None, None) if at is None else (at.moved, at.placement)),
         }

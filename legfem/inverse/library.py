@@ -94,7 +94,7 @@ class NuisanceChanges:
     grid
         (m,), mm: of the force; that of other channels begins at zero.
     geometric
-        By the name of a displaced geometry.
+        By the name of an error of the geometry.
     material
         By a parameter's full name, per relative change of it.
     """

@@ -22,7 +22,7 @@ from legfem.inverse.library import (
     coordinates,
     unchanged,
 )
-from legfem.inverse.library_tasks import ONE, Outcome, Task, cross, outcomes_of, tasks_for
+from legfem.inverse.library_tasks import ONE, Outcome, Task, cross, outcomes_of, tasks_for, unknowns_of
 from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, prior_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.responses import ELASTIC_DERIVATIVES, SolvedResponses
@@ -98,7 +98,7 @@ def geometric_changes(
     jobs: int,
     progress: Progress,
 ) -> NuisanceChanges:
-    """Solve what displaced geometries do to the elastic courses, but for those whose solution stops.
+    """Solve what errors of the geometry, and of what is assumed, do to the elastic courses; none where that stops.
 
     Parameters
     ----------
@@ -111,11 +111,10 @@ def geometric_changes(
     jobs, progress
         See `build_library`.
     """
-    tasks = [Task(stiffness, geometry=geometry) for geometry in responses[1].variants.displaced]
-    found = outcomes_of(responses, tasks, jobs, progress)
-    done = [(task, outcome) for k, task in enumerate(tasks) if (outcome := found[k]) is not None]
+    tasks = [Task(stiffness, derivatives=unknowns_of(responses[1].variants))]
+    done = [(tasks[0], one) for one in outcomes_of(responses, tasks, jobs, progress).values() if one is not None]
     names = _known_channels(done) if observed.channels else ()
-    return _nuisances(responses[0].grid, done, names)
+    return _nuisances(responses[0], done, names)
 
 
 def _assembled(
@@ -144,9 +143,9 @@ def _assembled(
                 missing[m.name] = "simulations did not reach the end of the protocol" if tried else UNTRIED
             else:
                 changes[m.name, key], beside[m.name, key] = table, other
-    nuisances = _nuisances(solved.grid, done, names)
+    nuisances = _nuisances(solved, done, names)
     altered = {
-        m.name: _nuisances(solved.grid, done, names, m).plus(-1.0, nuisances)
+        m.name: _nuisances(solved, done, names, m).plus(-1.0, nuisances)
         for m in tissue
         if any(t.beside is not None and t.beside[0] is m for t, _ in done)
     }
@@ -167,17 +166,21 @@ def _assembled(
 
 
 def _nuisances(
-    grid: FloatArray, done: Sequence[tuple[Task, Outcome]], names: Sequence[str], beside: TissueMechanism | None = None
+    solved: SolvedResponses,
+    done: Sequence[tuple[Task, Outcome]],
+    names: Sequence[str],
+    beside: TissueMechanism | None = None,
 ) -> NuisanceChanges:
     """Return what is known of nuisances, beside a mechanism or without any."""
-    own = [(t, o) for t, o in done if (t.beside[0] if t.beside else None) is beside]
-
-    def known(change: Columns) -> Columns:
-        return {"force": smoothed(grid, change["force"]), **{name: change[name] for name in names if name in change}}
-
-    geometric = {t.geometry.name: known(o[ONE]) for t, o in own if t.geometry is not None}
-    material = next((o for t, o in own if t.material), {})
-    return NuisanceChanges(grid, geometric, {name: known(change) for name, change in material.items()})
+    grid, assumed = solved.grid, solved.variants.assumed
+    known = {
+        by: {"force": smoothed(grid, change["force"]), **{name: change[name] for name in names if name in change}}
+        for task, outcome in done
+        if task.derivatives and (task.beside[0] if task.beside else None) is beside
+        for by, change in outcome.items()
+    }
+    material = {name: known[name] for name in assumed if name in known}
+    return NuisanceChanges(grid, {name: one for name, one in known.items() if name not in material}, material)
 
 
 def _known_channels(done: Sequence[tuple[Task, Outcome]]) -> tuple[str, ...]:

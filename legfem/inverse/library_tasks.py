@@ -12,7 +12,7 @@ from legfem.common.deadline import NEVER, Deadline
 from legfem.common.progress import Progress
 from legfem.common.units import mpa_to_kpa
 from legfem.data.phases import LOADING
-from legfem.inverse.body_models import BodyModels, Columns, Displaced
+from legfem.inverse.body_models import BodyModels, Columns
 from legfem.inverse.library import Detail, pair_strength
 from legfem.inverse.mechanism import Stiffness, TissueMechanism, Values, null_of
 from legfem.inverse.observations import Observations
@@ -44,17 +44,17 @@ class Task:
     mechanism: TissueMechanism | None = None
     strength: float = 0.0
     stations: Stations | None = None
-    geometry: Displaced | None = None
-    material: bool = False
+    derivatives: tuple[str, ...] = ()
+    """By which its elastic courses are differentiated: assumed numbers, errors of the geometry."""
     node: Values | None = None
     pair: tuple[tuple[TissueMechanism, float], ...] = ()
     beside: tuple[TissueMechanism, float] | None = None
-    """Mechanism, with its strength, beside which a geometry or what is assumed is off."""
+    """Mechanism, with its strength, beside which what it is differentiated by is off."""
 
     @property
     def is_elastic(self) -> bool:
         """Whether it is of the base model alone."""
-        return self.mechanism is None and self.geometry is None and not self.material and not self.pair
+        return self.mechanism is None and not self.derivatives and not self.pair
 
     @property
     def label(self) -> str:
@@ -62,10 +62,8 @@ class Task:
         what = "elastic"
         if self.mechanism is not None:
             what = self.mechanism.name
-        elif self.geometry is not None:
-            what = self.geometry.name
-        elif self.material:
-            what = "derivatives by what is assumed"
+        elif self.derivatives:
+            what = "derivatives by outlines, aim and what is assumed"
         elif self.pair:
             what = " beside ".join(m.name for m, _ in self.pair)
         if self.beside is not None:
@@ -89,11 +87,9 @@ def _work(responses: tuple[SolvedResponses, SolvedResponses], task: Task) -> Out
 def _solved(solved: SolvedResponses, coarse: SolvedResponses, task: Task) -> Outcome:
     mechanism = task.mechanism
     leg = PLAIN if task.beside is None else task.beside[0].solution(_values_at(*task.beside))
-    if task.geometry is not None:
-        found = coarse.displaced(task.geometry, task.point, leg)
-    elif task.material:
-        return coarse.sensitivities(coarse.variants.assumed, task.point, leg)
-    elif task.pair:
+    if task.derivatives:
+        return coarse.sensitivities(task.derivatives, task.point, leg)
+    if task.pair:
         found = coarse.pair_change([(m, _values_at(m, strength)) for m, strength in task.pair], task.point)
     elif mechanism is None:
         found = solved.elastic(task.point)
@@ -145,14 +141,12 @@ def tasks_for(
         for strength in _strengths(m, detail)
     ]
     tasks += [Task(point(*one)) for one in lattice]
-    tasks.append(Task(centre, material=True))
-    tasks += [Task(centre, geometry=geometry) for geometry in models.displaced]
+    if by := unknowns_of(models):
+        tasks.append(Task(centre, derivatives=by))
     if observed.channels:
         of_whole = [m for m in tissue if m.alters_nuisances and m.name in detail.whole]
         altering = [(m, at) for m in of_whole if (at := pair_strength(m)) is not None]
-        near = [geometry for geometry in models.displaced if geometry.near]
-        tasks += [Task(centre, material=True, beside=one) for one in altering]
-        tasks += [Task(centre, geometry=geometry, beside=one) for one in altering for geometry in near]
+        tasks += [Task(centre, derivatives=(*models.assumed, *models.near), beside=one) for one in altering]
     tasks += [
         Task(at, m, strength)
         for m in tissue
@@ -168,6 +162,11 @@ def tasks_for(
             tasks.append(Task(where[0], pair=pair))
     far = [m for m in tissue if not m.along_path and m.name in detail.whole]
     return tasks + [Task(centre, m, node=node) for m in far for node in m.nodes]
+
+
+def unknowns_of(models: BodyModels) -> tuple[str, ...]:
+    """Return what isn't known exactly of a body, by which its courses are differentiated."""
+    return (*models.assumed, *models.geometric)
 
 
 def _strengths(mechanism: TissueMechanism, detail: Detail) -> tuple[float, ...]:

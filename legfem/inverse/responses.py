@@ -14,7 +14,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray
-from legfem.inverse.body_models import BodyModels, Columns, Displaced, PathRequest, channels_of, derivative_of
+from legfem.inverse.body_models import BodyModels, Columns, PathRequest, channels_of, derivative_of
 from legfem.inverse.emulator import At, GridSpline
 from legfem.inverse.mechanism import Solution, Stiffness, TissueMechanism, Values, null_of
 from legfem.inverse.observations import Observations
@@ -62,14 +62,11 @@ class SolvedResponses:
     """Made, not recalled."""
     only_kept: bool = False
     """Whether `NotKeptError` is raised where a solution would have to be made."""
-    rougher: "SolvedResponses | None" = None
-    """Of a coarser mesh, for small changes of the geometry; these ones without it."""
     _known: dict[str, Columns] = field(default_factory=dict, repr=False)
 
     def recalling(self) -> "SolvedResponses":
         """Return the same that makes no solution: `NotKeptError` is raised instead."""
-        rougher = None if self.rougher is None else self.rougher.recalling()
-        return replace(self, only_kept=True, rougher=rougher)
+        return replace(self, only_kept=True)
 
     @property
     def grid(self) -> FloatArray:
@@ -204,7 +201,7 @@ class SolvedResponses:
     def sensitivities(
         self, names: Sequence[str], stiffness: Stiffness, solution: Solution = PLAIN
     ) -> Mapping[str, Columns]:
-        """Return the changes at the grid by relative ones of a solution's parameters, by the parameters' names."""
+        """Return the changes at the grid by relative ones of a solution's parameters, or one of geometric errors."""
         columns = self._solve(replace(self._at_grid(stiffness, solution), derivatives=tuple(names)))
         force = np.maximum(columns["force"], _SMALLEST_FORCE_N)
         nominal = self.variants.parameters(solution.variant)
@@ -212,31 +209,11 @@ class SolvedResponses:
         own = {**nominal, **solution.values(deep, nominal)}
         return {
             name: {
-                "force": own[name] * columns[name] / force,
-                **{one: own[name] * columns[derivative_of(one, name)] for one in channels_of(columns)},
+                "force": own.get(name, 1.0) * columns[name] / force,
+                **{one: own.get(name, 1.0) * columns[derivative_of(one, name)] for one in channels_of(columns)},
             }
             for name in names
         }
-
-    def displaced(self, geometry: Displaced, stiffness: Stiffness, solution: Solution = PLAIN) -> Columns:
-        """Return a solution's changes at the grid by another geometry: of the force relative, of channels absolute.
-
-        A channel that isn't there in it, such as a bone that the line of travel then misses, is taken from the
-        geometry as far to the other side.
-        """
-        if self.rougher is not None:
-            return self.rougher.displaced(geometry, stiffness, solution)
-        asked = self._at_grid(stiffness, solution)
-        before = self._solve(asked)
-
-        def after(one: Displaced) -> Columns:
-            return self._solve(replace(asked, geometry=one))
-
-        found = _changes(before, after(geometry))
-        if set(channels_of(before)) - set(found):
-            mirrored = after(geometry.opposite)
-            found |= {n: before[n] - mirrored[n] for n in channels_of(mirrored) if n in before and n not in found}
-        return found
 
     def _solve(self, asked: PathRequest) -> Columns:
         """Return force, channels and their derivatives at times of a protocol."""
@@ -259,7 +236,7 @@ class SolvedResponses:
             raise NotKeptError
         self.solutions += 1
         deep = dict(zip(ELASTIC_DERIVATIVES, asked.stiffness, strict=True))
-        solved = self.variants.follow(asked.protocol, deep, asked.solution, asked.derivatives, asked.geometry)
+        solved = self.variants.follow(asked.protocol, deep, asked.solution, asked.derivatives)
         if not solved.report.complete:
             return {"stopped": np.zeros(0)}
         path = solved.path

@@ -206,7 +206,7 @@ class SearchRequest:
     out : Path, optional
         Folder in whose ``solves`` every full solve is kept; none is without it.
     responses : Path, optional
-        Folder that keeps what displaced geometries do; ``responses`` in `out` without it.
+        Folder that keeps what errors of the geometry do; ``responses`` in `out` without it.
     jobs : int
         Processes.
     progress : Progress

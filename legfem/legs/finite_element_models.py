@@ -16,17 +16,16 @@ from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, fibres
 from legfem.experiments.plane_strain import LateralPlacement, PlaneStrainIndentation, PlaneStrainSettings, Tissues
 from legfem.geometry.indenter import Site
 from legfem.geometry.motion import without_layer
+from legfem.geometry.section import BONES
 from legfem.inverse.accuracy import MATERIAL_LOG_SD
-from legfem.inverse.body_models import Displaced
 from legfem.inverse.observations import Observations
 from legfem.inverse.responses import SolvedResponses
-from legfem.legs.nuisances import displaced_geometries
+from legfem.legs.nuisances import errors_of_geometry
 from legfem.legs.placement import SpatialLeg
 from legfem.legs.subject import Subject, TissueParameters
 from legfem.mechanics.materials import Hyperelastic, NeoHookean, ReducedPolynomial
 from legfem.mechanics.model import Term
 from legfem.mechanisms import Solution, TissueMechanism, mechanisms, shown_in
-from legfem.meshing.section import MeshMotion
 from legfem.solve.protocol import Protocol
 
 _CUT_OF_SLIP = 0.25
@@ -46,7 +45,7 @@ class LegVariants(Picklable):
     base: PlaneStrainIndentation
 
     @cached_in_process
-    def _models(self) -> dict[tuple[str, bool], PlaneStrainIndentation]:
+    def _models(self) -> dict[str, PlaneStrainIndentation]:
         return {}
 
     @cached_in_process
@@ -59,17 +58,17 @@ class LegVariants(Picklable):
         return tuple(MATERIAL_LOG_SD)
 
     @property
-    def displaced(self) -> tuple[Displaced, ...]:
-        """Geometries whose forces tell of outlines, aim and direction."""
-        return tuple(displaced_geometries())
+    def geometric(self) -> tuple[str, ...]:
+        """Names of errors of outlines, aim and direction."""
+        return tuple(self.base.motions)
+
+    @property
+    def near(self) -> tuple[str, ...]:
+        """Those of all but the bones."""
+        return tuple(name for name in self.geometric if name.split()[0] not in BONES)
 
     def follow(
-        self,
-        protocol: Protocol,
-        deep: Mapping[str, float],
-        solution: Solution,
-        sensitivities: Sequence[str] = (),
-        geometry: Displaced | None = None,
+        self, protocol: Protocol, deep: Mapping[str, float], solution: Solution, sensitivities: Sequence[str] = ()
     ) -> Solved:
         """Solve a protocol.
 
@@ -82,16 +81,11 @@ class LegVariants(Picklable):
         solution
             The mechanism.
         sensitivities
-            Parameters to differentiate by.
-        geometry
-            Where mesh and cylinder are moved to; as stated without it.
+            Parameters and errors of the geometry to differentiate by.
         """
-        moved, placement = (None, None) if geometry is None else (geometry.moved, geometry.placement)
-        model = self.model(solution.variant, moved)
+        model = self.model(solution.variant)
         values = solution.values(deep, model.model.parameters)
-        at = placement or LateralPlacement()
-        tilted = replace(at, tilt_deg=at.tilt_deg + solution.tilt_deg)
-        return model.solve(values, protocol, sensitivities, placement=tilted)
+        return model.solve(values, protocol, sensitivities, placement=LateralPlacement(solution.tilt_deg))
 
     def parameters(self, variant: str) -> dict[str, float]:
         """Return a model's parameters by full name (MPa, 1/MPa)."""
@@ -103,13 +97,12 @@ class LegVariants(Picklable):
             self._described[variant] = repr((self._terms(variant), self._settings(variant)))
         return self._described[variant]
 
-    def model(self, variant: str, moved: MeshMotion | None = None) -> PlaneStrainIndentation:
-        """Return a model by its name, with outlines moved: on a mesh of its own then, until another motion's."""
-        key = variant, moved is not None
-        if key not in self._models:
+    def model(self, variant: str) -> PlaneStrainIndentation:
+        """Return a model by its name."""
+        if variant not in self._models:
             settings, terms = self._settings(variant), self._terms(variant)
-            self._models[key] = replace(self.base, settings=settings, mechanisms=terms, meshed=None)
-        return self._models[key] if moved is None else self._models[key].moved_to(moved)
+            self._models[variant] = replace(self.base, settings=settings, mechanisms=terms, meshed=None)
+        return self._models[variant]
 
     def _settings(self, variant: str) -> PlaneStrainSettings:
         settings = self.base.settings
@@ -135,9 +128,8 @@ class LegVariants(Picklable):
 
 
 _DEPTH_STEP_MM = 1.0
-COARSENING, COARSER = 1.7, 2.4
-"""Of the mesh on which relative changes are tabulated, and those by errors of the geometry: the
-latter's effects are as near to the default mesh's on either."""
+COARSENING = 1.7
+"""Of the mesh on which relative changes are tabulated."""
 TOLERANCE = 1e-6
 """Of Newton's method, over the contact's forces: the force is then exact to 1e-6 of it, and a curve
 takes a fifth fewer iterations than with the default."""
@@ -168,13 +160,14 @@ def solved_responses(
     # A plan weighs what could be seen, too: reading it costs no solution.
     planned = planned_sights(Site(subject.section, subject.indenter), [one.name for one in subject.sights])
 
-    def on_mesh(coarsening: float, rougher: SolvedResponses | None = None) -> SolvedResponses:
+    def on_mesh(coarsening: float) -> SolvedResponses:
         test = plane_strain_test(subject, replace(settings, mesh=settings.mesh.refined(1 / coarsening)))
+        test = replace(test, motions=errors_of_geometry())
         variants = LegVariants(replace(test, sights=(*subject.sights, *planned)))
         depends_on = {**test.fingerprint(), "model": "plane strain with mechanisms", "depth_mm": depth}
-        return SolvedResponses(variants, depth, folder, depends_on, rougher=rougher)
+        return SolvedResponses(variants, depth, folder, depends_on)
 
-    return on_mesh(1.0), on_mesh(COARSENING, on_mesh(COARSER))
+    return on_mesh(1.0), on_mesh(COARSENING)
 
 
 def tissues_of(subject: Subject) -> Tissues:

@@ -1,7 +1,8 @@
 """What the model doesn't know of a leg's shape and placement.
 
 Outlines come from images, the aim from a mark on the skin. Each such unknown has a standard deviation with a source;
-its effect comes from solutions with the mesh or the cylinder moved (`displaced_geometries`), or a sum of them.
+its effect comes from derivatives by errors of the mesh's shape or the cylinder's way (`errors_of_geometry`), or a sum
+of them.
 """
 
 import math
@@ -13,7 +14,6 @@ import numpy as np
 
 from legfem.experiments.plane_strain import LateralPlacement
 from legfem.inverse.accuracy import GEOMETRY_DOF, Accuracy, Cause, ShapeError
-from legfem.inverse.body_models import Displaced
 from legfem.legs.subject import TYPICAL_ACCURACY, Subject
 from legfem.meshing.section import MeshMotion
 
@@ -102,14 +102,13 @@ def accuracy_of_shape(subject: Subject) -> ShapeAccuracy:
     return replace(usual, **stated)
 
 
-def displaced_geometries() -> list[Displaced]:
-    """Return the geometries whose forces tell of outlines, aim and direction."""
-    found = [Displaced(_hat(outline, arc), MeshMotion(outline, arc)) for outline in OUTLINES for arc in _HATS]
-    found += [
-        Displaced(f"{bone} {way}", MeshMotion(bone, turned=turned), near=False)
-        for bone in _BONES
-        for way, turned in _BONES_WAYS.items()
-    ]
-    found.append(Displaced("aim", placement=LateralPlacement(offset_mm=AIM_SD_MM)))
-    found.append(Displaced("direction", placement=LateralPlacement(tilt_deg=DIRECTION_SD_DEG)))
-    return found
+def errors_of_geometry() -> dict[str, MeshMotion | LateralPlacement]:
+    """Return errors of outlines, aim and direction by name, by which forces are differentiated."""
+    found: dict[str, MeshMotion | LateralPlacement] = {
+        _hat(outline, arc): MeshMotion(outline, arc) for outline in OUTLINES for arc in _HATS
+    }
+    found |= {
+        f"{bone} {way}": MeshMotion(bone, turned=turned) for bone in _BONES for way, turned in _BONES_WAYS.items()
+    }
+    aside = {"aim": LateralPlacement(offset_mm=AIM_SD_MM), "direction": LateralPlacement(tilt_deg=DIRECTION_SD_DEG)}
+    return found | aside

@@ -29,12 +29,12 @@ None where they aren't known."""
 
 
 def unknown_geometry(site: int, stiffness: Stiffness) -> None:
-    """Return nothing: the geometry of a closed form, or of a leg in 3D, isn't displaced."""
+    """Return nothing: no force of a closed form, or of a leg in 3D, is differentiated by its geometry."""
 
 
 @dataclass(eq=False)
 class SectionGeometry:
-    """Displaced geometries of a leg's sections, solved on a coarse mesh when first asked for.
+    """What errors of the geometry of a leg's sections do, solved on a coarse mesh when first asked for.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def unknowns_at(
     curve, values
         A solve near the optimum, with its derivatives.
     changes
-        By displaced geometries.
+        By errors of the geometry.
     law
         What is free in it isn't assumed.
     own_errors
@@ -112,7 +112,7 @@ def unknowns_at(
 def _of_shape(
     test: StationTest, subject: Subject, predicted: FloatArray, accuracy: ShapeAccuracy
 ) -> Iterator[NuisanceEffect]:
-    """Yield what outlines do of which no displaced geometry is solved.
+    """Yield what outlines do where no derivatives by them are known.
 
     A thickness that is off at rest is so in proportion all along the test; a typical calf's shape is a share of the
     force.

@@ -5,7 +5,7 @@ it. The fascia is one layer of elements across its thickness, with nodes of its 
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import gmsh
@@ -94,6 +94,26 @@ class MeshMotion:
         arc, normal = _arc_and_normal(skin, points, touch)
         hat = np.maximum(0.0, 1.0 - np.abs(arc - self.arc) / self.width)
         return (self.size * share * hat)[:, None] * normal
+
+
+_SLIDES_MM = 120.0
+"""Arc either way of first touch along which a mesh slides, the less the farther."""
+
+
+def slide_along_skin(points: FloatArray, section: LegSection, touch: FloatArray) -> FloatArray:
+    """Return how points (n, 2) of a section's mesh move (mm) as the skin's nodes slide to the left of the travel.
+
+    By 1 mm at first touch, along the outlines, so that the leg's shape stays: where the indenter moves aside as far,
+    the skin's elements stay where they are beneath it, and the force's derivative is free of what they do that come
+    into contact.
+    """
+    at = shapely.points(points)
+    skin, fascia = (section.polygon(part).exterior for part in ("skin", "fascia"))
+    inside = shapely.contains_properly(section.polygon("fascia"), at)
+    share = np.where(inside, 0.0, _share(shapely.distance(at, fascia), shapely.distance(at, skin)))
+    arc, normal = _arc_and_normal(skin, points, touch)
+    hat = np.maximum(0.0, 1.0 - np.abs(arc) / _SLIDES_MM)
+    return (share * hat)[:, None] * np.column_stack([normal[:, 1], -normal[:, 0]])
 
 
 def _share(far: FloatArray, near: FloatArray) -> FloatArray:
@@ -217,18 +237,6 @@ def mesh_section(
         touch = first_touch(outline, radius, aim, direction)
         mesh, cell_tags, facet_tags = gmsh_mesh.mesh_from_gmsh(model, comm, gdim=2)
     return SectionMesh(mesh, cell_tags, facet_tags, touch, direction, outline, quality)
-
-
-def moved_section_mesh(
-    meshed: SectionMesh, motion: MeshMotion, section: LegSection, radius: float, aim: FloatArray, *parts: Any
-) -> SectionMesh:
-    """Move a section's mesh and meshes of parts of it, in place, and return it with its new first touch."""
-    for mesh in (meshed.mesh, *parts):
-        x = mesh.geometry.x
-        x[:, :2] += motion.displacement(x[:, :2].copy(), section, meshed.touch, meshed.direction)
-    outline = meshed.outline + motion.displacement(meshed.outline, section, meshed.touch, meshed.direction)
-    touch = first_touch(outline, radius, aim, meshed.direction)
-    return replace(meshed, outline=outline, touch=touch)
 
 
 def _skin_within_reach(skin: ClosedCurve, radius: float, aim: FloatArray, direction: FloatArray) -> FloatArray:

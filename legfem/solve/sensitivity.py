@@ -8,10 +8,13 @@ A step solves :math:`R(u, u_o, q_o; m) = 0` from the last displacement :math:`u_
 
 so one back-substitution a parameter and step gives exact derivatives of the discrete problem,
 history included. All partial derivatives are UFL's. Histories that the residual multiplies by a
-number which is zero, such as a branch's overstress at the ratio 0, aren't carried along.
+number which is zero, such as a branch's overstress at the ratio 0, aren't carried along. A shape, or the
+indenter's way, is such a parameter, too (`legfem.fem.system.Shift`); its :math:`R_m` and :math:`Q_m` are differences of
+what is assembled.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import mpi4py.MPI  # noqa: F401  # first, see legfem.fem
@@ -24,8 +27,11 @@ from ufl.constantvalue import Zero
 from legfem.common.units import FloatArray
 from legfem.fem.compiled import compiled
 from legfem.fem.forms import DomainForms
-from legfem.fem.system import System
+from legfem.fem.system import Shift, System
 from legfem.solve.newton import NewtonSolver
+
+type ByShift = Callable[[Callable[[float], FloatArray]], FloatArray]
+"""Returns a shift's derivative of what is computed."""
 
 
 class SensitivityTracker:
@@ -36,15 +42,19 @@ class SensitivityTracker:
     system
         The model.
     parameters
-        Full names, for example ``deep.C10``.
+        Full names, for example ``deep.C10``, or those of the system's shifts.
     """
 
     def __init__(self, system: System, parameters: Sequence[str]) -> None:
         self._system = system
         self.parameters = tuple(parameters)
+        self.shifts: dict[int, Shift] = {}
+        """By the place of their parameters."""
         for name in self.parameters:
             on_face = any(name in face.values for face in system.faces)
-            if name not in system.body_symbols and name not in system.skin_symbols and not on_face:
+            if name in system.body_symbols or name in system.skin_symbols or on_face:
+                continue
+            if system.faces or system.shift_named(name) is None:
                 raise KeyError(name)
         self._body = _PlaceSensitivity(system.body, self.parameters)
         self._skin = _PlaceSensitivity(system.skin, self.parameters)
@@ -62,6 +72,8 @@ class SensitivityTracker:
 
     def reset(self) -> None:
         """Return all derivatives to zero, for a path from the undeformed state."""
+        named = enumerate(map(self._system.shift_named, self.parameters))
+        self.shifts = {place: shift for place, shift in named if shift is not None}
         self._body.reset()
         self._skin.reset()
 
@@ -82,6 +94,10 @@ class SensitivityTracker:
                 if name in face.values:
                     right.x.array[:] += face.partial(system.unknown.x.array, name)
             skin = self._skin.partial(index)
+            shift = self.shifts.get(index)
+            if shift is not None:
+                right.x.array[:] += system.by_shift(shift, self._body.residual)
+                skin += system.by_shift(shift, self._skin.residual)
             np.add.at(right.x.array, spaces.trace, skin)
             right.x.scatter_reverse(la.InsertMode.add)
             right.x.array[spaces.pinned] = 0.0
@@ -91,11 +107,13 @@ class SensitivityTracker:
             trace = self._rate.x.array[spaces.trace]
             force = -(skin + self._skin.tangent_action(trace)).reshape(-1, spaces.dimension)
             total = force.sum(axis=0)
-            forces.append(system.comm.allreduce(float(total @ system.direction)))
             self.contact_force_rates[index] = system.comm.allreduce(total)
+            forces.append(float(self.contact_force_rates[index] @ system.direction))
+            if shift is not None:
+                forces[-1] += float(system.contact_force() @ shift.direction)
             self.nodal_force_rates[index] = force
-            self._body.update(index, self._rate.x.array)
-            self._skin.update(index, trace)
+            for place, rate in ((self._body, self._rate.x.array), (self._skin, trace)):
+                place.update(index, rate, None if shift is None else partial(system.by_shift, shift))
         return np.array(forces)
 
     def state_rates(self) -> dict[str, FloatArray]:
@@ -132,7 +150,7 @@ class _PlaceSensitivity:
 
     def __init__(self, forms: DomainForms, parameters: Sequence[str]) -> None:
         domain, space = forms.domain, forms.domain.unknown.function_space
-        self._history = forms.history
+        self._forms, self._history = forms, forms.history
         self._rate, self._before = fem.Function(space), fem.Function(space)
         self._vector = fem.Function(space)
         residual = expand_derivatives(forms.residual_form)
@@ -184,6 +202,13 @@ class _PlaceSensitivity:
                 fem.assemble_vector(vector, form)
         return vector.copy()
 
+    def residual(self, _: float) -> FloatArray:
+        """Return the residual at the present state."""
+        vector = self._vector.x.array
+        vector[:] = 0.0
+        fem.assemble_vector(vector, self._forms.residual)
+        return vector.copy()
+
     def tangent_action(self, rate: FloatArray) -> FloatArray:
         """Return the tangent times the rate of the unknown."""
         self._rate.x.array[:] = rate
@@ -192,14 +217,20 @@ class _PlaceSensitivity:
         fem.assemble_vector(vector, self._action)
         return vector.copy()
 
-    def update(self, index: int, rate: FloatArray) -> None:
-        """Move the derivatives to the end of the step."""
+    def update(self, index: int, rate: FloatArray, by_shift: ByShift | None) -> None:
+        """Move the derivatives, of which some are by a shift, to the end of the step."""
         self._load(index)
         self._rate.x.array[:] = rate
         before, history = self._states[index]
         for name, update in self._updates[index].items():
             history[name][:] = self._history.values(update)
+        if by_shift is not None:
+            for name, values in history.items():
+                values += by_shift(partial(self._at_end, name))
         before[:] = rate
+
+    def _at_end(self, name: str, _: float) -> FloatArray:
+        return self._history.updated(name)
 
     def _load(self, index: int) -> None:
         before, history = self._states[index]

@@ -10,7 +10,6 @@ from legfem.channels.kinds import CHANNELS
 from legfem.common.units import FloatArray
 from legfem.experiments.experiment import Solved
 from legfem.inverse.accuracy import SIZE
-from legfem.inverse.body_models import Displaced
 from legfem.inverse.catalogue import RATIO
 from legfem.mechanisms import Solution, shown_in
 from legfem.mechanisms.time_dependence import TIMES_S
@@ -85,9 +84,11 @@ class SpecimenVariants:
         return ("deep.D1", *self.measured)
 
     @property
-    def displaced(self) -> tuple[Displaced, ...]:
+    def geometric(self) -> tuple[str, ...]:
         """None: the sizes are numbers."""
         return ()
+
+    near = geometric
 
     def parameters(self, variant: str) -> dict[str, float]:
         """Return a model's parameters by full name, at the stiffness `REFERENCE_MPA`."""
@@ -109,19 +110,13 @@ class SpecimenVariants:
         return self._models[variant]
 
     def follow(
-        self,
-        protocol: Protocol,
-        deep: Mapping[str, float],
-        solution: Solution,
-        sensitivities: Sequence[str] = (),
-        geometry: Displaced | None = None,
+        self, protocol: Protocol, deep: Mapping[str, float], solution: Solution, sensitivities: Sequence[str] = ()
     ) -> Solved:
         """Solve a protocol, as `legfem.legs.finite_element_models.LegVariants.follow` does for a leg.
 
         Compressibility goes with 1 / C10, so that Poisson's ratio stays. Layers of stated stiffness
         are as much softer in the solution as the force is scaled up.
         """
-        assert geometry is None, "a specimen's sizes are numbers"
         scale = deep[_C10] / REFERENCE_MPA
         factors = dict(solution.scaled)
         beside, nominal = factors.pop(_BESIDE, 1.0) / scale, self.parameters(solution.variant)

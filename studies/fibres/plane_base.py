@@ -12,7 +12,6 @@ from legfem.common.progress import Progress
 from legfem.experiments.experiment import Solved
 from legfem.experiments.leg_3d import IdealisedLegIndentation
 from legfem.inverse.accuracy import MATERIAL_LOG_SD
-from legfem.inverse.body_models import Displaced
 from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.library import Library
 from legfem.inverse.library_build import build_library
@@ -55,16 +54,12 @@ class PlaneLegVariants:
     """
 
     case: CorrectionCase
-    displaced: ClassVar[tuple[Displaced, ...]] = ()
+    geometric: ClassVar[tuple[str, ...]] = ()
+    near: ClassVar[tuple[str, ...]] = ()
     assumed: ClassVar[tuple[str, ...]] = ()
 
     def follow(
-        self,
-        protocol: Protocol,
-        deep: Mapping[str, float],
-        solution: Solution,
-        sensitivities: Sequence[str] = (),
-        geometry: Displaced | None = None,
+        self, protocol: Protocol, deep: Mapping[str, float], solution: Solution, sensitivities: Sequence[str] = ()
     ) -> Solved:
         """Solve one loading at 1 mm/s; arguments are those of `Variants.follow`.
 
@@ -75,8 +70,6 @@ class PlaneLegVariants:
         ValueError
             For a mechanism or protocol that this model doesn't have.
         """
-        if geometry is not None:
-            return Solved.nothing("the idealised leg's geometry is known exactly")
         if set(sensitivities) & set(MATERIAL_LOG_SD):
             return Solved.nothing("the idealised leg has one tissue, whose compressibility is known")
         depth = protocol.displacement[-1]

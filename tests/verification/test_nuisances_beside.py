@@ -16,9 +16,9 @@ from legfem.geometry.section import across
 from legfem.inverse.library import ChannelTables, Library, NuisanceChanges, Table, pair_strength
 from legfem.inverse.mechanism import Solution, TissueMechanism
 from legfem.inverse.responses import PLAIN, SolvedResponses
-from legfem.legs.finite_element_models import COARSER, LegVariants, plane_strain_test
+from legfem.legs.finite_element_models import COARSENING, LegVariants, plane_strain_test
 from legfem.legs.loading import load_subject
-from legfem.legs.nuisances import AIM_SD_MM, displaced_geometries
+from legfem.legs.nuisances import AIM_SD_MM, errors_of_geometry
 from legfem.legs.schema import SUBJECTS
 from legfem.mechanisms import mechanism_named
 from studies.making.plane_leg import OtherCase, OtherCode
@@ -48,15 +48,14 @@ def by_felupe(factor: float) -> FloatArray:
 def test_an_aim_does_to_a_film_beside_stiff_fat_what_another_code_says():
     subject = load_subject(SUBJECTS.find("3"), need_recordings=False)
     settings = PlaneStrainSettings()
-    settings = replace(settings, mesh=settings.mesh.refined(1 / COARSER))
-    models = LegVariants(replace(plane_strain_test(subject, settings), sights=(SENSELS,)))
+    settings = replace(settings, mesh=settings.mesh.refined(1 / COARSENING))
+    models = LegVariants(replace(plane_strain_test(subject, settings), sights=(SENSELS,), motions=errors_of_geometry()))
     solved = SolvedResponses(models, DEPTH, None, {})
-    aim = next(geometry for geometry in displaced_geometries() if geometry.name == "aim")
     fat = mechanism_named("superficial-stiffness")
     assert isinstance(fat, TissueMechanism)
 
     def changes(solution: Solution) -> NuisanceChanges:
-        found = solved.displaced(aim, (1e-3 * C10_KPA, 0.0), solution)
+        found = solved.sensitivities(("aim",), (1e-3 * C10_KPA, 0.0), solution)["aim"]
         return NuisanceChanges(solved.grid, {"aim": {name: found[name] for name in ("force", *NAMES)}}, {})
 
     plain = changes(PLAIN)
