@@ -19,7 +19,7 @@ from legfem.geometry.indenter import Indenter, first_touch
 from legfem.geometry.section import BONES, PARTS, LegSection, smooth_closed_curve
 from legfem.legs.finite_element_models import COARSENING
 from legfem.legs.nuisances import errors_of_geometry
-from legfem.meshing.section import MeshMotion, SectionMesh, mesh_section, slide_along_skin
+from legfem.meshing.section import MeshMotion, SectionMesh, mesh_section
 from legfem.solve.path import Path
 
 MOTIONS = [
@@ -191,6 +191,7 @@ ERRORS = {
     "fibula": MOTIONS[10],
 }
 NEAR, SMALL = 3e-4, 0.1
+SLIDING = MeshMotion("skin", width=120.0, size=1.0, along=True)
 
 
 @pytest.fixture(scope="module")
@@ -253,14 +254,14 @@ def test_a_shift_leaves_mesh_and_cylinder_where_they_were(pressed):
 
 def test_skin_slides_along_itself_to_the_left_of_the_travel(leg, plain):
     section, _ = leg
-    slid = slide_along_skin(plain.outline, section, plain.touch)
+    slid = shift(SLIDING, plain.outline, leg, plain)
     top = np.argmax(np.linalg.norm(slid, axis=1))
     left = np.array([-plain.direction[1], plain.direction[0]])
     assert slid[top] @ left == pytest.approx(1.0, abs=0.05)
     line = ring(section, "skin")
     before, after = (shapely.distance(shapely.points(x), line) for x in (plain.outline, plain.outline + slid))
     assert np.abs(after - before).max() < 0.02, "the leg's shape stays"
-    assert not np.any(slide_along_skin(along(ring(section, "fascia")), section, plain.touch) > 1e-6)
+    assert not np.any(shift(SLIDING, along(ring(section, "fascia")), leg, plain) > 1e-6)
 
 
 @pytest.mark.slow

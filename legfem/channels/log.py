@@ -100,12 +100,10 @@ class ChannelLog:
             size, nodes = len(reader.system.direction), len(reader.system.spaces.trace)
             unknown, force = np.zeros(len(reader.system.unknown.x.array)), np.zeros(size)
             nodal = np.zeros((nodes // size, size))
-            rates = [np.zeros((len(self._parameters), *one.shape)) for one in (unknown, force, nodal)]
+            rates = [np.zeros((0, *one.shape)) for one in (unknown, force, nodal)]
             self._at_rest = ReadState(unknown, rates[0], force, rates[1], nodal, rates[2])
-            first = reader.read(self._at_rest)
-            self.values = {name: [value] for name, (value, _) in first.items()}
-            explicit = self._by_shifts(reader, self._at_rest)
-            self._rates = {name: [rates + explicit[:, k]] for k, (name, (_, rates)) in enumerate(first.items())}
+            self.values = {name: [value] for name, (value, _) in reader.read(self._at_rest).items()}
+            self._rates = {name: [by] for name, by in self._by_shifts(reader, self._at_rest).items()}
 
     def take(self, contact_force: FloatArray, chain: FloatArray, whole: float) -> None:
         """Read the state that a step came to.
@@ -130,6 +128,7 @@ class ChannelLog:
             displacement=system.displacement,
             whole=whole,
         )
+        explicit = self._by_shifts(self._reader, state)
         if tracker is not None:
             state = replace(
                 state,
@@ -137,33 +136,29 @@ class ChannelLog:
                 contact_force_rates=whole * (chain.T @ tracker.contact_force_rates),
                 nodal_force_rates=np.tensordot(chain.T, tracker.nodal_force_rates, axes=1),
             )
-        read, explicit = self._reader.read(state), self._by_shifts(self._reader, state)
-        for k, (name, values) in enumerate(self.values.items()):
+        read = self._reader.read(state)
+        for name, values in self.values.items():
             value, by = read.get(name, (np.nan, np.full(len(self._parameters), np.nan)))
             values.append(value)
-            self._rates[name].append(by + explicit[:, k])
+            self._rates[name].append(by + explicit[name])
 
-    def _by_shifts(self, reader: ChannelReader, state: ReadState) -> FloatArray:
-        """Return derivatives (parameters, channels) by shifts of the leg and the cylinder in a state that stays.
+    def _by_shifts(self, reader: ChannelReader, state: ReadState) -> dict[str, FloatArray]:
+        """Return derivatives (parameters,) of channels by shifts of the leg and the cylinder in a state that stays.
 
         What images show that lie elsewhere is a difference already, and is taken to stay.
         """
         found = np.zeros((len(self._parameters), len(self.values)))
-        none = {
-            f"{one}_rates": getattr(state, f"{one}_rates")[:0] for one in ("unknown", "contact_force", "nodal_force")
-        }
-        alone = replace(state, **none)
         for place, shift in self._tracker.shifts.items() if self._tracker else ():
 
             def values(size: float, place: int = place, shift: Shift = shift) -> FloatArray:
                 if (place, size) not in self._aside:
                     line = reader.stated and replace(reader.stated, origin=reader.stated.origin + size * shift.stated)
                     self._aside[place, size] = replace(reader, stated=line)
-                read = self._aside[place, size].read_as_stated(alone)
+                read = self._aside[place, size].read_as_stated(state)
                 return np.array([read.get(name, 0.0) for name in self.values])
 
             found[place] = reader.system.by_shift(shift, values)
-        return found
+        return dict(zip(self.values, found.T, strict=True))
 
     def channels(self) -> tuple[dict[str, FloatArray], dict[str, dict[str, FloatArray]]]:
         """Return the channels that are there at every step, and their derivatives by channel and parameter."""

@@ -37,7 +37,6 @@ from legfem.meshing.section import (
     SectionMesh,
     SectionMeshSettings,
     mesh_section,
-    slide_along_skin,
 )
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.path import ForceCurve
@@ -99,6 +98,8 @@ _SAME_FORCE = 0.03
 """Relative difference of force by which a form without pressures may depart from one with them, where both go."""
 _RAISED_DEGREE = 6
 """Degree of quadrature that is tried where a solution with the usual one stops."""
+_SLIDES_MM = 120.0
+"""Arc either way of first touch along which the mesh slides with the cylinder."""
 _NEAR_MM = 15.0
 """Distance from a bone within which a message names it, mm."""
 
@@ -214,12 +215,12 @@ class PlaneStrainIndentation(indentation.IndentationTest):
         spaces, meshed, section = self.system.spaces, self.section_mesh, self.section
 
         def moving(motion: MeshMotion | LateralPlacement, at: FloatArray) -> FloatArray:
-            points = at[:, :2].copy()
-            if isinstance(motion, MeshMotion):
-                return motion.displacement(points, section, meshed.touch, meshed.direction)
-            # The farther the deeper where the travel is turned: as at the middle of the usual depth.
-            aside = motion.offset_mm + math.radians(motion.tilt_deg) * 0.5 * self.indenter.radius
-            return aside * slide_along_skin(points, section, meshed.touch)
+            if isinstance(motion, LateralPlacement):
+                # The skin's elements go with the cylinder, so that the derivative is free of what each does that comes
+                # into contact. A travel that is turned takes it the farther the deeper: as at the usual depth's middle.
+                aside = motion.offset_mm + math.radians(motion.tilt_deg) * 0.5 * self.indenter.radius
+                motion = MeshMotion("skin", width=_SLIDES_MM, size=aside, along=True)
+            return motion.displacement(at[:, :2].copy(), section, meshed.touch, meshed.direction)
 
         places = spaces.mesh.geometry.x, spaces.skin.geometry.x, meshed.outline
         every = {name: [moving(motion, at) for at in places] for name, motion in self.motions.items()}

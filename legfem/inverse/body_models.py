@@ -26,10 +26,6 @@ class BodyModels(Protocol):
     def geometric(self) -> tuple[str, ...]:
         """Names of errors of the stated geometry, by which solutions are differentiated, too."""
 
-    @property
-    def near(self) -> tuple[str, ...]:
-        """Those of what the indenter touches, or as near, that may do something else beside a mechanism."""
-
     def follow(
         self, protocol: Motion, deep: Mapping[str, float], solution: Solution, sensitivities: Sequence[str] = ()
     ) -> "Solved":

@@ -141,12 +141,12 @@ def tasks_for(
         for strength in _strengths(m, detail)
     ]
     tasks += [Task(point(*one)) for one in lattice]
-    if by := unknowns_of(models):
-        tasks.append(Task(centre, derivatives=by))
+    if unknowns := unknowns_of(models):
+        tasks.append(Task(centre, derivatives=unknowns))
     if observed.channels:
         of_whole = [m for m in tissue if m.alters_nuisances and m.name in detail.whole]
         altering = [(m, at) for m in of_whole if (at := pair_strength(m)) is not None]
-        tasks += [Task(centre, derivatives=(*models.assumed, *models.near), beside=one) for one in altering]
+        tasks += [Task(centre, derivatives=unknowns, beside=one) for one in altering]
     tasks += [
         Task(at, m, strength)
         for m in tissue

@@ -16,7 +16,6 @@ from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, fibres
 from legfem.experiments.plane_strain import LateralPlacement, PlaneStrainIndentation, PlaneStrainSettings, Tissues
 from legfem.geometry.indenter import Site
 from legfem.geometry.motion import without_layer
-from legfem.geometry.section import BONES
 from legfem.inverse.accuracy import MATERIAL_LOG_SD
 from legfem.inverse.observations import Observations
 from legfem.inverse.responses import SolvedResponses
@@ -61,11 +60,6 @@ class LegVariants(Picklable):
     def geometric(self) -> tuple[str, ...]:
         """Names of errors of outlines, aim and direction."""
         return tuple(self.base.motions)
-
-    @property
-    def near(self) -> tuple[str, ...]:
-        """Those of all but the bones."""
-        return tuple(name for name in self.geometric if name.split()[0] not in BONES)
 
     def follow(
         self, protocol: Protocol, deep: Mapping[str, float], solution: Solution, sensitivities: Sequence[str] = ()

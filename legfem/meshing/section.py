@@ -48,6 +48,8 @@ class MeshMotion:
         Displacement at the top, outwards; that of a bone (mm).
     turned : float
         Angle of a bone's displacement from the travel, counter-clockwise (degrees).
+    along : bool
+        Whether the skin's nodes slide along it, to the left of the travel, and not outwards: the leg's shape stays.
     """
 
     outline: Outline
@@ -55,6 +57,7 @@ class MeshMotion:
     width: float = 20.0
     size: float = 0.5
     turned: float = 0.0
+    along: bool = False
 
     def displacement(
         self, points: FloatArray, section: LegSection, touch: FloatArray, travel: FloatArray
@@ -93,27 +96,8 @@ class MeshMotion:
             share = np.where(inside, _share(to_bones, beyond), _share(to_skin, to_fascia))
         arc, normal = _arc_and_normal(skin, points, touch)
         hat = np.maximum(0.0, 1.0 - np.abs(arc - self.arc) / self.width)
-        return (self.size * share * hat)[:, None] * normal
-
-
-_SLIDES_MM = 120.0
-"""Arc either way of first touch along which a mesh slides, the less the farther."""
-
-
-def slide_along_skin(points: FloatArray, section: LegSection, touch: FloatArray) -> FloatArray:
-    """Return how points (n, 2) of a section's mesh move (mm) as the skin's nodes slide to the left of the travel.
-
-    By 1 mm at first touch, along the outlines, so that the leg's shape stays: where the indenter moves aside as far,
-    the skin's elements stay where they are beneath it, and the force's derivative is free of what they do that come
-    into contact.
-    """
-    at = shapely.points(points)
-    skin, fascia = (section.polygon(part).exterior for part in ("skin", "fascia"))
-    inside = shapely.contains_properly(section.polygon("fascia"), at)
-    share = np.where(inside, 0.0, _share(shapely.distance(at, fascia), shapely.distance(at, skin)))
-    arc, normal = _arc_and_normal(skin, points, touch)
-    hat = np.maximum(0.0, 1.0 - np.abs(arc) / _SLIDES_MM)
-    return (share * hat)[:, None] * np.column_stack([normal[:, 1], -normal[:, 0]])
+        way = np.column_stack([normal[:, 1], -normal[:, 0]]) if self.along else normal
+        return (self.size * share * hat)[:, None] * way
 
 
 def _share(far: FloatArray, near: FloatArray) -> FloatArray:

@@ -13,7 +13,7 @@ indenter's way, is such a parameter, too (`legfem.fem.system.Shift`); its :math:
 what is assembled.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Any
 
@@ -51,10 +51,8 @@ class SensitivityTracker:
         self.shifts: dict[int, Shift] = {}
         """By the place of their parameters."""
         for name in self.parameters:
-            on_face = any(name in face.values for face in system.faces)
-            if name in system.body_symbols or name in system.skin_symbols or on_face:
-                continue
-            if system.faces or system.shift_named(name) is None:
+            numbers: Iterable[Any] = (system.body_symbols, system.skin_symbols, *(f.values for f in system.faces))
+            if not any(name in known for known in numbers) and (system.faces or system.shift_named(name) is None):
                 raise KeyError(name)
         self._body = _PlaceSensitivity(system.body, self.parameters)
         self._skin = _PlaceSensitivity(system.skin, self.parameters)

@@ -88,8 +88,6 @@ class SpecimenVariants:
         """None: the sizes are numbers."""
         return ()
 
-    near = geometric
-
     def parameters(self, variant: str) -> dict[str, float]:
         """Return a model's parameters by full name, at the stiffness `REFERENCE_MPA`."""
         return {**self.model(variant).experiment.parameters, **self.measured}

@@ -55,7 +55,6 @@ class PlaneLegVariants:
 
     case: CorrectionCase
     geometric: ClassVar[tuple[str, ...]] = ()
-    near: ClassVar[tuple[str, ...]] = ()
     assumed: ClassVar[tuple[str, ...]] = ()
 
     def follow(
