@@ -70,7 +70,7 @@ from legfem.specimens.sizes import LeftOut
 from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.details import StockingFit
 from legfem.stockings.fabric import fitted_stocking
-from legfem.stockings.identification import StockingSettings, identify_in_stocking
+from legfem.stockings.identification import identify_in_stocking
 from legfem.stockings.leg import StockingLeg, default_veins
 from legfem.study.correction.calibration import Calibrated, Calibration
 from legfem.study.correction.cases import CaseOutcome, CorrectionCase
@@ -254,7 +254,7 @@ def stocking(mesh: SolidMeshSettings = COARSE) -> StockingFit:
         slices,
         default_veins(bare, float(np.median(slices))),
     )
-    return identify_in_stocking(leg, StockingSettings(), Silent(), mesh=mesh)
+    return identify_in_stocking(leg, Silent(), mesh=mesh)
 
 
 def dressed(folder: Path) -> WebPage:

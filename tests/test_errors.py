@@ -147,14 +147,16 @@ def test_where_errors_are_known_from_is_said():
     assert "stated accuracy" not in estimate_noise(twice, unstated, 12.0).source
 
 
-def test_a_common_relative_error_does_not_draw_a_fit_below_all_data():
+def test_a_common_relative_error_does_not_draw_a_fit_below_all_data(monkeypatch):
     """Peelle's puzzle: two trials that differ by more than their own errors."""
     observed, _ = observations(ramps(2))
     curve = 0.05 * observed.displacement**2
     seen = observed.with_force(curve * np.where(observed.trial == 0, 1.0, 1.15))
 
+    monkeypatch.setattr("legfem.inverse.errors.NUMERICAL_ERROR", 0.1)
+
     def scale(force):
-        errors = error_model(seen, replace(NOISE, zero_sd=0.001), force, numerical=0.1)
+        errors = error_model(seen, replace(NOISE, zero_sd=0.001), force)
         errors = replace(errors, gain_sd=0.0)
         basis, data = errors.whitened(curve), errors.whitened(seen.force)
         return float(basis @ data / (basis @ basis))

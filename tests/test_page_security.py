@@ -41,7 +41,7 @@ from legfem.report.render import embed, markdown_page, rendered, write_tables
 from legfem.report.words import DataKind
 from legfem.stockings.assessment import assessed
 from legfem.stockings.details import StockingFit
-from legfem.stockings.identification import StockingSettings, identify_in_stocking
+from legfem.stockings.identification import identify_in_stocking
 from legfem.stockings.loading import load_leg
 
 PLANTED = (
@@ -175,7 +175,7 @@ sensor = [{{name = {quoted}, position_mm = [0.0, 55.0, 80.0], pressure_mmHg = 20
     shear = ShearModulus("superficial", "along", 4e-3, 1e-3, text)
     leg = replace(load_leg(folder), elastography=(shear,))
     if solved is None:
-        found = identify_in_stocking(leg, StockingSettings(), Silent(), mesh=COARSEST)
+        found = identify_in_stocking(leg, Silent(), mesh=COARSEST)
     else:
         found = assessed(replace(solved.details, leg=leg), solved.log, solved.settings)
     page = Elements()

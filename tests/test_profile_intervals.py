@@ -16,7 +16,7 @@ from legfem.inverse.intervals import quantile
 from legfem.inverse.outcome import FullSolver, Outcome
 from legfem.inverse.searches import Found, Searches
 from legfem.stockings.equilibrium import PARAMETERS
-from legfem.stockings.identification import MOST, SAMPLED_AT, StockingSettings, profile_intervals
+from legfem.stockings.identification import MOST, SAMPLED_AT, SEARCH, profile_intervals
 from legfem.stockings.scan_fit import by_name, stiffness_priors
 
 BEST = np.array([3e-3, 5e-3])
@@ -61,7 +61,7 @@ def searched(fat_sd: float, softest: float = 0.0) -> Found[Measured]:
     problem = SimpleNamespace(
         unknowns={law.name: law}, comparison=lambda law, near: Measured(fat_sd), refined=lambda search: None
     )
-    (found,) = Searches(problem, solver, StockingSettings().search).find([law.name])
+    (found,) = Searches(problem, solver, SEARCH).find([law.name])
     np.testing.assert_allclose(found.best.point, BEST, rtol=1e-2)
     return found
 

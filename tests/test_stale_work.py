@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from legfem.common.progress import Silent
-from legfem.stockings.identification import StockingSettings
 from studies.cases.planted import KIND, Planted, PlantedTruth, planted_truths
 from studies.solvers import __main__ as solvers
 from studies.solvers.case import SolverCase, SolverWork
@@ -75,9 +74,7 @@ def stockings_study(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Study:
         for leg in ("1", "2"):
             (legs / kind / leg).mkdir(parents=True)
             (legs / kind / leg / "leg.toml").write_text("id = 1")
-    study = Study(
-        lambda cells: stockings.identify(legs, folder, StockingSettings(20_000 + cells), 1), 4, folder / "recovery.json"
-    )
+    study = Study(lambda cells: stockings.identify(legs, folder, 20_000 + cells, 1), 4, folder / "recovery.json")
 
     def identified(context: object, task: tuple[str, str]) -> Recovery:
         study.calls.append(task)

@@ -26,7 +26,7 @@ from legfem.stockings.equilibrium import (
     LinearisedCoupling,
 )
 from legfem.stockings.fabric import fitted_stocking, stocking_load
-from legfem.stockings.identification import SAMPLED_AT, StockingSettings, identify_in_stocking
+from legfem.stockings.identification import SAMPLED_AT, identify_in_stocking
 from legfem.stockings.leg import StockingLeg, default_veins
 from legfem.stockings.nuisances import RIGID, SECTORS, NuisanceSlopes, sectors
 from legfem.stockings.pressures import PressureProbe, tissue_pressures
@@ -70,7 +70,7 @@ def fit(shape: LegShape, truth: tuple[LegModel3D, Equilibrium]) -> StockingFit:
         slices,
         default_veins(shape, float(slices[2])),
     )
-    fit = identify_in_stocking(leg, StockingSettings(), Silent(), mesh=COARSE)
+    fit = identify_in_stocking(leg, Silent(), mesh=COARSE)
     assert fit.log.converged and fit.log.forward_solves <= 10
     return fit
 
@@ -234,7 +234,7 @@ def test_a_motion_left_between_the_scans_is_found(result, truth):
     shift = np.array([0.3, -0.2, 0.0])
     moved = rigidly_moved(truth[1].shape, np.eye(3), shift)
     leg = replace(result.leg, compressed=moved, accuracy=replace(ACCURACY, shift_sd=(0.5, 0.5, 0.5)))
-    found = identify_in_stocking(leg, StockingSettings(), Silent(), mesh=COARSE).details.best
+    found = identify_in_stocking(leg, Silent(), mesh=COARSE).details.best
     np.testing.assert_allclose(found.rigid[:2], shift[:2], atol=0.05)
     assert found.stiffness["deep.C10"] == pytest.approx(result.best.stiffness["deep.C10"], rel=0.1)
 
@@ -306,7 +306,7 @@ C10_kPa = 3.25
 C10_kPa = 8.17
 """
     )
-    found = identify_in_stocking(load_leg(tmp_path), StockingSettings(cells=20_000), Silent()).details
+    found = identify_in_stocking(load_leg(tmp_path), Silent(), 20_000).details
     assert found.equilibrium.converged and found.pressures is not None
     assert 1.5e-3 < found.pressures.mean_interface < 3.5e-3
     for vein in found.pressures.at_veins:

@@ -19,7 +19,7 @@ from legfem.report.render import plain_page
 from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.equilibrium import PARAMETERS, EquilibriumSolver, LegModel3D
 from legfem.stockings.fabric import fitted_stocking
-from legfem.stockings.identification import StockingSettings, identify_in_stocking
+from legfem.stockings.identification import identify_in_stocking
 from legfem.stockings.leg import StockingLeg
 from legfem.stockings.scan_fit import stiffness_priors
 from legfem.stockings.schema import parse_leg_file
@@ -85,11 +85,8 @@ def test_known_fat_narrows_both_intervals_and_a_wrong_modulus_is_told(tmp_path):
     )
     muscle = ShearModulus("deep", "across", 15e-3, 0.75e-3, "five frames")
     every = {"neither": (), "fat": (replace(FAT, value=12.9e-3),), "wrong": (muscle,)}
-    settings = StockingSettings()
     found = {
-        name: identify_in_stocking(
-            replace(leg, elastography=moduli), settings, Silent(), mesh=COARSE, folder=tmp_path / "kept"
-        )
+        name: identify_in_stocking(replace(leg, elastography=moduli), Silent(), mesh=COARSE, folder=tmp_path / "kept")
         for name, moduli in every.items()
     }
     width = {}

@@ -23,7 +23,7 @@ from legfem.stockings.discrepancy import ModelDiscrepancy
 from legfem.stockings.equilibrium import EquilibriumSolver, LegModel3D
 from legfem.stockings.fabric import fitted_stocking
 from legfem.stockings.forward import StockingForward
-from legfem.stockings.identification import ScanProblem, StockingSettings
+from legfem.stockings.identification import SEARCH, ScanProblem
 from legfem.stockings.leg import SensorArray, StockingLeg
 from legfem.stockings.nuisances import NuisanceSlopes
 from legfem.stockings.scan_fit import ScanComparison
@@ -83,7 +83,7 @@ def _diagnosed(
     solver = EquilibriumSolver(model, stocking)
     scans = ScanComparison(shape, noisy, NuisanceSlopes(solver, noisy), SensorArray.on(shape, ()))
     problem = ScanProblem(leg, StockingForward(solver), scans, Silent())
-    return problem.fitted(StockingSettings().search).details.discrepancy
+    return problem.fitted(SEARCH).details.discrepancy
 
 
 def _noise(misfit: ContourMisfit, seed: int) -> np.ndarray:

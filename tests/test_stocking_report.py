@@ -40,7 +40,7 @@ from legfem.stockings.assessment import assessed, compared, noticed
 from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.equilibrium import EquilibriumSolver, LegModel3D
 from legfem.stockings.fabric import Stocking, fitted_stocking, stocking_load
-from legfem.stockings.identification import StockingSettings, identify_in_stocking
+from legfem.stockings.identification import identify_in_stocking
 from legfem.stockings.leg import Posture, StockingLeg, default_veins
 from legfem.stockings.pressures import too_low_by
 from legfem.stockings.scan_fit import stiffness_priors
@@ -87,7 +87,7 @@ def searched():
 
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(identification, "compared", recorded)
-        return identify_in_stocking(leg, StockingSettings(), Silent(), mesh=MESH), made_of[0]
+        return identify_in_stocking(leg, Silent(), mesh=MESH), made_of[0]
 
 
 @pytest.fixture(scope="module")

@@ -24,7 +24,7 @@ from legfem.stockings.assessment import sensor_notices
 from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.equilibrium import EquilibriumSolver, LegModel3D
 from legfem.stockings.fabric import Stocking, fitted_stocking
-from legfem.stockings.identification import StockingSettings, identify_in_stocking
+from legfem.stockings.identification import identify_in_stocking
 from legfem.stockings.leg import Posture, Sensor, SensorArray, StockingLeg, off_skin
 from legfem.stockings.schema import LegFile, parse_leg_file
 
@@ -160,10 +160,9 @@ def test_two_sensors_of_4_percent_narrow_what_an_uncertain_fabric_leaves_open(tm
         (),
         sensors,
     )
-    settings = StockingSettings()
     found, width = {}, {}
     for name, one in (("without", replace(leg, sensors=())), ("with", leg)):
-        fit = identify_in_stocking(one, settings, Silent(), mesh=COARSE, folder=tmp_path / "kept")
+        fit = identify_in_stocking(one, Silent(), mesh=COARSE, folder=tmp_path / "kept")
         result, best = fit.details, fit.details.best
         assert best is not None and fit.log.converged and best.tension is not None
         found[name] = best

@@ -14,7 +14,7 @@ from legfem.geometry.slices import calf_levels
 from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.equilibrium import PARAMETERS, EquilibriumSettings, EquilibriumSolver, LegModel3D
 from legfem.stockings.fabric import fitted_stocking
-from legfem.stockings.identification import StockingSettings, identify_in_stocking
+from legfem.stockings.identification import identify_in_stocking
 from legfem.stockings.leg import StockingLeg, default_veins
 from legfem.stockings.pressures import MESH_ERROR, PressureProbe, vein_pressure_sd
 
@@ -76,7 +76,7 @@ def test_the_fabrics_error_is_in_the_intervals_of_a_leg_whose_stiffness_was_give
             "short", "a leg", "simulated", bare, bare, None, None, stocking, accuracy, laws(*KPA), True, "held",
             calf_levels(bare), default_veins(bare, 80.0),
         )  # fmt: skip
-        return identify_in_stocking(leg, StockingSettings(), Silent(), mesh=COARSE).details.pressures
+        return identify_in_stocking(leg, Silent(), mesh=COARSE).details.pressures
 
     without, known, more = run(exact, fabric), run(stated, fabric), run(exact, replace(fabric, stiffness=1.05 * 0.3))
     got = np.sqrt(np.square(known.at_veins_sd) - np.square(without.at_veins_sd))

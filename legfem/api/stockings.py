@@ -8,14 +8,14 @@ from legfem.api import loading
 from legfem.api.results import Identification
 from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
-from legfem.stockings.identification import StockingSettings, identify_in_stocking
+from legfem.stockings.identification import CELLS, identify_in_stocking
 from legfem.stockings.leg import StockingLeg
 
 
 def stocking(
     leg: StockingLeg | loading.Given,
     *,
-    cells: int = 15_000,
+    cells: int = CELLS,
     out: loading.Given | None = None,
     progress: bool = False,
     comm: MPI.Intracomm | None = None,
@@ -63,5 +63,5 @@ def stocking(
     kept = None if out is None else Path(out) / "equilibria"
     ranks = comm or MPI.COMM_SELF
     with progress_on(quiet=not progress or ranks.rank > 0) as told:
-        fit = identify_in_stocking(known, StockingSettings(cells), told, ranks, folder=kept)
+        fit = identify_in_stocking(known, told, cells, ranks, folder=kept)
     return Identification(known, (fit,))

@@ -103,11 +103,11 @@ def stocking_mesh(folder: Path, finer: float = 1.0) -> MadeMesh:
     from legfem.meshing.exchange import named_mesh
     from legfem.meshing.leg_sizes import settings_for_cells
     from legfem.meshing.solid_leg import mesh_solid_leg
-    from legfem.stockings.identification import StockingSettings
+    from legfem.stockings.identification import CELLS
     from legfem.stockings.loading import load_leg
 
     leg = load_leg(folder)
-    sizes = settings_for_cells(leg.bare, round(StockingSettings().cells * finer**3))
+    sizes = settings_for_cells(leg.bare, round(CELLS * finer**3))
     made = mesh_solid_leg(leg.bare, sizes)
     return MadeMesh(
         named_mesh(made.mesh, made.cell_tags, made.facet_tags, made.regions),

@@ -25,7 +25,6 @@ def cost_of_model(model: Explanation, equal: bool) -> Cost:
     return Cost(
         value=squares,
         points=force.stop,
-        per_length=math.nan,
         r_squared=r_squared(squares, observed.force),
         minimised="the sum with equal weights within each channel" if equal else by_errors,
         minimised_value=fitted.cost,

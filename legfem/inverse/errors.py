@@ -149,11 +149,6 @@ type Elsewhere = Mapping[str, FloatArray]
 """By the way in which an image lies elsewhere, what one standard deviation of it does to a channel's readings, (k,)."""
 
 
-def errors_of_image(one: StationChannel, laid: Elsewhere) -> dict[str, FloatArray]:
-    """Return the same by the names of errors: channels that are read in one image have them together."""
-    return {f"{one.kind.image}: {way}": effect for way, effect in laid.items()}
-
-
 def covariance_of_places(one: StationChannel, predicted: FloatArray, laid: Elsewhere) -> FloatArray:
     """Return the covariance (k, k) of errors at each place alone, alike in all frames, in its unit squared.
 
@@ -307,7 +302,6 @@ def error_model(
     noise: Noise,
     prediction: FloatArray,
     unknowns: Sequence[NuisanceEffect] = (),
-    numerical: float = NUMERICAL_ERROR,
     images: Mapping[str, Elsewhere] | None = None,
 ) -> ErrorModel:
     """Return the errors of observations about a model, of the force and of every further channel.
@@ -322,15 +316,13 @@ def error_model(
         (N,): readings that the model predicts, the n forces (N) first.
     unknowns
         What the model doesn't know.
-    numerical
-        Relative error of the model's force.
     images
         By channel; see `legfem.inverse.predictor.Predictor.images_elsewhere`.
     """
     own = trial_covariance(observed, noise)
     force, others = prediction[: len(own)], prediction[len(own) :]
     trials = np.eye(int(observed.trial.max()) + 1)[observed.trial]
-    of_model = [numerical_covariance(observed.displacement, force, numerical)]
+    of_model = [numerical_covariance(observed.displacement, force)]
     blocks: list[FloatArray] = [of_model[0] + own]
     spread: list[FloatArray] = [np.sqrt(np.diag(own))]
     columns = {COMMON_GAIN: np.concatenate([COMMON_GAIN_SD * force, np.zeros(len(others))])}
@@ -342,8 +334,9 @@ def error_model(
         of_model.append(model_covariance(one, predicted))
         blocks.append(own + of_model[-1] + covariance_of_places(one, predicted, laid))
         spread.append(np.sqrt(np.diag(blocks[-1])))
-        shared = shared_errors(one, predicted, one.weights @ force)
-        shared |= errors_of_places(one, predicted) | errors_of_image(one, laid)
+        shared = shared_errors(one, predicted, one.weights @ force) | errors_of_places(one, predicted)
+        # Channels that are read in one image have these together.
+        shared |= {f"{one.kind.image}: {way}": effect for way, effect in laid.items()}
         for name, effect in shared.items():
             columns.setdefault(name, np.zeros(len(prediction)))[here] = effect
     gain = NuisanceEffect(COMMON_GAIN, columns[COMMON_GAIN], Cause(COMMON_GAIN), "recordings", True)
@@ -364,11 +357,7 @@ def error_model(
 
 
 def numerical_covariance(
-    displacement: FloatArray,
-    force: FloatArray,
-    relative: float = NUMERICAL_ERROR,
-    length: float = NUMERICAL_LENGTH_MM,
-    power: float = 2.0,
+    displacement: FloatArray, force: FloatArray, length: float = NUMERICAL_LENGTH_MM, power: float = 2.0
 ) -> FloatArray:
     r"""Return the covariance (n, n), N^2, of a model's numerical error.
 
@@ -380,8 +369,6 @@ def numerical_covariance(
         (n,), mm.
     force
         (n,), N: that the model predicts.
-    relative
-        Standard deviation of the smooth error over the force.
     length
         Way l over which it is correlated, mm.
     power
@@ -391,6 +378,6 @@ def numerical_covariance(
     size = np.abs(force)
     apart = np.abs(displacement[:, None] - displacement[None, :])
     rough = (ROUGHNESS * size.max()) ** 2
-    total = np.outer(size, size) * relative**2 * np.exp(-((apart / length) ** power) / power)
+    total = np.outer(size, size) * NUMERICAL_ERROR**2 * np.exp(-((apart / length) ** power) / power)
     total += rough * np.exp(-0.5 * (apart / ROUGHNESS_LENGTH_MM) ** 2)
     return np.asarray(total + 1e-2 * rough * np.eye(len(size)))

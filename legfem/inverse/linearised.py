@@ -121,11 +121,6 @@ class LinearisedFit:
         return np.vstack([self.jacobian, np.eye(len(self.free))])
 
     @property
-    def degrees_of_freedom(self) -> int:
-        """Observations less parameters."""
-        return len(self.whitened) - len(self.free)
-
-    @property
     def lack_of_fit(self) -> float:
         """Probability of so much misfit by errors alone."""
         return float(chi2.sf(self.cost, len(self.whitened)))
@@ -155,12 +150,6 @@ class LinearisedFit:
         k = self.free.index(name)
         low, high = (self._at(k, side) for side in (-1.0, 1.0))
         return 0.5 * abs(high - low)
-
-    def interval(self, name: str) -> tuple[float, float]:
-        """95 % interval of a fitted parameter, symmetric where what is known of it is."""
-        k = self.free.index(name)
-        low, high = (self.parameters[k].inside(self._at(k, side)) for side in (-1.96, 1.96))
-        return min(low, high), max(low, high)
 
     def _at(self, k: int, deviations: float) -> float:
         sd = float(np.sqrt(self.covariance[k, k]))

@@ -163,8 +163,6 @@ class Signature:
     direction: FloatArray
     """(N + p,): whitened, projected off the base parameters; see `LinearisedFit.augmented_residual`."""
     one_sided: bool
-    shown: FloatArray
-    """(N,): the response before whitening, for a figure."""
     shape: Values
     """Values of the parameters beyond the first."""
     concealed: float
@@ -214,15 +212,14 @@ def signatures_of(fitted: LinearisedFit, mechanisms: Sequence[Mechanism]) -> lis
         for shape in shapes.values():
             values = {**fitted.values, **mechanism.by_full_name({**shape, first.name: null + step})}
             moved = problem.predictor(values, (*fitted.mechanisms, mechanism))
-            change = (moved - fitted.prediction) / step
-            white = _padded(problem.whitened(change), fitted)
+            white = _padded(problem.whitened((moved - fitted.prediction) / step), fitted)
             length = float(np.linalg.norm(white))
             direction = white - basis @ (basis.T @ white)
             direction -= basis @ (basis.T @ direction)
             rest = float(np.linalg.norm(direction))
             if length == 0 or rest < 1e-6 * length:
                 continue
-            found.append(Signature(mechanism, direction, first.bounds[0] >= null, change, shape, 1.0 - rest / length))
+            found.append(Signature(mechanism, direction, first.bounds[0] >= null, shape, 1.0 - rest / length))
     return found
 
 

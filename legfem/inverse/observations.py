@@ -114,11 +114,6 @@ class Observations:
         return np.concatenate([self.protocols[number].segment for number in self.protocol_of])
 
     @cached_property
-    def speed(self) -> FloatArray:
-        """Speed of the cylinder, mm/s; negative as it is withdrawn."""
-        return self.spread([stations.speed for stations in self.protocols])
-
-    @cached_property
     def half_width(self) -> FloatArray:
         """Way to either side of a station within which its force was read, mm; see `Stations.half_width`."""
         return self.spread([stations.half_width for stations in self.protocols])

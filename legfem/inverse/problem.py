@@ -100,7 +100,7 @@ def goodness_of(found: Found[Any], covariance: FloatArray, lost: int = 0) -> Goo
     return Goodness.of(chi_square, len(left) + len(departures) - len(found.search.law.parameters) - lost)
 
 
-def cost_of(found: Found[Any], per_length: float = math.nan) -> Cost:
+def cost_of(found: Found[Any]) -> Cost:
     """Plain sum of squares at the optimum."""
     search, best = found.search, found.best
     comparison, law = search.misfit, search.law
@@ -115,7 +115,6 @@ def cost_of(found: Found[Any], per_length: float = math.nan) -> Cost:
     return Cost(
         value=value,
         points=len(measured),
-        per_length=per_length,
         r_squared=r_squared(value, measured),
         minimised=minimised + (", and the priors' squared departures" if len(law.priors) else ""),
         minimised_value=best.objective,

@@ -202,12 +202,6 @@ class Linearised:
         )
         return left + by @ step, departures + by_priors @ step
 
-    def at(self, points: FloatArray) -> FloatArray:
-        """Return `residual` (..., n + k) at points (..., p), the force linear in the parameters."""
-        moved = (points - self.point) @ self.jacobian[: len(self.misfit)].T
-        forces = self.misfit.residual(self.prediction.values) + moved
-        return np.concatenate([forces, self.law.priors.residual(points)], axis=-1)
-
 
 @dataclass(frozen=True, eq=False)
 class Coordinates:

@@ -6,7 +6,7 @@ stocking, and every full solve an equilibrium of leg and stocking.
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -47,23 +47,9 @@ from legfem.stockings.scan_fit import BOUNDS, ScanComparison, ScanFit, by_name, 
 SAMPLED_AT = kpa_to_mpa(np.array([[3.0, 3.0], [1.5, 12.0], [6.0, 1.5]]))
 """C10 of muscle and fat (MPa) at which the leg's response to the nuisances is computed, and the search begins."""
 
-
-@dataclass(frozen=True)
-class StockingSettings:
-    """Settings of a run.
-
-    Parameters
-    ----------
-    cells : int
-        Approximate number of tetrahedra.
-    search : IdentificationSettings
-        Of the search.
-    """
-
-    cells: int = 15_000
-    search: IdentificationSettings = field(
-        default_factory=lambda: IdentificationSettings(minimiser=Genetic(population=24, generations=30))
-    )
+SEARCH = IdentificationSettings(minimiser=Genetic(population=24, generations=30))
+CELLS = 15_000
+"""About how many tetrahedra a leg has."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,8 +171,8 @@ def profile_intervals(found: Found[ScanComparison], log_covariance: FloatArray) 
 
 def identify_in_stocking(
     leg: StockingLeg,
-    settings: StockingSettings,
     progress: Progress,
+    cells: int = CELLS,
     comm: MPI.Intracomm = MPI.COMM_SELF,
     mesh: SolidMeshSettings | None = None,
     folder: Path | None = None,
@@ -195,18 +181,20 @@ def identify_in_stocking(
 
     Parameters
     ----------
-    leg, settings, progress
-        What is run, how, and where it is told.
+    leg, progress
+        What is run, and where it is told.
+    cells
+        About how many tetrahedra.
     comm
         Ranks that share one solution; all call.
     mesh
-        Element sizes; from ``settings.cells`` by default.
+        Element sizes; from ``cells`` by default.
     folder
         Where equilibria are stored, so that the same run goes on where it was stopped.
     """
     started = time.perf_counter()
     progress.stage("mesh")
-    mesh = mesh or settings_for_cells(leg.bare, settings.cells)
+    mesh = mesh or settings_for_cells(leg.bare, cells)
     model = LegModel3D(leg.bare, leg.tissues, mesh, CompressionSettings(ends=leg.ends), comm)
     progress.advance(f"{model.compression.spaces.unknowns} unknowns")
     forward = StockingForward(EquilibriumSolver(model, leg.stocking, folder=folder))
@@ -218,14 +206,14 @@ def identify_in_stocking(
         sensors = SensorArray.on(leg.bare, leg.sensors)
         scans = ScanComparison(leg.bare, misfit, NuisanceSlopes(forward.solver, misfit, sensors), sensors)
         try:
-            fit = ScanProblem(leg, forward, scans, progress).fitted(settings.search)
+            fit = ScanProblem(leg, forward, scans, progress).fitted(SEARCH)
         except SearchError as error:
             problem = str(error)
     if fit is None:
         details = replace(_dressed(leg, forward, progress), problem=problem)
         fit = assessed(details, NO_SEARCH, {})
-    cells = {"cells": settings.cells, **fit.settings}
-    return replace(fit, log=replace(fit.log, wall_s=time.perf_counter() - started), settings=cells)
+    log = replace(fit.log, wall_s=time.perf_counter() - started)
+    return replace(fit, log=log, settings={"cells": cells, **fit.settings})
 
 
 def _dressed(

@@ -49,7 +49,6 @@ def stockings(
     if part is not Part.SIZES:
         leave_to_first_rank()
     with command_context():
-        from legfem.stockings.identification import StockingSettings
         from studies.stockings import command
 
         check_out_folder(out)
@@ -58,7 +57,7 @@ def stockings(
             check_out_folder(legs)
             command.make(legs, seed, processes)
         elif part is Part.IDENTIFY:
-            command.identify(legs, out, StockingSettings(cells), processes)
+            command.identify(legs, out, cells, processes)
         elif part is Part.CLAIMS:
             command.claims(out, cells, processes)
         else:

@@ -16,7 +16,6 @@ from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Contents, Store, finish, key_of
-from legfem.stockings.identification import StockingSettings
 from studies.making.shapes import parametric_leg, read_legs
 from studies.stockings import command as page
 from studies.stockings.claims import Correlation, Pressures, Variant, correlations, sized_state, solve_variant, variants
@@ -134,14 +133,14 @@ def _contents(out: Path, leg: str) -> str:
     return key_of(*(Contents(_folder(out, kind, leg)) for kind in NOISE))
 
 
-def identify(legs: Path, out: Path, settings: StockingSettings, jobs: int) -> None:
+def identify(legs: Path, out: Path, cells: int, jobs: int) -> None:
     """Identify all legs made; what is done stays."""
     tasks = [(kind, leg) for kind in NOISE for leg in TRUTHS if (_folder(legs, kind, leg) / "leg.toml").is_file()]
     if not tasks:
         raise InputError("--legs", str(legs), "contains no legs", "make them with --make first")
     modules = ("studies.stockings.truth",)
     store = Store(out / "runs", Recovery, modules=modules, named=lambda one: "-".join(one[0]))
-    with progress_on() as progress, Workers(_identify, (legs, settings), jobs) as workers:
+    with progress_on() as progress, Workers(_identify, (legs, cells), jobs) as workers:
         rows = finish(
             workers,
             tasks,
@@ -149,7 +148,7 @@ def identify(legs: Path, out: Path, settings: StockingSettings, jobs: int) -> No
             progress,
             "identification",
             lambda task, row: f"{task}: {row}",
-            asked=lambda task: (task, settings.cells, Contents(_folder(legs, *task))),
+            asked=lambda task: (task, cells, Contents(_folder(legs, *task))),
         )
     text = f"{page.recovery_summary(rows)}\n\n{page.recovery_table(rows)}\n"
     write_document(out / "recovery.json", json_types([asdict(row) for row in rows]))
@@ -205,9 +204,9 @@ def _make(context: tuple[Path, int], leg: str) -> str:
     return f"{made.equilibrium.state.report}, {time.process_time() - started:.0f} s of processor time"
 
 
-def _identify(context: tuple[Path, StockingSettings], task: tuple[str, str]) -> Recovery:
-    legs, settings = context
-    return recover(_folder(legs, *task), task[0], settings)
+def _identify(context: tuple[Path, int], task: tuple[str, str]) -> Recovery:
+    legs, cells = context
+    return recover(_folder(legs, *task), task[0], cells)
 
 
 def _claim(cells: int, variant: Variant) -> Pressures:

@@ -21,7 +21,7 @@ from legfem.meshing.leg_sizes import settings_for_cells
 from legfem.stockings.details import StockingFit
 from legfem.stockings.equilibrium import Equilibrium, EquilibriumSolver, LegModel3D
 from legfem.stockings.fabric import CompressionClass, Stocking, fitted_stocking
-from legfem.stockings.identification import StockingSettings, identify_in_stocking
+from legfem.stockings.identification import identify_in_stocking
 from legfem.stockings.loading import load_leg
 from studies.making.scans import SegmentationNoise, simulated_scan
 from studies.making.shapes import ParametricLeg, parametric_leg
@@ -148,10 +148,10 @@ class Recovery:
         return f"found {found} kPa, planted {planted} kPa ({self.solves} equilibria)"
 
 
-def recover(folder: Path, kind: str, settings: StockingSettings) -> Recovery:
+def recover(folder: Path, kind: str, cells: int) -> Recovery:
     """Identify a leg."""
     started = time.process_time()
-    found = identify_in_stocking(load_leg(folder), settings, Silent())
+    found = identify_in_stocking(load_leg(folder), Silent(), cells)
     return _recovery(found, kind, time.process_time() - started)
 
 
