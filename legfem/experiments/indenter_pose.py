@@ -8,7 +8,7 @@ import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.experiments.bodies import PositiveSizes
-from legfem.mechanics.indenters import FiniteCylinder, RigidBall, RigidCylinder, RigidIndenter, TurnedCylinder
+from legfem.mechanics.indenters import FiniteCylinder, RigidBall, RigidCylinder, RigidIndenter
 
 
 @dataclass(frozen=True)
@@ -113,8 +113,7 @@ class Cylinder(LegIndenter):
 
     def placed(self, pose: Pose) -> RigidIndenter:
         """Return the signed distance from its surface."""
-        x, y, z = map(float, self.axis(pose))
-        return self.shape(3) if z == 1.0 else TurnedCylinder(self.radius, self.length / 2, self.edge_radius, x, y, z)
+        return FiniteCylinder(self.radius, self.length / 2, self.edge_radius, *map(float, self.axis(pose)))
 
     def reach(self, pose: Pose) -> float:
         """Return half of its extent along the leg, mm."""

@@ -72,9 +72,9 @@ class RigidPlate:
 
 @dataclass(frozen=True)
 class FiniteCylinder:
-    r"""A rigid cylinder with its axis along the third coordinate and rounded end edges.
+    r"""A rigid cylinder with rounded end edges.
 
-    With the distance :math:`s` from the axis, :math:`a = s - (r - \rho)` and
+    With the distance :math:`s` from the axis and the place :math:`z` along it, :math:`a = s - (r - \rho)` and
     :math:`b = |z| - (l - \rho)`, the signed distance is
 
     .. math:: g = \sqrt{\max(a, 0)^2 + \max(b, 0)^2} + \min(\max(a, b), 0) - \rho,
@@ -89,11 +89,16 @@ class FiniteCylinder:
         :math:`l` (mm), the rounding included.
     edge : float
         Radius :math:`\rho` of the rounding (mm).
+    axis_x, axis_y, axis_z : float
+        Components of the axis' unit vector; along the third coordinate without them.
     """
 
     radius: Scalar
     half_length: Scalar
     edge: Scalar
+    axis_x: Scalar = 0.0
+    axis_y: Scalar = 0.0
+    axis_z: Scalar = 1.0
 
     def __post_init__(self) -> None:
         """Check the numbers, and that the rounding fits the cylinder."""
@@ -114,13 +119,18 @@ class FiniteCylinder:
     def normal(self, y: Expr) -> Expr:
         """Return the gradient of the gap, a unit vector out of the indenter."""
         radial, axial = rounded_normal(*self._beyond(y))
-        s = _norm(y[0], y[1])
-        return ufl.as_vector([radial * y[0] / s, radial * y[1] / s, axial * ufl.conditional(ufl.lt(y[2], 0), -1, 1)])
+        axis, along, across = self._parts(y)
+        return radial / _length(across) * across + axial * ufl.conditional(ufl.lt(along, 0), -1, 1) * axis
 
     def _beyond(self, y: Expr) -> tuple[Expr, Expr]:
-        a = _norm(y[0], y[1]) - (self.radius - self.edge)
-        b = abs(y[2]) - (self.half_length - self.edge)
-        return a, b
+        _, along, across = self._parts(y)
+        return _length(across) - (self.radius - self.edge), abs(along) - (self.half_length - self.edge)
+
+    def _parts(self, y: Expr) -> tuple[Expr, Expr, Expr]:
+        """Return the axis, how far a position lies along it, and the rest of the position, perpendicular to it."""
+        axis = ufl.as_vector([self.axis_x, self.axis_y, self.axis_z])
+        along = ufl.dot(y, axis)
+        return axis, along, y - along * axis
 
 
 def rounded_gap(a: Expr, b: Expr, edge: Scalar) -> Expr:
@@ -128,13 +138,13 @@ def rounded_gap(a: Expr, b: Expr, edge: Scalar) -> Expr:
 
     Its faces lie that radius beyond ``a = 0`` and ``b = 0``, where a and b (mm) grow outwards.
     """
-    corner = _norm(ufl.max_value(a, 0), ufl.max_value(b, 0))
+    corner = _length(ufl.as_vector([ufl.max_value(a, 0), ufl.max_value(b, 0)]))
     return corner + ufl.min_value(ufl.max_value(a, b), 0) - edge
 
 
 def rounded_normal(a: Expr, b: Expr) -> tuple[Expr, Expr]:
     """Return the derivatives of `rounded_gap` by a and b; inside, those of the nearer face."""
-    corner = _norm(ufl.max_value(a, 0), ufl.max_value(b, 0))
+    corner = _length(ufl.as_vector([ufl.max_value(a, 0), ufl.max_value(b, 0)]))
     inside = ufl.lt(ufl.max_value(a, b), 0)
     return (
         ufl.conditional(inside, _step(a - b), ufl.max_value(a, 0) / corner),
@@ -142,56 +152,10 @@ def rounded_normal(a: Expr, b: Expr) -> tuple[Expr, Expr]:
     )
 
 
-def _norm(a: Expr, b: Expr) -> Expr:
-    """Return the length of (a, b), with a derivative at zero too."""
-    return ufl.sqrt(a**2 + b**2 + 1e-24)
+def _length(vector: Expr) -> Expr:
+    """Return the length of a vector, with a derivative at zero too."""
+    return ufl.sqrt(ufl.dot(vector, vector) + 1e-24)
 
 
 def _step(a: Expr) -> Expr:
     return ufl.conditional(ufl.gt(a, 0), 1.0, 0.0)
-
-
-@dataclass(frozen=True)
-class TurnedCylinder(FiniteCylinder):
-    """A rigid cylinder with rounded end edges and its axis along a unit vector.
-
-    See `FiniteCylinder`, which it is where the axis is the third coordinate's.
-
-    Parameters
-    ----------
-    radius, half_length, edge : float
-        As those of `FiniteCylinder`, mm.
-    axis_x, axis_y, axis_z : float
-        Components of the unit vector.
-    """
-
-    axis_x: Scalar = 0.0
-    axis_y: Scalar = 0.0
-    axis_z: Scalar = 1.0
-
-    def normal(self, y: Expr) -> Expr:
-        """Return the gradient of the gap, a unit vector out of the indenter."""
-        radial, axial = rounded_normal(*self._beyond(y))
-        side = ufl.conditional(ufl.lt(self._along(y), 0), -1, 1)
-        return radial / self._away(y) * self._across(y) + axial * side * self._axis
-
-    @property
-    def _axis(self) -> Expr:
-        return ufl.as_vector([self.axis_x, self.axis_y, self.axis_z])
-
-    def _along(self, y: Expr) -> Expr:
-        return ufl.dot(y, self._axis)
-
-    def _across(self, y: Expr) -> Expr:
-        """Return the part of a position that is perpendicular to the axis."""
-        return y - self._along(y) * self._axis
-
-    def _away(self, y: Expr) -> Expr:
-        """Return the distance from the axis, with a derivative on it too."""
-        across = self._across(y)
-        return ufl.sqrt(ufl.dot(across, across) + 1e-24)
-
-    def _beyond(self, y: Expr) -> tuple[Expr, Expr]:
-        a = self._away(y) - (self.radius - self.edge)
-        b = abs(self._along(y)) - (self.half_length - self.edge)
-        return a, b

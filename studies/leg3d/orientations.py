@@ -10,7 +10,7 @@ from legfem.data.recording import write_recording
 from legfem.experiments.indenter_pose import Cylinder
 from legfem.experiments.leg_3d import IdealisedLegIndentation, IdealisedLegSettings
 from legfem.jobs.store import Store
-from legfem.mechanics.indenters import RigidIndenter, TurnedCylinder
+from legfem.mechanics.indenters import FiniteCylinder, RigidIndenter
 from legfem.meshing.structured import LegMeshSettings
 from legfem.solve.path import ForceCurve
 from studies.leg3d.planted import CYLINDER, LEG, Planted, folder_of, recorded, whole_curve
@@ -26,7 +26,7 @@ class Across(Cylinder):
 
     def shape(self, dimension: int) -> RigidIndenter:
         """Return the signed distance in 3D."""
-        return TurnedCylinder(self.radius, self.length / 2, self.edge_radius, 1.0, 0.0, 0.0)
+        return FiniteCylinder(self.radius, self.length / 2, self.edge_radius, 1.0, 0.0, 0.0)
 
 
 def pressed_curve(planted: Planted, way: str, kept: Path) -> ForceCurve:
