@@ -313,10 +313,8 @@ def _legacy_cells(file: _Legacy, version: int, words: Sequence[str]) -> tuple[_N
     """Return the points of all cells of a kind, and where each cell's end."""
     count, size = int(words[1]), int(words[2])
     if version >= 5:
-        found = []
-        for length in (count, size):
-            found.append(file.numbers(length, file.text().split()[1]))
-        return found[1], found[0][1:]
+        ends, connectivity = (file.numbers(length, file.text().split()[1]) for length in (count, size))
+        return connectivity, ends[1:]
     flat, heads = file.numbers(size, "int").astype(np.intp), [0]
     for _ in range(count):
         heads.append(heads[-1] + 1 + int(flat[heads[-1]]))

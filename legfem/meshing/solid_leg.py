@@ -61,8 +61,7 @@ def mesh_shell(shape: LegShape, sizes: SizeField, enclosing: bool = False) -> Sh
         pieces.append((points, triangles))
         rings[part] = points[bottom], points[top]
     for outer, inner in ((SKIN, (HULL,)), (HULL, shape.bones)):
-        for end in range(2):
-            pieces.append(_end_face(rings[outer][end], [rings[p][end] for p in inner], sizes))
+        pieces += [_end_face(rings[outer][end], [rings[p][end] for p in inner], sizes) for end in range(2)]
     offsets = np.cumsum([0, *(len(points) for points, _ in pieces)])
     every = np.vstack([points for points, _ in pieces])
     first, pairs = np.arange(len(every)), cKDTree(every).query_pairs(1e-6, output_type="ndarray")

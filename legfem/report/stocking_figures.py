@@ -183,13 +183,12 @@ def _draw_pressure(figure: Figure, axes: Axes, details: StockingDetails, section
     if min(low, 0.0) < mean < high:
         bar.ax.axhline(mean, color="white", linewidth=3)
         bar.ax.axhline(mean, color="black", linewidth=1.5)
-    handles = [
+    return [
         Line2D([], [], color="black", linewidth=1.0, label="skin, and hull of the muscle (bare)"),
         Patch(facecolor=BONE_COLOUR, edgecolor="black", label="bone"),
         Line2D([], [], color="black", linewidth=1.5, label=f"on the scale: mean pressure on the skin, {mean:.1f} mmHg"),
         *veins,
     ]
-    return handles
 
 
 def _draw_outlines(axes: Axes, details: StockingDetails, level: float) -> list[Any]:
