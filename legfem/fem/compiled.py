@@ -3,7 +3,7 @@
 FFCx compiles C code into a cache. A compilation that is killed leaves a file there at which every
 later one waits, and gives up. Here every form has a folder of its own in the cache, and whoever
 compiles holds a lock on it, which the system releases when a process dies: what is found unfinished
-under the lock is a dead process', and is removed.
+under the lock is a dead process', and is removed; so is what isn't as it was compiled, by a digest that lies beside it.
 """
 
 import errno
@@ -30,12 +30,14 @@ from ufl.corealg.map_dag import map_expr_dag
 from ufl.corealg.multifunction import MultiFunction
 from ufl.domain import extract_unique_domain
 
+from legfem.common.documents import write_atomically
 from legfem.common.errors import naming
 from legfem.common.units import FloatArray
+from legfem.jobs.store import Contents, key_of
 
 FLAGS = ("-O1", "-march=native", "-ffast-math", "-fno-finite-math-only")
 """For gcc. ``-O3`` takes it several times as long, and shortens solves by about a twentieth."""
-_LOCK = "lock"
+_LOCK, _SEAL = "lock", "seal"
 _LEAST_FREE = 2_000_000
 """Bytes that a form takes at most, sources and all."""
 _log = logging.getLogger("legfem")
@@ -87,9 +89,9 @@ def _compile_here(what: Any, options: dict[str, Any]) -> None:
     folder = options["cache_dir"]
     folder.mkdir(parents=True, exist_ok=True)
     with _locked(folder) as locked:
-        sources = list(folder.glob("*.c"))
-        if sources and all(source.with_suffix(".c.cached").exists() for source in sources):
-            return  # all that FFCx began is complete
+        sealed = folder / _SEAL
+        if sealed.is_file() and sealed.read_bytes() == _digest(folder):
+            return  # all that FFCx began is complete, and nothing has changed since
         _announce()
         if locked:
             for file in folder.iterdir():
@@ -104,11 +106,16 @@ def _compile_here(what: Any, options: dict[str, Any]) -> None:
                     # FFCx itself waits for another process only where nothing can be locked.
                     jit_options={**options, "timeout": 10 if locked else 300},
                 )
+            write_atomically(sealed, _digest(folder))
         except VerificationError as error:
             if shutil.disk_usage(folder).free < _LEAST_FREE:
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(folder)) from error
             what = "the C compiler failed on a form (is gcc there?)"
             raise OSError(errno.ENOEXEC, what, str(folder)) from error
+
+
+def _digest(folder: Path) -> bytes:
+    return key_of([one for one in Contents(folder).digest() if one[0].startswith("lib")]).encode()
 
 
 @contextmanager

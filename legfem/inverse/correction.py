@@ -45,9 +45,11 @@ from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.common.wording import Argument, Command, Remedy
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values, deep_stiffness
 from legfem.inverse.comparison import ErrorSource
+from legfem.jobs.store import key_of
 from legfem.solve.path import ForceCurve
 
-SCHEMA = 1
+SCHEMA = 2
+"""Tables of schema 1 are read too: they have no digest of their content."""
 KIND = "3d-correction"
 DEFINITION = "P(d) = 1 - (RF3D(d) / L) / RF2D(d); RF3D = (1 - P) L RF2D"
 FIRST_RATIO = 2.5
@@ -199,7 +201,8 @@ def write_table(
     errors
         Modes of its error, by what causes them.
     """
-    return write_document(path, json_types({"schema": SCHEMA, "kind": kind, **told, **columns, "errors": errors}))
+    content = json_types({"schema": SCHEMA, "kind": kind, **told, **columns, "errors": errors})
+    return write_document(path, {**content, "digest": key_of(content)})
 
 
 def read_table(
@@ -226,8 +229,11 @@ def read_table(
         raise InputError(path, Argument("correction"), f"can't be read ({error})", remedy) from None
     if not isinstance(content, dict) or content.get("kind") != kind:
         raise InputError(path, "kind", f"is not {kind}", "give a file that legfem.study correction wrote")
-    if content.get("schema") != SCHEMA:
-        raise InputError(path, "schema", f"is {content.get('schema')}", f"this legfem reads schema {SCHEMA}")
+    schema, digest = content.get("schema"), content.pop("digest", None)
+    if schema not in (1, SCHEMA):
+        raise InputError(path, "schema", f"is {schema}", f"this legfem reads schemas 1 and {SCHEMA}")
+    if schema != 1 and digest != key_of(content):
+        raise InputError(path, "digest", "isn't that of its content, which changed since", "calibrate it again")
     try:
         arrays = [np.array(content[name], dtype=float) for name in columns]
         errors = {name: np.array(mode, dtype=float) for name, mode in content["errors"].items()}

@@ -4,27 +4,28 @@ States of a long solution are kept too, from which it goes on where it was kille
 that a solution goes on with as many ranks as it was begun with. A part has the step's number in its name, and the first
 rank names the last step of which all parts are there: neither a kill nor another solution's files are ever taken for a
 state.
+
+Each file begins with a digest of the rest, which is checked when it is read: what changed on the disk is absent.
 """
 
 import ast
 import hashlib
 import io
 import json
+import logging
 import time
-import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, fields, is_dataclass
 from enum import Enum
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
-from legfem.common.documents import package_version, write_atomically, write_document
+from legfem.common.documents import package_version, write_atomically
 from legfem.common.progress import Progress
 from legfem.jobs.pool import Workers
 
@@ -160,10 +161,51 @@ def _statements(tree: ast.Module) -> Iterator[ast.AST]:
             waiting += getattr(node, name, ())
 
 
+_log = logging.getLogger(__name__)
+
+
+def _write(path: Path, content: bytes) -> None:
+    """Write a file, which begins with the digest of its content."""
+    write_atomically(path, _head(content) + content)
+
+
+def _content(path: Path) -> bytes:
+    """Return a file's content; nothing where it is missing, and where it isn't what was written, which is said."""
+    try:
+        head, end, content = path.read_bytes().partition(b"\n")
+    except OSError:
+        return b""
+    if head + end == _head(content):
+        return content
+    _say_changed(path.parent)
+    return b""
+
+
+def _head(content: bytes) -> bytes:
+    """Return what a JSON object begins with, so that one without its first brace can follow; 16 bytes are enough."""
+    return b'{"digest": "%b",\n' % hashlib.blake2b(content, digest_size=16).hexdigest().encode()
+
+
+@cache
+def _say_changed(folder: Path) -> None:
+    _log.warning("%s: not all that is kept there is as legfem wrote it: what isn't, is done anew", folder)
+
+
+def _write_json(path: Path, document: Mapping[str, Any]) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    _write(path, json.dumps(document, default=np.generic.item)[1:].encode())
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    """Return a document that was written; empty where there is none."""
+    content = _content(path)
+    return dict(json.loads(b"{" + content)) if content else {}
+
+
 class Store[Kept]:
     """A folder of finished work, one JSON file each, under a key of all that it depends on.
 
-    What is kept comes back to the last bit, NaN and infinity too. A file that is cut short, or that
+    What is kept comes back to the last bit, NaN and infinity too. A file that is cut short or changed, or that
     belongs to other inputs, settings, code or versions of DOLFINx, PETSc or gmsh, counts as absent.
 
     Parameters
@@ -203,20 +245,18 @@ class Store[Kept]:
 
     def get(self, asked: object) -> Kept | None:
         """Return a finished piece; None if there is none that can be read."""
+        document = _read_json(self.path(asked))
+        if document.get("key") != self.key(asked):
+            return None
         try:
-            document = json.loads(self.path(asked).read_text(encoding="utf-8"))
-            if document["key"] != self.key(asked):
-                return None
             kept: Kept = _adapter(self.kind).validate_python(document["kept"])
-        except (OSError, ValueError, LookupError, TypeError, RecursionError):
+        except ValueError:  # of a kind that has other fields by now
             return None
         return kept
 
     def put(self, asked: object, kept: Kept) -> None:
         """Write a finished piece; it is there whole or not at all."""
-        self.folder.mkdir(parents=True, exist_ok=True)
-        document = {"key": self.key(asked), "kept": _adapter(self.kind).dump_python(kept)}
-        write_atomically(self.path(asked), json.dumps(document, default=np.generic.item))
+        _write_json(self.path(asked), {"key": self.key(asked), "kept": _adapter(self.kind).dump_python(kept)})
 
     def get_or_make(
         self,
@@ -294,20 +334,17 @@ type Arrays = dict[str, NDArray[Any]]
 
 
 def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], compressed: bool = False) -> None:
-    """Write arrays by name (``.npz``); a reader never meets half of them."""
+    """Write arrays by name (``.npz`` after a digest of it); a reader never meets half of them."""
     content = io.BytesIO()
     save = np.savez_compressed if compressed else np.savez
     save(content, **arrays)  # type: ignore[arg-type]
-    write_atomically(path, content.getvalue())
+    _write(path, content.getvalue())
 
 
 def read_arrays(path: Path) -> Arrays:
-    """Return a file's arrays; none where it is missing or malformed."""
-    try:
-        with np.load(path) as kept:
-            return dict(kept)
-    except (OSError, ValueError, LookupError, TypeError, EOFError, BadZipFile, zlib.error):
-        return {}
+    """Return a file's arrays; none where it is missing or isn't as it was written."""
+    content = _content(path)
+    return dict(np.load(io.BytesIO(content))) if content else {}
 
 
 @dataclass
@@ -346,7 +383,7 @@ class Checkpoint:
         self.comm.Barrier()
         if self.comm.rank == 0:
             head = {"key": self.key, "ranks": self.comm.size, "number": self._number}
-            write_document(self._head, {**head, "digest": key_of(plain), "plain": plain})
+            _write_json(self._head, {**head, "plain": plain})
         self.comm.Barrier()
         self._part(before).unlink(missing_ok=True)
         self._last = time.monotonic()
@@ -366,14 +403,10 @@ class Checkpoint:
 
     def _read_head(self) -> tuple[int, dict[str, Any]] | None:
         """Return number and plain values of the last state; None without a whole one of the key."""
-        try:
-            head = json.loads(self._head.read_text(encoding="utf-8"))
-            if (head["key"], head["ranks"]) != (self.key, self.comm.size):
-                return None
-            plain = dict(head["plain"])
-            return (int(head["number"]), plain) if head["digest"] == key_of(plain) else None
-        except (OSError, ValueError, LookupError, TypeError, RecursionError):
+        head = _read_json(self._head)
+        if (head.get("key"), head.get("ranks")) != (self.key, self.comm.size):
             return None
+        return head["number"], head["plain"]
 
     def clear(self) -> None:
         """Remove the states: the solution is known; collective."""
