@@ -7,13 +7,13 @@ from typing import Annotated
 
 import typer
 
-from legfem.common.command_line import command_context
+from legfem.common.command_line import CheckedCommand, command_context
 from legfem.common.errors import InputError
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
 
-@app.command()
+@app.command(cls=CheckedCommand)
 def serve(
     workspace: Annotated[Path, typer.Option(help="Folder that holds everything that the app does.")] = Path(
         "legfem-workspace"

@@ -11,7 +11,7 @@ from legfem.common import command_line
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
 
-@app.command(cls=command_line.FiniteNumbers)
+@app.command(cls=command_line.CheckedCommand)
 def cohort(
     context: typer.Context,
     folder: Annotated[
@@ -78,26 +78,29 @@ def cohort(
         else command_line.parallel_context(jobs, resume, quiet)
     )
     with alone as processes:
+        from mpi4py import MPI
+
         from legfem.api.cohorts import DOCUMENT
         from legfem.api.cohorts import cohort as cohort_in_full
         from legfem.cohort.rows import CSV, ExpectedRun
         from legfem.report.cohort import PAGE
 
-        place = command_line.results_folder(out, f"cohort-{folder.resolve().name}")
-        found = cohort_in_full(
-            folder,
-            **passed(context, "do", "layout", "table", "law", "identify", "prior", "fix", "depth", "correction"),
-            **passed(context, "model", "mesh", "library", "cells", "seed", "on", "scheduler", "population", "dry_run"),
-            out=place,
-            jobs=processes or 1,
-            progress=not quiet,
-        )
-        if isinstance(found, ExpectedRun):
-            print(found.summary(), end="")
-            return
-        report = found.write(place)
-        print_outcome(found.summary(), place / DOCUMENT, report, quiet, as_json)
-        if not as_json:
-            print(f"page:   {report.with_name(PAGE)}\ntable:  {report.with_name(CSV)}")
-        if not any(row.done for row in found.rows):
-            command_line.end_without_a_solution("no member could be done")
+        ranks = MPI.COMM_WORLD if on == "mpi" else None
+        with command_line.results_folder(out, f"cohort-{folder.resolve().name}", ranks) as place:
+            found = cohort_in_full(
+                folder,
+                **passed(context, "cells", "layout", "table", "law", "identify", "prior", "fix", "depth", "correction"),
+                **passed(context, "model", "mesh", "library", "do", "seed", "on", "scheduler", "population", "dry_run"),
+                out=place,
+                jobs=processes or 1,
+                progress=not quiet,
+            )
+            if isinstance(found, ExpectedRun):
+                print(found.summary(), end="")
+                return
+            report = found.write(place)
+            print_outcome(found.summary(), place / DOCUMENT, report, quiet, as_json)
+            if not as_json:
+                print(f"page:   {report.with_name(PAGE)}\ntable:  {report.with_name(CSV)}")
+            if not any(row.done for row in found.rows):
+                command_line.end_without_a_solution("no member could be done")

@@ -6,7 +6,15 @@ from typing import Annotated
 
 import typer
 
-from legfem.common.command_line import BAD_INPUT, AsJson, Quiet, brief_output, command_context, results_folder
+from legfem.common.command_line import (
+    BAD_INPUT,
+    AsJson,
+    CheckedCommand,
+    Quiet,
+    brief_output,
+    command_context,
+    results_folder,
+)
 from legfem.common.errors import InputError
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -20,7 +28,7 @@ def data() -> None:
     """
 
 
-@app.command()
+@app.command(cls=CheckedCommand)
 def look(
     files: Annotated[
         list[Path] | None,
@@ -71,7 +79,6 @@ def look(
         if not files:
             raise InputError("FILES", "missing", "there is nothing to look at", "give files")
         check_printable(*files)
-        folder = results_folder(out, "look")
         asked: dict[Quantity, str | None] = {"time": time, "displacement": displacement, "force": force}
         named = {quantity: column for quantity, column in asked.items() if column is not None}
         names = [path.stem for path in files]
@@ -120,23 +127,23 @@ def look(
             instrument_file.Looked(one.recording, how, quality_of(one))
             for (how, _), one in zip(read, trials, strict=True)
         ]
-        folder.mkdir(parents=True, exist_ok=True)
         text = "\n".join([*doubt_lines(doubts), *(instrument_file.look_text(*parts) for parts in seen)])
-        pictures = [instrument_file.draw_look(recording, quality, folder) for recording, _, quality in seen]
-        write_atomically(folder / PAGE, rendered(instrument_file.look_web_page(seen, toml, text, command_line())))
-        write_atomically(folder / "report.txt", text)
-        write_atomically(folder / "recordings.toml", toml)
-        path = write_document(folder / instrument_file.LOOK, instrument_file.look_document(seen))
-        with brief_output(quiet, as_json) as written:
-            written.append(path)
-            print(text)
-            print(f"for {'specimen' if specimens else 'subject'}.toml:\n\n{toml}")
-            print("\n".join(f"picture: {path}" for path in pictures))
-            print(f"page: {folder / PAGE}\nreport: {folder / 'report.txt'}")
-            print(f"toml: {folder / 'recordings.toml'}\nresult: {path}")
+        with results_folder(out, "look") as folder:
+            pictures = [instrument_file.draw_look(recording, quality, folder) for recording, _, quality in seen]
+            write_atomically(folder / PAGE, rendered(instrument_file.look_web_page(seen, toml, text, command_line())))
+            write_atomically(folder / "report.txt", text)
+            write_atomically(folder / "recordings.toml", toml)
+            path = write_document(folder / instrument_file.LOOK, instrument_file.look_document(seen))
+            with brief_output(quiet, as_json) as written:
+                written.append(path)
+                print(text)
+                print(f"for {'specimen' if specimens else 'subject'}.toml:\n\n{toml}")
+                print("\n".join(f"picture: {path}" for path in pictures))
+                print(f"page: {folder / PAGE}\nreport: {folder / 'report.txt'}")
+                print(f"toml: {folder / 'recordings.toml'}\nresult: {path}")
 
 
-@app.command()
+@app.command(cls=CheckedCommand)
 def preview(
     folder: Annotated[Path, typer.Argument(help="Folder of a leg, of a leg in a stocking, or of specimens.")],
     out: Annotated[Path | None, typer.Option(help="Folder for results; results/preview by default.")] = None,
@@ -155,17 +162,16 @@ def preview(
         from legfem.common.progress import progress_on
         from legfem.report.preview import PREVIEW, preview_of
 
-        target = results_folder(out, "preview")
         if not folder.is_dir():
             raise InputError(folder, "folder", "not found", "give the path of one")
-        target.mkdir(parents=True, exist_ok=True)
-        with progress_on(quiet=quiet) as progress:
-            seen = preview_of(folder, target, progress)
-        seen.write(target)
-        with brief_output(quiet, as_json) as written:
-            written.append(target / PREVIEW)
-            print(seen.text)
-            print(f"preview: {target / PREVIEW}")
-        if seen.trouble:
-            print(seen.trouble, file=sys.stderr)
-            raise typer.Exit(BAD_INPUT)
+        with results_folder(out, "preview") as target:
+            with progress_on(quiet=quiet) as progress:
+                seen = preview_of(folder, target, progress)
+            seen.write(target)
+            with brief_output(quiet, as_json) as written:
+                written.append(target / PREVIEW)
+                print(seen.text)
+                print(f"preview: {target / PREVIEW}")
+            if seen.trouble:
+                print(seen.trouble, file=sys.stderr)
+                raise typer.Exit(BAD_INPUT)

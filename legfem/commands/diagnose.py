@@ -6,12 +6,12 @@ from typing import Annotated
 import typer
 
 from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir, finish, passed
-from legfem.common.command_line import AsJson, Quiet, check_out_folder, parallel_context, results_folder
+from legfem.common.command_line import AsJson, CheckedCommand, Quiet, check_out_folder, parallel_context, results_folder
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
 
-@app.command()
+@app.command(cls=CheckedCommand)
 def diagnose(
     context: typer.Context,
     subject: Subject = None,
@@ -80,12 +80,12 @@ def diagnose(
         if library is not None:
             check_out_folder(library)
         leg = named(subject, subject_dir, specimen_dir, site)
-        folder = results_folder(out, f"diagnose-{leg.id}")
-        found = diagnose_in_full(
-            leg,
-            **passed(context, "library", "correction", "seed", "specimens", "site", "prior", "within"),
-            out=folder,
-            jobs=processes,
-            progress=not quiet,
-        )
-        finish(found, folder, DIAGNOSIS, quiet, as_json)
+        with results_folder(out, f"diagnose-{leg.id}") as folder:
+            found = diagnose_in_full(
+                leg,
+                **passed(context, "library", "correction", "seed", "specimens", "site", "prior", "within"),
+                out=folder,
+                jobs=processes,
+                progress=not quiet,
+            )
+            finish(found, folder, DIAGNOSIS, quiet, as_json)

@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from legfem.commands.options import Site, SubjectDir
-from legfem.common.command_line import AsJson, FiniteNumbers, Quiet, command_context
+from legfem.common.command_line import AsJson, CheckedCommand, Quiet, command_context
 from legfem.common.errors import InputError, log_doubts
 from legfem.geometry.section import fat_thickness, girth
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
 
-@app.command(cls=FiniteNumbers)
+@app.command(cls=CheckedCommand)
 def convert(
     cross_sections: Annotated[Path | None, typer.Option(help="CSV file: level_mm,part,loop,i,x_mm,y_mm.")] = None,
     scan: Annotated[

@@ -14,7 +14,7 @@ from legfem.common.errors import InputError, UnsolvedError
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
 
-@app.command(name="identify", cls=command_line.FiniteNumbers)
+@app.command(name="identify", cls=command_line.CheckedCommand)
 def run(
     context: typer.Context,
     subject: Subject = None,
@@ -103,18 +103,18 @@ def run(
 
         check_seed(seed)
         leg = named(subject, subject_dir, specimen_dir, site)
-        folder = command_line.results_folder(out, f"identify-{leg.id}")
-        found = identify_in_full(
-            leg,
-            **passed(context, "law", "identify", "prior", "fix", "c10_bounds", "c20_bounds", "correction", "depth"),
-            **passed(context, "model", "leave_out", "weighting", "seed"),
-            site="" if specimen_dir is None else site or "",
-            out=folder,
-            jobs=processes,
-            progress=not quiet,
-            comm=MPI.COMM_WORLD if model == "3d" else None,
-        )
-        finish(found, folder, "result.json", quiet, as_json, found.summary())
+        with command_line.results_folder(out, f"identify-{leg.id}") as folder:
+            found = identify_in_full(
+                leg,
+                **passed(context, "law", "identify", "prior", "fix", "c10_bounds", "c20_bounds", "correction", "depth"),
+                **passed(context, "model", "leave_out", "weighting", "seed"),
+                site="" if specimen_dir is None else site or "",
+                out=folder,
+                jobs=processes,
+                progress=not quiet,
+                comm=MPI.COMM_WORLD if model == "3d" else None,
+            )
+            finish(found, folder, "result.json", quiet, as_json, found.summary())
 
 
 @contextmanager

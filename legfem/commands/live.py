@@ -7,12 +7,12 @@ from typing import Annotated
 import typer
 
 from legfem.commands.options import Jobs, Site, print_outcome
-from legfem.common.command_line import AsJson, Quiet, command_context, parallel_context, results_folder
+from legfem.common.command_line import AsJson, CheckedCommand, Quiet, command_context, parallel_context, results_folder
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
 
-@app.command()
+@app.command(cls=CheckedCommand)
 def live(
     folder: Annotated[Path, typer.Argument(help="A leg's folder, whose recordings/ an instrument fills.")],
     site: Site = None,
@@ -42,7 +42,6 @@ def live(
         if library is not None:
             check_folder("library", library)
         visit, brief = visit_of(folder, site or ""), quiet or as_json
-        results = results_folder(out, f"live-{visit.leg.id}")
         answer = partial(diagnose, library=library, within=within, jobs=processes, progress=not brief)
 
         def tell(lines: list[str]) -> None:
@@ -55,5 +54,8 @@ def live(
             if brief:
                 print_outcome("", results / DIAGNOSIS, report, quiet, as_json)
 
-        with command_context(f"the last answer is in {results}, and the same command goes on", quiet):
+        with (
+            results_folder(out, f"live-{visit.leg.id}") as results,
+            command_context(f"the last answer is in {results}, and the same command goes on", quiet),
+        ):
             follow(visit, answer, tell, answered, once)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from legfem.common.command_line import AsJson, FiniteNumbers, Quiet, command_context, leave_to_first_rank
+from legfem.common.command_line import AsJson, CheckedCommand, Quiet, command_context, leave_to_first_rank
 from legfem.common.errors import InputError
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
 
-@app.command(cls=FiniteNumbers)
+@app.command(cls=CheckedCommand)
 def export(
     out: Annotated[Path, typer.Option(help="File: .msh, .xdmf, .vtu or .inp.", show_default=False)],
     subject: Annotated[str | None, typer.Option(help="Mesh the section of one of legfem's subjects.")] = None,

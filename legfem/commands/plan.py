@@ -6,13 +6,13 @@ from typing import Annotated
 import typer
 
 from legfem.commands.options import Jobs, Site, Subject, SubjectDir, finish
-from legfem.common.command_line import AsJson, FiniteNumbers, Quiet, parallel_context, results_folder
+from legfem.common.command_line import AsJson, CheckedCommand, Quiet, parallel_context, results_folder
 from legfem.legs.schema import SUBJECTS
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
 
-@app.command(cls=FiniteNumbers)
+@app.command(cls=CheckedCommand)
 def plan(
     subject: Subject = None,
     subject_dir: SubjectDir = None,
@@ -45,8 +45,8 @@ def plan(
 
         directory = SUBJECTS.named(subject, subject_dir)
         leg = load_subject(directory, need_recordings=False, need_instrument=False, site=site or "")
-        folder = results_folder(out, f"plan-{leg.id}")
-        found = plan_in_full(
-            leg, c10=c10, c20=c20, depth=depth, rate=rate, library=library, jobs=processes, progress=not quiet
-        )
-        finish(found, folder, PLAN, quiet, as_json, found.summary())
+        with results_folder(out, f"plan-{leg.id}") as folder:
+            found = plan_in_full(
+                leg, c10=c10, c20=c20, depth=depth, rate=rate, library=library, jobs=processes, progress=not quiet
+            )
+            finish(found, folder, PLAN, quiet, as_json, found.summary())

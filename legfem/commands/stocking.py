@@ -7,13 +7,13 @@ from typing import Annotated
 import typer
 
 from legfem.commands.options import print_outcome
-from legfem.common.command_line import FAILED, AsJson, Quiet, command_context, results_folder
+from legfem.common.command_line import FAILED, AsJson, CheckedCommand, Quiet, command_context, results_folder
 from legfem.common.errors import log_doubts
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
 
-@app.command()
+@app.command(cls=CheckedCommand)
 def stocking(
     subject: Annotated[str | None, typer.Option(help="Id of one of legfem's own legs.")] = None,
     subject_dir: Annotated[Path | None, typer.Option(help="Folder of your own leg, in place of --subject.")] = None,
@@ -40,14 +40,14 @@ def stocking(
         first = MPI.COMM_WORLD.rank == 0
         with progress_on(quiet=quiet or not first) as progress:
             leg = load_leg(LEGS.named(subject, subject_dir), progress)
-        folder = results_folder(out, f"stocking-{leg.id}")
-        if first:
-            log_doubts(leg.doubts)
-        found = stocking_in_full(leg, cells=cells, out=folder, progress=not quiet, comm=MPI.COMM_WORLD)
-        report = found.write(folder)
-        if first:
-            print_outcome(report.read_text(encoding="utf-8"), folder / "result.json", report, quiet, as_json)
-        if not found.best.details.equilibrium.converged:
+        with results_folder(out, f"stocking-{leg.id}", MPI.COMM_WORLD) as folder:
             if first:
-                print(f"{leg.id}: no equilibrium with the stocking was found", file=sys.stderr)
-            raise typer.Exit(FAILED)
+                log_doubts(leg.doubts)
+            found = stocking_in_full(leg, cells=cells, out=folder, progress=not quiet, comm=MPI.COMM_WORLD)
+            report = found.write(folder)
+            if first:
+                print_outcome(report.read_text(encoding="utf-8"), folder / "result.json", report, quiet, as_json)
+            if not found.best.details.equilibrium.converged:
+                if first:
+                    print(f"{leg.id}: no equilibrium with the stocking was found", file=sys.stderr)
+                raise typer.Exit(FAILED)

@@ -20,7 +20,7 @@ app = typer.Typer(
 )
 
 
-@app.command(cls=command_line.FiniteNumbers)
+@app.command(cls=command_line.CheckedCommand)
 def reproduce(
     seed: Annotated[int, typer.Option(min=0, help="Seed of the genetic algorithm.")] = 1,
     corrected: Annotated[bool, typer.Option("--corrected", help="Also apply each leg's own 3D correction.")] = False,
@@ -45,7 +45,7 @@ def reproduce(
             written.append(folder / "result.json")
 
 
-@app.command(cls=command_line.FiniteNumbers)
+@app.command(cls=command_line.CheckedCommand)
 def doe(
     factors: Annotated[
         list[Path] | None,
@@ -90,17 +90,20 @@ def doe(
         from legfem.study.doe.design import IDENTIFIED, PAPER
         from legfem.study.doe.tables import anova_cells
 
-        options = DoeOptions(
-            tuple(factors or (PAPER, IDENTIFIED)),
-            subject_dir or SUBJECTS.find(subject),
-            command_line.results_folder(out, "doe"),
-            jobs or command_line.usable_cores(),
-            seed,
-            count,
-            not factorial_only,
-            quiet,
-        )
-        with command_line.brief_output(quiet, as_json) as written:
+        with (
+            command_line.results_folder(out, "doe", MPI.COMM_WORLD) as folder,
+            command_line.brief_output(quiet, as_json) as written,
+        ):
+            options = DoeOptions(
+                tuple(factors or (PAPER, IDENTIFIED)),
+                subject_dir or SUBJECTS.find(subject),
+                folder,
+                jobs or command_line.usable_cores(),
+                seed,
+                count,
+                not factorial_only,
+                quiet,
+            )
             results = run(options, MPI.COMM_WORLD)
             if MPI.COMM_WORLD.rank == 0:
                 for result in results:
@@ -110,7 +113,7 @@ def doe(
             command_line.end_without_a_solution("doe")
 
 
-@app.command(cls=command_line.FiniteNumbers)
+@app.command(cls=command_line.CheckedCommand)
 def correction(
     subject_dir: Annotated[
         Path | None,
@@ -161,13 +164,14 @@ def correction(
         from legfem.study.correction.calibration import Calibration
         from legfem.study.correction.cases import CorrectionCase, Material
 
-        folder = command_line.results_folder(out, "correction")
+        reserved = command_line.results_folder(out, "correction", MPI.COMM_WORLD)
         if subject_dir is not None:
             from legfem.common.units import kpa_to_mpa
             from legfem.jobs.pool import leading
             from legfem.study.correction import of_leg
 
-            with leading(MPI.COMM_WORLD) as first, command_line.brief_output(quiet, as_json) as written:
+            brief = command_line.brief_output(quiet, as_json)
+            with reserved as folder, leading(MPI.COMM_WORLD) as first, brief as written:
                 if first:
                     stiffness = kpa_to_mpa(c10_kpa), kpa_to_mpa(c20_kpa)
                     of_leg.run(subject_dir, stiffness, depth, folder, quiet, MPI.COMM_WORLD)
@@ -181,7 +185,7 @@ def correction(
             depth,
         )
         processes = (jobs or command_line.usable_cores()) if MPI.COMM_WORLD.size == 1 else 1
-        with command_line.brief_output(quiet, as_json) as written:
+        with reserved as folder, command_line.brief_output(quiet, as_json) as written:
             correction_command.run(Calibration(case), folder, processes, quiet, trends=trends, legs=legs, fields=fields)
             if MPI.COMM_WORLD.rank == 0:
                 written.append(folder / correction_command.DOCUMENT)

@@ -1,6 +1,7 @@
 """What every command does: its common options, its exit status, and one line for a user's mistake."""
 
 import errno
+import fcntl
 import io
 import logging
 import math
@@ -12,8 +13,9 @@ import threading
 from collections.abc import Iterator
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, nullcontext, redirect_stdout
+from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 from typer.core import TyperCommand
@@ -21,11 +23,24 @@ from typer.core import TyperCommand
 from legfem.common.errors import InputError, UnsolvedError, missing_module
 from legfem.common.wording import Argument
 
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
 _OPTION = "-no_signal_handler"
 
 
-class FiniteNumbers(TyperCommand):
-    """A command that refuses ``nan`` and ``inf`` for any of its numbers: limits let the one pass, meshes neither."""
+class CheckedCommand(TyperCommand):
+    """A command that refuses ``nan`` and ``inf``, which limits let pass and meshes don't, and empty texts."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Check that no text is empty, which would be the folder that one is in; then read what was given."""
+        with command_context():
+            for option, word in pairwise(["", *args]):
+                if word == "" or (word.startswith("--") and word.endswith("=")):
+                    raise InputError(
+                        word[:-1] or option or "argument", "value", "is empty", "give one, or leave it out"
+                    )
+        return super().parse_args(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
         """Check what was given, then run the command."""
@@ -130,8 +145,8 @@ def study_context(
     resume, quiet
         See `command_context`.
     """
-    with parallel_context(jobs, resume, quiet) as processes:
-        yield results_folder(out, name), processes
+    with parallel_context(jobs, resume, quiet) as processes, results_folder(out, name) as folder:
+        yield folder, processes
 
 
 def end_without_a_solution(what: str) -> NoReturn:
@@ -197,11 +212,48 @@ def check_out_folder(out: Path) -> None:
         raise InputError(asked, str(out), f"{nearest} can't be written to", "give a folder of your own") from None
 
 
-def results_folder(out: Path | None, name: str) -> Path:
-    """Return the folder for results, that of a name in ``results`` where none is given; it can be written to."""
+@contextmanager
+def results_folder(out: Path | None, name: str, comm: "MPI.Intracomm | None" = None) -> Iterator[Path]:
+    """Yield the folder for results, that of a name in ``results`` where none is given; no other command may have it.
+
+    Collective over the ranks of a communicator, if there is one.
+
+    Raises
+    ------
+    InputError
+        As `check_out_folder` does, and where another process writes to it.
+    """
     folder = out or Path("results") / name
     check_out_folder(folder)
-    return folder
+    with _held(folder) if comm is None or comm.rank == 0 else nullcontext("") as holder:
+        holder = holder if comm is None else comm.bcast(holder)
+        if holder:
+            problem = f"process {holder} writes its results there"
+            raise InputError(Argument("out"), str(folder), problem, "wait until it has ended, or give another folder")
+        yield folder
+
+
+@contextmanager
+def _held(folder: Path) -> Iterator[str]:
+    """Hold a folder's lock, which the system releases when a process dies; yield who holds it, if it isn't free."""
+    made = not folder.exists()
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / ".lock"
+    with path.open("a+") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            yield path.read_text() or "of another command"
+            return
+        except OSError:
+            pass  # a file system without locks
+        path.write_text(f"{os.getpid()}")
+        try:
+            yield ""
+        finally:
+            path.unlink(missing_ok=True)
+            if made and not any(folder.iterdir()):
+                folder.rmdir()
 
 
 def process_count(jobs: int | None, ranks: int) -> int:

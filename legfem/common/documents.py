@@ -5,8 +5,8 @@ import math
 import os
 import platform
 import re
+import secrets
 import subprocess
-import tempfile
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
@@ -69,17 +69,15 @@ def versions_of(*names: str) -> dict[str, str]:
 
 def write_atomically(path: Path, content: str | bytes) -> None:
     """Write a file so that no reader, and no kill, ever meets half of it."""
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    unfinished = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
     try:
-        with naming(path), os.fdopen(handle, "wb") as file:
+        with naming(path), unfinished.open("xb") as file:
             file.write(content.encode() if isinstance(content, str) else content)
             file.flush()
             os.fsync(file.fileno())
-        # mkstemp's files are private; the results needn't be.
-        Path(name).chmod(0o644)
-        Path(name).replace(path)
+        unfinished.replace(path)
     except BaseException:
-        Path(name).unlink(missing_ok=True)
+        unfinished.unlink(missing_ok=True)
         raise
 
 

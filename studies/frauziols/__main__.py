@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 from mpi4py import MPI
 
-from legfem.common.command_line import FiniteNumbers, command_context, results_folder, study_context, usable_cores
+from legfem.common.command_line import CheckedCommand, command_context, results_folder, study_context, usable_cores
 from legfem.common.documents import write_atomically, write_document
 from legfem.legs.schema import SUBJECTS
 from legfem.study.correction import command as correction_command
@@ -35,8 +35,8 @@ def claims(seed: Seed = 1, subject: str = "3", out: Out = None, jobs: Jobs = Non
 
     Example: python -m studies.frauziols claims
     """
-    with command_context(DONE_IS_KEPT):
-        folder, leg = results_folder(out, "doe"), SUBJECTS.find(subject)
+    with command_context(DONE_IS_KEPT), results_folder(out, "doe", MPI.COMM_WORLD) as folder:
+        leg = SUBJECTS.find(subject)
         options = DoeOptions(
             (PAPER, IDENTIFIED), leg, folder, jobs or usable_cores(), seed, "coefficients", beyond=True
         )
@@ -63,7 +63,7 @@ def correction(out: Out = None, jobs: Jobs = None) -> None:
         typer.echo(f"figure: {draw_correction(given.reference, found, lengths, folder)[0]}")
 
 
-@app.command(cls=FiniteNumbers)
+@app.command(cls=CheckedCommand)
 def convergence(
     subject: Annotated[str, typer.Option(help="Id of one of legfem's own subjects.")] = "3",
     subject_dir: Annotated[Path | None, typer.Option(help="Folder of your own subject, in place of --subject.")] = None,
