@@ -1,6 +1,9 @@
 """``legfem COMMAND ...``: the same commands as ``python -m legfem.COMMAND``."""
 
+import os
+import resource
 import sys
+import tempfile
 from importlib import import_module
 from typing import Any
 
@@ -23,11 +26,30 @@ COMMANDS = {
 
 def command(name: str) -> Any:
     """Return a command's typer application; where a package is missing, end with a line that says how to get it."""
+    _complete_surroundings()
     try:
         return import_module(f"legfem.commands.{name}").app
     except ModuleNotFoundError as error:
         print(f"legfem: {missing_module(error)}", file=sys.stderr)
         sys.exit(1)
+
+
+_LEAST_MEMORY = 1.2e9
+"""Bytes of addresses: with fewer, libraries don't load, wait for ever or end the program."""
+
+
+def _complete_surroundings() -> None:
+    """Give libraries the streams and the home that they don't start without; end where there is no memory for them."""
+    # A file that takes the place of a closed stream would hold what libraries print.
+    while (handle := os.open(os.devnull, os.O_RDWR)) < 3:
+        pass
+    os.close(handle)
+    sys.stdout, sys.stderr = sys.stdout or os.fdopen(1, "w"), sys.stderr or os.fdopen(2, "w")
+    memory, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if 0 <= memory < _LEAST_MEMORY:
+        sys.exit(f"legfem: memory: {memory / 1e6:.0f} MB are allowed (ulimit -v); allow {_LEAST_MEMORY / 1e6:.0f} MB")
+    home = os.path.expanduser("~")  # noqa: PTH111  (Path's raises an error where nobody knows it)
+    os.environ.setdefault("HOME", tempfile.mkdtemp() if home == "~" else home)
 
 
 def main() -> None:

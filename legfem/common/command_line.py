@@ -35,11 +35,9 @@ class CheckedCommand(TyperCommand):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Check that no text is empty, which would be the folder that one is in; then read what was given."""
         with command_context():
-            for option, word in pairwise(["", *args]):
+            for option, word in pairwise(["argument", *args]):
                 if word == "" or (word.startswith("--") and word.endswith("=")):
-                    raise InputError(
-                        word[:-1] or option or "argument", "value", "is empty", "give one, or leave it out"
-                    )
+                    raise InputError(word[:-1] or option, "value", "is empty", "give one, or leave it out")
         return super().parse_args(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:

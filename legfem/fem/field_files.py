@@ -1,5 +1,8 @@
 """Files of fields for ParaView: VTX and XDMF."""
 
+import logging
+import os
+import tempfile
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -7,6 +10,8 @@ from xml.etree import ElementTree
 from dolfinx import fem, io
 
 from legfem.fem.fields import LegFields
+
+_log = logging.getLogger(__name__)
 
 
 def write_fields(fields: LegFields, out: Path, displacement: float = 0.0) -> list[Path]:
@@ -27,15 +32,20 @@ def write_fields(fields: LegFields, out: Path, displacement: float = 0.0) -> lis
     Returns
     -------
     list of Path
-        What was written; collective over the mesh's ranks.
+        What was written, nothing where there is no room for it, which is said; collective over the mesh's ranks.
     """
-    written = []
     scalars = (fields.pressure, fields.von_mises, fields.stretch, fields.volume_ratio)
     mesh = fields.displacement.function_space.mesh
     # A VTX file holds functions of one element: all go to a discontinuous one, without loss.
     element = ("DG", fields.displacement.function_space.element.basix_element.degree)
     inside = [_interpolated(f, element) for f in (fields.displacement, *scalars, fields.region)]
     skin = [_interpolated(f, element) for f in (fields.skin_displacement, fields.skin_pressure)]
+    size = mesh.comm.allreduce(sum(one.x.array.nbytes for one in (*inside, *skin)))
+    if lack := mesh.comm.bcast(_lack_of_room(out, size) if mesh.comm.rank == 0 else ""):
+        if mesh.comm.rank == 0:
+            _log.warning("%s: no room for fields for ParaView (%s): they are left out", out, lack)
+        return []
+    written = []
     if hasattr(io, "VTXWriter"):  # built with ADIOS2
         for path, functions in ((out / "fields.bp", inside), (out / "skin.bp", skin)):
             with io.VTXWriter(mesh.comm, path, functions, engine="BP4") as writer:
@@ -50,6 +60,19 @@ def write_fields(fields: LegFields, out: Path, displacement: float = 0.0) -> lis
     if mesh.comm.rank == 0:
         _join_grids(path)
     return [*written, path, path.with_suffix(".h5")]
+
+
+def _lack_of_room(folder: Path, size: int) -> str:
+    """Return why files of numbers of some bytes can't be written: the libraries would end the program.
+
+    With points and cells they are some 2.5 times as large.
+    """
+    try:
+        with tempfile.TemporaryFile(dir=folder) as file:
+            os.posix_fallocate(file.fileno(), 0, 3 * size + 1_000_000)
+    except OSError as error:
+        return str(error.strerror)
+    return ""
 
 
 def _interpolated(function: Any, element: tuple[Any, ...]) -> Any:

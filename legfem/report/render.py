@@ -249,5 +249,5 @@ def write_page(
     (folder / MARKDOWN).write_text(markdown_page(page), encoding="utf-8")
     tables = write_tables(page, folder, estimates)
     markdown = ReportFile([Path(MARKDOWN)], "the same as Markdown")
-    every = [web.listed(explore), markdown, *files, tables]
+    every = [web.listed(explore), markdown, *(one for one in files if one.paths), tables]
     (folder / REPORT).write_text(plain_page(page, every), encoding="utf-8")

@@ -29,7 +29,7 @@ from legfem.report.leg_figure import SECTION_SHOWS, placement_figure
 from legfem.report.page import PressedSection
 from legfem.report.pressed_section import Filmed, filmed
 from legfem.report.render import estimates_frame, write_page
-from legfem.report.style import LAW_NAMES, save
+from legfem.report.style import LAW_NAMES, picture
 from legfem.solve.settings import NewtonSettings, StepSettings
 
 type LegFits = Sequence[Fit[LegDetails]]
@@ -147,16 +147,16 @@ def write_diagnosis_report(
     with made_in_place(out) as folder:
         entries = []
         if isinstance(subject, Subject):
-            entries.append(ReportFile(save(placement_figure(subject), folder, "section"), SECTION_SHOWS))
+            entries.append(picture(placement_figure(subject), folder, "section", SECTION_SHOWS))
             pressed = _pressed(diagnosis, subject)
         for number, stations in enumerate(protocols):
             name = f"recording-{number + 1}" if len(protocols) > 1 else "recording"
             shows = f"recordings ({stations.label}) against the model, what it misses, and where"
-            entries.append(ReportFile(save(recording_figure(diagnosis, number, *whose), folder, name), shows))
+            entries.append(picture(recording_figure(diagnosis, number, *whose), folder, name, shows))
         if blocks := signatures_of(diagnosis):
             figure = curves_figure(blocks, "What the base model misses", *whose)
             shows = "what the base model misses, and what each leading mechanism would leave"
-            entries.append(ReportFile(save(figure, folder, "signatures"), shows))
+            entries.append(picture(figure, folder, "signatures", shows))
         page = diagnosis_web_page(diagnosis, subject, plan, command, pressed)
         numbers = pd.DataFrame(diagnosis_document.parameter_rows(diagnosis))
         write_page(page, folder, "curves", [*entries, _RESULT], numbers)

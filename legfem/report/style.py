@@ -1,6 +1,7 @@
 """What the figures share: colours, sizes, how the data's origin is stated, and saving."""
 
 import io
+import logging
 import textwrap
 from pathlib import Path
 from typing import Any, Literal
@@ -11,6 +12,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from legfem.common.units import mmhg_to_mpa, mpa_to_kpa
+from legfem.report.folder import ReportFile
+
+_log = logging.getLogger(__name__)
 
 # Okabe and Ito's colours, which the colour-blind can tell apart.
 LAW_COLOURS = {"neo-hookean": "#D55E00", "reduced-polynomial": "#0072B2", "yeoh": "#009E73", "exponential": "#CC79A7"}
@@ -97,3 +101,14 @@ def save(figure: Figure, out: Path, name: str, svg: bool = False) -> list[Path]:
     vector = out / f"{name}.svg"
     figure.savefig(vector, metadata={"Date": None})
     return [png, vector]
+
+
+def picture(figure: Figure, out: Path, name: str, shows: str, svg: bool = False) -> ReportFile:
+    """Write a figure of a report, as `save` does; one that can't be written is left out, which is said."""
+    try:
+        return ReportFile(save(figure, out, name, svg), shows)
+    except OSError as error:
+        _log.warning("%s.png: can't be written (%s): the report does without it", name, error.strerror)
+        for half in out.glob(f"{name}.*"):
+            half.unlink()
+        return ReportFile([], shows)

@@ -25,7 +25,7 @@ from legfem.report.leg_figure import SECTION_SHOWS, placement_figure
 from legfem.report.leg_options import options_of
 from legfem.report.page import PressedSection
 from legfem.report.pressed_section import still_section
-from legfem.report.style import DATA_COLOUR, FAINT, LAW_NAMES, save
+from legfem.report.style import DATA_COLOUR, FAINT, LAW_NAMES, picture
 from legfem.report.words import BEYOND_A_FIT, fit_probability
 
 type LegFit = Fit[LegDetails]
@@ -129,15 +129,15 @@ class LegReport(ReportKind):
     def files(self, fits: Sequence[LegFit], folder: Path) -> list[ReportFile]:
         """Write fit, channels, and where each site was pressed."""
         shows = "measured and simulated force and their difference, each law (as the paper's Fig. 7)"
-        entries = [ReportFile(save(self.figure(fits), folder, "fit", svg=True), shows)]
+        entries = [picture(self.figure(fits), folder, "fit", shows, svg=True)]
         if drawn(fits):
-            entries.append(ReportFile(save(channels_figure(fits), folder, "channels", svg=True), SHOWS))
+            entries.append(picture(channels_figure(fits), folder, "channels", SHOWS, svg=True))
         sites = fits[0].details.leg.sites
         for site in sites:
             name, shows = "section", SECTION_SHOWS
             if len(sites) > 1:
                 name, shows = f"section-{site.site}", f"{site.site}: {SECTION_SHOWS}"
-            entries.append(ReportFile(save(placement_figure(site), folder, name), shows))
+            entries.append(picture(placement_figure(site), folder, name, shows))
         return entries
 
 

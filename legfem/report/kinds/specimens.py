@@ -19,7 +19,7 @@ from legfem.report.further_channels import SHOWS, channels_figure, drawn
 from legfem.report.kinds import ReportKind
 from legfem.report.page import Bars, LabelledBar
 from legfem.report.specimen_sentences import SpecimenFit, followed, procedure, tested
-from legfem.report.style import DATA_COLOUR, LAW_NAMES, save
+from legfem.report.style import DATA_COLOUR, LAW_NAMES, picture
 from legfem.report.words import DataKind, capital, fit_probability
 from legfem.specimens.artefacts import KNOW_THE_RIG
 from legfem.specimens.details import RecordingFit, compared
@@ -116,9 +116,9 @@ class SpecimenReport(ReportKind):
     def files(self, fits: Sequence[SpecimenFit], folder: Path) -> list[ReportFile]:
         """Write the figures."""
         shows = "recordings beside the model over displacement and time, and their differences"
-        found = [ReportFile(save(self.figure(fits), folder, "fit", svg=True), shows)]
+        found = [picture(self.figure(fits), folder, "fit", shows, svg=True)]
         if drawn(fits):
-            found.append(ReportFile(save(channels_figure(fits), folder, "channels", svg=True), SHOWS))
+            found.append(picture(channels_figure(fits), folder, "channels", SHOWS, svg=True))
         return found
 
 

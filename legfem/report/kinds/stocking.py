@@ -19,7 +19,7 @@ from legfem.report.estimates import held_text, modulus_rows, words_of
 from legfem.report.folder import ReportFile
 from legfem.report.kinds import ReportKind
 from legfem.report.stocking_figures import stocking_pressure_figure, stocking_section_figure
-from legfem.report.style import save
+from legfem.report.style import picture
 from legfem.report.words import DataKind, capital, number
 from legfem.stockings.assessment import KIND
 from legfem.stockings.details import StockingDetails, StockingFit
@@ -110,7 +110,7 @@ class StockingReport(ReportKind):
         if curves := stocking_stiffness.contour_curves(details):
             shows = "the contours that were compared: distances of model and bare leg"
             drawn.append(("contours", curves_figure(curves, capital(shows), leg.title, leg.origin), shows))
-        return [ReportFile(save(figure, folder, name), shows) for name, figure, shows in drawn]
+        return [picture(figure, folder, name, shows) for name, figure, shows in drawn]
 
     def comm(self, fits: Sequence[StockingFit]) -> MPI.Intracomm:
         """Return the ranks that share the leg's mesh."""
