@@ -48,6 +48,8 @@ def _complete_surroundings() -> None:
     memory, _ = resource.getrlimit(resource.RLIMIT_AS)
     if 0 <= memory < _LEAST_MEMORY:
         sys.exit(f"legfem: memory: {memory / 1e6:.0f} MB are allowed (ulimit -v); allow {_LEAST_MEMORY / 1e6:.0f} MB")
+    # At SIGHUP UCX, which MPI may use, would begin to trace what it does.
+    os.environ.setdefault("UCX_DEBUG_SIGNO", "0")
     home = os.path.expanduser("~")  # noqa: PTH111  (Path's raises an error where nobody knows it)
     os.environ.setdefault("HOME", tempfile.mkdtemp() if home == "~" else home)
 

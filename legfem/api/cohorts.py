@@ -62,6 +62,7 @@ from legfem.legs.subject import SitedLeg, Subject
 from legfem.report.answers import headline_of
 from legfem.report.cohort import ODD, cohort_web_page, write_cohort_page
 from legfem.report.cohort_statistics import forest_figure
+from legfem.report.folder import made_in_place
 from legfem.report.page import PAGE, WebPage, command_line
 from legfem.report.render import brief
 from legfem.specimens.folder import SpecimenFolder
@@ -120,10 +121,12 @@ class Cohort(Result):
         _check_apart(out, self.members)
         write_document(out / DOCUMENT, self.document())
         frame = self.to_frame()
-        write_tables(frame, units_frame(frame, self.rows), out)
-        if self.population:
-            write_document(out / POPULATION, population_document(self.population, self.members, self.rows))
-        return write_cohort_page(self._page(), out)
+        with made_in_place(out) as hidden:
+            write_tables(frame, units_frame(frame, self.rows), hidden)
+            if self.population:
+                write_document(hidden / POPULATION, population_document(self.population, self.members, self.rows))
+            page = write_cohort_page(self._page(), hidden)
+        return out / page.name
 
     def _page(self) -> WebPage:
         return cohort_web_page(self.members, self.rows, self.options.task, command_line(), self.population)

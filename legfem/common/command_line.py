@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 _OPTION = "-no_signal_handler"
+INTERRUPTS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class CheckedCommand(TyperCommand):
@@ -77,6 +78,10 @@ def command_context(resume: str = "run the same command again to go on", quiet: 
     """
     _show_messages(logging.WARNING if quiet else logging.INFO)
     ignore_broken_pipes()
+    # What a batch system or a terminal that is closed sends says what Ctrl-C does; nohup's is ignored still.
+    for one in INTERRUPTS if threading.current_thread() is threading.main_thread() else ():
+        if signal.getsignal(one) is signal.SIG_DFL:
+            signal.signal(one, signal.default_int_handler)
     try:
         yield
     except InputError as error:

@@ -22,7 +22,7 @@ from queue import SimpleQueue
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from legfem.common.command_line import ignore_broken_pipes
+from legfem.common.command_line import INTERRUPTS, ignore_broken_pipes
 from legfem.common.errors import InputError
 
 if TYPE_CHECKING:
@@ -153,22 +153,23 @@ def interruptible() -> Iterator[None]:
     One that arrives in a callback of PETSc's becomes an error of PETSc's, which looks like a solve
     that failed.
     """
-    handler = signal.getsignal(signal.SIGINT)
-    if not callable(handler) or threading.current_thread() is not threading.main_thread():
-        yield
-        return
+    main = threading.current_thread() is threading.main_thread()
+    there = {one: signal.getsignal(one) for one in (INTERRUPTS if main else ())}
+    handlers = {one: handler for one, handler in there.items() if callable(handler)}
     interrupted = False
 
     def note(number: int, frame: FrameType | None) -> None:
         nonlocal interrupted
         interrupted = True
-        handler(number, frame)
+        handlers[signal.Signals(number)](number, frame)
 
-    signal.signal(signal.SIGINT, note)
+    for one in handlers:
+        signal.signal(one, note)
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, handler)
+        for one, handler in handlers.items():
+            signal.signal(one, handler)
         if interrupted:
             raise KeyboardInterrupt
 
