@@ -7,7 +7,6 @@
 """
 
 import importlib
-import inspect
 import sys
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -52,16 +51,14 @@ __all__ = [
     "stocking",
 ]
 
-_ROOMS = ("cohort", "diagnose", "identify", "plan", "stocking")
-"""Rooms that share their name with the function that one enters them by."""
+_SHARED = ("cohort", "diagnose", "identify", "plan", "stocking")
+"""Functions with the name of a module, which ``python -m`` and ``from legfem.cohort import ...`` find by that name."""
 
 
 def __getattr__(name: str) -> Any:
     """Import what is asked for when it is: ``import legfem`` itself imports nothing."""
     if name == "__version__":
         return importlib.import_module("legfem.common.documents").legfem_version()
-    if name in _ROOMS:
-        return importlib.import_module(f"legfem.{name}")
     if name == "InputError":
         return importlib.import_module("legfem.common.errors").InputError
     if name in __all__:
@@ -70,32 +67,15 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
-
-
-class _Room(ModuleType):
-    """A room that can be called: ``legfem.identify(leg)`` beside ``legfem.inverse.search``."""
-
-    @property
-    def __signature__(self) -> inspect.Signature:
-        return inspect.signature(self.__wrapped__)
-
-    @property
-    def __wrapped__(self) -> Any:
-        api = importlib.import_module("legfem.api")
-        return getattr(api, self.__name__.rpartition(".")[2])
-
-    def __call__(self, *arguments: Any, **named: Any) -> Any:
-        return self.__wrapped__(*arguments, **named)
+    return list(__all__)
 
 
 class _FrontDoor(ModuleType):
-    """The package, that makes its rooms callable when they are first imported."""
+    """The package, whose functions stay what they are when the modules of their names are imported."""
 
     def __setattr__(self, name: str, value: Any) -> None:
-        if name in _ROOMS and isinstance(value, ModuleType):
-            value.__class__ = _Room
-        super().__setattr__(name, value)
+        if not (name in _SHARED and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
 
 
 sys.modules[__name__].__class__ = _FrontDoor

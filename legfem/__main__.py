@@ -24,14 +24,20 @@ COMMANDS = {
 }
 
 
-def command(name: str) -> Any:
-    """Return a command's typer application; where a package is missing, end with a line that says how to get it."""
+def command(name: str, module: str = "") -> Any:
+    """Return a command's typer application, and run it for the module that Python was started with.
+
+    Where a package is missing, end with a line that says how to get it.
+    """
     _complete_surroundings()
     try:
-        return import_module(f"legfem.commands.{name}").app
+        app = import_module(f"legfem.commands.{name}").app
     except ModuleNotFoundError as error:
         print(f"legfem: {missing_module(error)}", file=sys.stderr)
         sys.exit(1)
+    if module == "__main__":
+        app(prog_name=f"legfem {name}")
+    return app
 
 
 _LEAST_MEMORY = 1.2e9
@@ -68,7 +74,7 @@ def main() -> None:
         sys.exit(2)
     # The command's own help then names the command as it was called.
     sys.argv = [f"legfem {name}", *sys.argv[2:]]
-    command(name)(prog_name=f"legfem {name}")
+    command(name, "__main__")
 
 
 if __name__ == "__main__":

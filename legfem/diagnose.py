@@ -2,7 +2,4 @@
 
 from legfem.__main__ import command
 
-app = command("diagnose")
-
-if __name__ == "__main__":
-    app(prog_name="legfem diagnose")
+app = command("diagnose", __name__)

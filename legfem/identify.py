@@ -2,7 +2,4 @@
 
 from legfem.__main__ import command
 
-app = command("identify")
-
-if __name__ == "__main__":
-    app(prog_name="legfem identify")
+app = command("identify", __name__)

@@ -2,7 +2,4 @@
 
 from legfem.__main__ import command
 
-app = command("live")
-
-if __name__ == "__main__":
-    app(prog_name="legfem live")
+app = command("live", __name__)

@@ -2,7 +2,4 @@
 
 from legfem.__main__ import command
 
-app = command("plan")
-
-if __name__ == "__main__":
-    app(prog_name="legfem plan")
+app = command("plan", __name__)

@@ -2,7 +2,4 @@
 
 from legfem.__main__ import command
 
-app = command("stocking")
-
-if __name__ == "__main__":
-    app(prog_name="legfem stocking")
+app = command("stocking", __name__)

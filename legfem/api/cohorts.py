@@ -207,6 +207,13 @@ def cohort(
     ------
     InputError
         If there are no members, or the table or an option is wrong.
+
+    Examples
+    --------
+    >>> import legfem as lf
+    >>> study = lf.cohort("study", do="identify", out="results/cohort-study")  # a folder of legs' folders
+    >>> print(study.summary())
+    >>> study.to_frame()  # a row a leg
     """
     check_one_of("do", do, get_args(Task.__value__))
     check_one_of("on", on, get_args(EngineName.__value__))

@@ -114,6 +114,13 @@ def diagnose(
     Diagnosed or DiagnosedFolder
         With ``verdict`` (or ``verdicts`` by specimen), ``summary()``, ``plot()``, ``to_frame()``,
         ``document()``, ``write(folder)``.
+
+    Examples
+    --------
+    >>> import legfem as lf
+    >>> found = lf.diagnose("3", within="60s")  # or lf.load_specimen(folder)
+    >>> found.verdict
+    >>> print(found.summary())
     """
     loading.check_seed(seed)
     loading.check_whole("jobs", jobs, 1)
@@ -230,6 +237,12 @@ def plan(
     -------
     PlannedTests
         With ``summary()``, ``plot()``, ``to_frame()``, ``document()``, ``write(folder)``.
+
+    Examples
+    --------
+    >>> import legfem as lf
+    >>> tests = lf.plan("3", c10=0.7, depth=25.0)
+    >>> print(tests.summary())  # which test shows which effect, the best first
     """
     loading.check_within("c10", c10, 0.05, 50.0, "kPa")
     loading.check_within("c20", c20, 0.0, 50.0, "kPa")

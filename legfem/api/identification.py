@@ -120,6 +120,14 @@ def identify(
         If an argument is wrong, the leg can't be meshed or its recordings can't be used.
     SearchError
         If too few full solves reach the measured depth.
+
+    Examples
+    --------
+    >>> import legfem as lf
+    >>> found = lf.identify("3", law="both", prior=["superficial.C10=2±1 kPa"])  # or the path of a folder
+    >>> print(found.summary())
+    >>> found.to_frame()  # every parameter with its 95 % interval
+    >>> found.write("results/identify-3")  # the report, as the command writes it
     """
     wanted = AskedParameters.of(identify, prior or (), fix, c10_bounds, c20_bounds)
     loading.check_finite("depth", depth)

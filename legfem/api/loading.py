@@ -206,6 +206,12 @@ def load_subject(subject: Given, site: str = "") -> Subject:
     ------
     InputError
         If there is no such subject, or anything in the folder is missing or wrong.
+
+    Examples
+    --------
+    >>> import legfem as lf
+    >>> leg = lf.load_subject("3")  # or the path of a folder
+    >>> leg.section, leg.recordings  # a notebook shows what they look like
     """
     loaded = load_subject_folder(folder_of(subject, SUBJECTS), need_instrument=False, site=site)
     log_doubts(doubts_about(loaded))
@@ -224,6 +230,12 @@ def load_sites(leg: Given) -> SitedLeg:
     ------
     InputError
         If the leg has no ``[[site]]``, or anything in the folder is missing or wrong.
+
+    Examples
+    --------
+    >>> import legfem as lf
+    >>> leg = lf.load_sites("legs/pressed-at-two-sites")
+    >>> lf.identify(leg)
     """
     folder = folder_of(leg, SUBJECTS)
     loaded = load_sites_folder(folder)
@@ -327,6 +339,12 @@ def load_specimen(folder: Given) -> "SpecimenFolder":
     InputError
         If anything in the folder is missing or wrong; a recording that can't be used stands in
         ``left_out``.
+
+    Examples
+    --------
+    >>> import legfem as lf
+    >>> specimens = lf.load_specimen("examples/specimen")
+    >>> specimens.recordings, specimens.left_out
     """
     from legfem.specimens.folder import load_specimen as load_specimen_folder
 
@@ -349,6 +367,12 @@ def load_leg(leg: Given) -> "StockingLeg":
     ------
     InputError
         If there is no such leg, or anything in the folder is missing or wrong.
+
+    Examples
+    --------
+    >>> import legfem as lf
+    >>> leg = lf.load_leg("1")
+    >>> leg.stocking, leg.tissues
     """
     from legfem.stockings.loading import LEGS
     from legfem.stockings.loading import load_leg as load_leg_folder

@@ -84,6 +84,12 @@ def read_result(folder: Given) -> StoredResult:
     ------
     InputError
         If there is no such document, or another version of legfem wrote it.
+
+    Examples
+    --------
+    >>> import legfem as lf
+    >>> found = lf.read_result("results/identify-3")
+    >>> found.answer.tone, {name: law.parameters for name, law in found.laws.items()}
     """
     return stored.read_result(folder)
 

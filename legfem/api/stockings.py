@@ -46,6 +46,13 @@ def stocking(
     ------
     InputError
         If there is no such leg, or its scans can't be used.
+
+    Examples
+    --------
+    >>> import legfem as lf
+    >>> worn = lf.stocking("1", cells=12_000)
+    >>> print(worn.summary())
+    >>> worn.best.computed["pressure_on_skin"].value
     """
     known = loading.load_leg(leg) if isinstance(leg, str | Path) else leg
     if not isinstance(known, StockingLeg):

@@ -2,7 +2,4 @@
 
 from legfem.__main__ import command
 
-app = command("app")
-
-if __name__ == "__main__":
-    app(prog_name="legfem app")
+app = command("app", __name__)

@@ -2,7 +2,4 @@
 
 from legfem.__main__ import command
 
-app = command("cohort")
-
-if __name__ == "__main__":
-    app(prog_name="legfem cohort")
+app = command("cohort", __name__)

@@ -2,7 +2,4 @@
 
 from legfem.__main__ import command
 
-app = command("data")
-
-if __name__ == "__main__":
-    app(prog_name="legfem data")
+app = command("data", __name__)

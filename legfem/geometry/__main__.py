@@ -2,7 +2,4 @@
 
 from legfem.__main__ import command
 
-app = command("geometry")
-
-if __name__ == "__main__":
-    app(prog_name="legfem geometry")
+app = command("geometry", __name__)

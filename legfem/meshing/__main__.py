@@ -2,7 +2,4 @@
 
 from legfem.__main__ import command
 
-app = command("meshing")
-
-if __name__ == "__main__":
-    app(prog_name="legfem meshing")
+app = command("meshing", __name__)

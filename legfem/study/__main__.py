@@ -2,7 +2,4 @@
 
 from legfem.__main__ import command
 
-app = command("study")
-
-if __name__ == "__main__":
-    app(prog_name="legfem study")
+app = command("study", __name__)
