@@ -149,9 +149,9 @@ def test_what_is_doubtful_is_told_with_the_trial_that_brought_it(folder):
 
 def test_what_was_refused_beside_a_trial_counts_once_that_is_deleted(folder):
     visit = visit_of(folder)
-    wrong = record(folder, "trial1", times=6.0)
+    wrong = record(folder, "trial1")
     settled(visit, 0.0)
-    record(folder, "trial2", seed=1)
+    shutil.copy(wrong, wrong.with_name("trial2.csv"))
     assert any("trial2.csv: NOT USABLE" in line for line in settled(visit, 10.0))
     wrong.unlink()
     said = settled(visit, 20.0)

@@ -122,7 +122,7 @@ def look(
             )
         trials = among_repeats([trial for _, trial in read])
         toml = tomls[first] + instrument_file.frames_toml(tables, [one.recording for one in trials], specimens)
-        doubts = tuple(doubt for one in trials for doubt in (*magnitude_doubts(one), *trial_doubts(one)))
+        doubts = (*(doubt for one in trials for doubt in magnitude_doubts(one)), *trial_doubts(trials))
         seen = [
             instrument_file.Looked(one.recording, how, quality_of(one))
             for (how, _), one in zip(read, trials, strict=True)

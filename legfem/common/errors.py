@@ -168,6 +168,8 @@ class Doubt:
         What to check, and how to mend it.
     kind : str
         The problem without its numbers, under which many are counted; empty where the field says enough.
+    effect_on_C10 : float, optional
+        Relative change of C10 by it, where that is known.
     """
 
     source: str
@@ -175,6 +177,7 @@ class Doubt:
     problem: str
     remedy: str
     kind: str = ""
+    effect_on_C10: float | None = None
 
     def __str__(self) -> str:
         """Return ``file: field: what is unlikely; remedy`` on one line."""

@@ -60,7 +60,8 @@ def mean_loading_curve(trials: Sequence[Segmentation]) -> LoadingCurve:
     Displacement is smoothed over time (else its noise would flatten the curve) and counted from first contact; force
     is counted from its baseline in air where there was air (see `legfem.data.contact.first_contact`). A grid value is a
     straight-line fit within half a step either side: no interpolation of noisy samples. The grid ends where the
-    shallowest trial does. What readings err by when a model is fitted is another matter: `legfem.inverse.errors`.
+    shallowest trial does; trials less than half as deep as the deepest aren't in the mean. What readings err by when a
+    model is fitted is another matter: `legfem.inverse.errors`.
 
     Parameters
     ----------
@@ -74,13 +75,14 @@ def mean_loading_curve(trials: Sequence[Segmentation]) -> LoadingCurve:
     """
     if not trials:
         raise InputError("recordings", "*.csv", "there are none", "give at least one trial")
-    loaded = [_loaded(one) for one in trials]
+    every = [_loaded(one) for one in trials]
+    loaded = [one for one in every if one[0][-1] > 0.5 * max(depth[-1] for depth, _ in every)]
     deepest = min(float(depth[-1]) for depth, _ in loaded)
     # A trial to 20 mm ends at 19.99 or 20.01 by its sensor: a tenth of a step doesn't count.
     grid = _STEP_MM * np.arange(1, int(np.floor(deepest / _STEP_MM + 0.1)) + 1)
     if len(grid) < 4:
         raise InputError(
-            trials[int(np.argmin([depth[-1] for depth, _ in loaded]))].source,
+            trials[int(np.argmin([depth[-1] for depth, _ in every]))].source,
             "displacement_mm",
             f"{deepest:.2f} mm of loading are too short to identify from",
             "press deeper, or remove this trial",
@@ -89,12 +91,12 @@ def mean_loading_curve(trials: Sequence[Segmentation]) -> LoadingCurve:
     curves = np.vstack([fit.value for fit in fits])
     white = float(np.sqrt(np.mean([one.force_noise**2 for one in trials])))
     variance = white**2 * np.mean([fit.leverage for fit in fits], axis=0)
-    if len(trials) > 1:
+    if len(loaded) > 1:
         variance = np.maximum(variance, np.var(curves, axis=0, ddof=1))
     return LoadingCurve(
         displacement=frozen_array(grid),
         force=frozen_array(curves.mean(axis=0)),
-        force_sd=frozen_array(np.sqrt(variance / len(trials))),
+        force_sd=frozen_array(np.sqrt(variance / len(loaded))),
         trial_force=frozen_array(curves),
         white_sd=white,
         contacts=tuple(one.contact for one in trials),

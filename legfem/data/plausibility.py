@@ -9,7 +9,7 @@ import numpy as np
 from legfem.common.errors import Doubt, InputError, PhysicalRange
 from legfem.common.units import FloatArray, runs_of
 from legfem.data.contact import LEG
-from legfem.data.phases import HOLD, LOADING
+from legfem.data.instrument_faults import instrument_doubts
 from legfem.data.ranges import SPEED
 from legfem.data.recording import Recording
 from legfem.data.segmentation import Segmentation
@@ -32,26 +32,14 @@ _BEYOND_NOISE = 6.0
 """Least rise before a level end over the noise."""
 _SPIKE = 0.15
 """Share of the force's range that a spike exceeds: corners of loadings sampled at 10 Hz have up to 0.07."""
-_OFFSET = 0.05
-"""Share of the force's rise that it may read at first touch, or back where it began, or gain in a hold."""
-_ALL = 0.8
-"""Share of the force's rise that stands at the start of a press that was recorded from its end."""
-_STUCK = 0.1
-"""Share of the force's rise that a skin that sticks may pull with where the recording began."""
 _OFF_START = 0.05
 """Share of the travel at which a displacement that counts from first touch may start."""
-_NEAR_START = 0.05
-"""Share of the travel that counts as where a recording begins."""
 _JUMP = 0.08
 """Share of the travel that no drive goes from one sample to the next."""
 _LEVEL_FORCE = 0.03
 """Share of the force's range within which it stays as it is while the displacement jumps."""
 _TIMES_STEP = 12.0
 """Times the median step that no drive goes, nor clock leaves out, from one sample to the next."""
-_JUMP_OF_FORCE = 0.2
-"""Share of the force's range by which it doesn't change within a usual step of the displacement."""
-_TIMES_WAY = 3.0
-"""Times the median step of the displacement that is still a usual one."""
 _GAP = 0.1
 """Share of the travel of the loading that may go by unrecorded."""
 
@@ -67,21 +55,21 @@ _STIFFNESS = PhysicalRange(
 )
 
 
-def trial_doubts(trial: Segmentation) -> Iterator[Doubt]:
-    """Yield what is unlikely in a recording, whatever was pressed.
+def trial_doubts(trials: Sequence[Segmentation]) -> Iterator[Doubt]:
+    """Yield what is unlikely in recordings of one instrument, whatever was pressed.
 
     Raises
     ------
     InputError
         For a displacement that jumps.
     """
-    _refuse_jump(trial)
-    yield from _spike_doubts(trial.source, trial.recording)
-    yield from _force_jump_doubts(trial)
-    yield from _gap_doubts(trial)
-    yield from _joined_doubts(trial)
-    yield from _start_doubts(trial)
-    yield from _drift_doubts(trial)
+    for trial in trials:
+        _refuse_jump(trial)
+        yield from _spike_doubts(trial.source, trial.recording)
+        yield from _gap_doubts(trial)
+        yield from _joined_doubts(trial)
+        yield from _start_doubts(trial)
+    yield from instrument_doubts(trials)
 
 
 def unread_doubts(folder: Path, unread: Sequence[Path], remedy: str) -> Iterator[Doubt]:
@@ -169,26 +157,6 @@ def _refuse_jump(trial: Segmentation) -> None:
         )
 
 
-def _force_jump_doubts(trial: Segmentation) -> Iterator[Doubt]:
-    """Yield a doubt about a force that jumps where the displacement goes on as before."""
-    d, force = without_outliers(trial.recording.displacement), without_outliers(trial.recording.force)
-    steps, ways = np.abs(np.diff(force)), np.abs(np.diff(d))
-    usual = float(np.median(ways[ways > 0])) if (ways > 0).any() else 0.0
-    far = max(_JUMP_OF_FORCE * float(np.ptp(force)), _TIMES_STEP * float(np.median(steps)), 8.0 * trial.force_noise)
-    found = np.flatnonzero((steps > far) & (ways < _TIMES_WAY * usual + 4.0 * trial.displacement_noise))
-    # Where the drive turns, friction does the same.
-    jumps = [int(k) for k in found if len(set(trial.labels[max(k - 2, 0) : k + 4])) == 1]
-    if jumps:
-        k = jumps[0]
-        yield Doubt(
-            trial.source,
-            "force_N",
-            f"jumps from {force[k]:.3g} to {force[k + 1]:.3g} N from one reading to the next, at "
-            f"{trial.recording.time[k + 1]:.4g} s, while the displacement goes on as before",
-            "look for a slip, a loose cable or a changed sign, and keep the part without it",
-        )
-
-
 _JOINED = 0.3
 """Share of the whole way and force by which both go back where a second press begins."""
 
@@ -229,80 +197,18 @@ def _joined_doubts(trial: Segmentation) -> Iterator[Doubt]:
 
 
 def _start_doubts(trial: Segmentation) -> Iterator[Doubt]:
-    """Yield doubts about where displacement and force begin."""
+    """Yield a doubt about where displacement begins."""
     d, contact = trial.smooth, trial.contact
-    travel, start = float(d.max() - d[0]), float(d[0])
+    travel, start, deepest = float(d.max() - d[0]), float(d[0]), float(d.max())
     if contact.known and abs(start) > max(_OFF_START * travel, 5.0 * trial.instrument.displacement_sd):
-        deepest = float(d.max())
-        yield Doubt(
+        found = Doubt(
             trial.source,
             "displacement_mm",
             f"starts at {start:.3g} mm, where starts_at_contact says that it counts from first touch: the press is "
             f"taken to be {deepest:.3g} mm deep, and would be {travel:.3g} mm if it touches where it starts",
             "subtract where it touches, or leave starts_at_contact out",
         )
-        return
-    at_start, rise = standing_force(trial)
-    if at_start < -_ALL * rise:
-        yield Doubt(
-            trial.source,
-            "force_N",
-            f"is greatest, {-at_start:.3g} N, where the recording begins, and next to nothing where it ends, as in "
-            "unloading alone",
-            "export the loading before it, too; or give the force's sign in [recordings] if it is a press",
-        )
-    elif at_start:
-        yield Doubt(
-            trial.source,
-            "force_N",
-            f"reads {at_start:.3g} N before anything is pressed, {100 * abs(at_start / rise):.0f} % of what it rises "
-            "by: a preload, or a zero that wasn't taken",
-            "subtract what the cell reads without load, or record from before first touch",
-        )
-
-
-def standing_force(trial: Segmentation) -> tuple[float, float]:
-    """Return the force before anything is pressed, and by how much it rises, N; nothing where it doesn't stand out."""
-    d, force = trial.smooth, trial.recording.force
-    travel, start = float(d.max() - d[0]), float(d[0])
-    first = (d <= start + _NEAR_START * travel) & (np.arange(len(d)) <= trial.deepest)
-    if trial.contact.in_air or np.count_nonzero(first) < 2:
-        return 0.0, 0.0
-    # The force at the very start, by the line through what follows.
-    middle = float(np.polyfit(d[first] - start, force[first], 1)[1] if np.ptp(d[first]) > 0 else force[first].mean())
-    at_start = float(np.sign(middle)) * min(abs(middle), abs(float(force[first].mean())))
-    rise = float(np.median(force[d >= start + 0.95 * travel])) - middle
-    noise = max(trial.force_noise / np.sqrt(np.count_nonzero(first)), trial.instrument.force_sd)
-    return (at_start if abs(at_start) > max(_OFFSET * abs(rise), 5.0 * noise) else 0.0), rise
-
-
-def _drift_doubts(trial: Segmentation) -> Iterator[Doubt]:
-    """Yield doubts about a force that doesn't come back, or that rises while the drive holds."""
-    d, force, time = trial.smooth, trial.recording.force, trial.recording.time
-    near = d <= d[0] + _NEAR_START * float(d.max() - d[0])
-    index = np.arange(len(d))
-    first, back = near & (index < trial.deepest), near & (index > trial.deepest)
-    start = float(np.median(force[first])) if first.any() else float(force[0])
-    rise = float(np.median(force[d >= d[0] + 0.95 * (d.max() - d[0])])) - start
-    least, problem = 5.0 * max(trial.force_noise, trial.instrument.force_sd), ""
-    if np.count_nonzero(back) >= 3:
-        left = float(np.median(force[back])) - start
-        if left > max(_OFFSET * rise, least) or left < -max(_STUCK * rise, least):
-            rate = left / float(np.median(time[back]) - np.median(time[first]) if first.any() else time[-1] - time[0])
-            problem = f"reads {left:+.3g} N more back where it began than at first ({rate:+.2g} N/s)"
-    for before, (a, b) in zip(trial.parts, runs_of(trial.labels)[1:], strict=False):
-        few = max(1, (b - a) // 5)
-        gained = float(np.median(force[b - few : b]) - np.median(force[a : a + few]))
-        held = trial.labels[a] == HOLD and before.phase == LOADING
-        if not problem and held and gained > max(_OFFSET * rise, least):
-            problem = f"rises by {gained:.3g} N while the drive holds, where tissue relaxes"
-    if problem:
-        yield Doubt(
-            trial.source,
-            "force_N",
-            f"{problem}: it drifts, and the drift counts as stiffness",
-            "let the load cell warm up, tare it, and take its drift off; legfem diagnose distinguishes drift",
-        )
+        yield from found.refused_if(trial.scales is LEG and abs(start) > LEG.depth)
 
 
 def cut_off(displacement: FloatArray, force: FloatArray) -> float:

@@ -120,7 +120,8 @@ def begun_in_air(measured: LoadingCurve, site: str = "") -> Iterator[Notice]:
     """Say that first contact was looked for, where it was; ``site`` names one of several."""
     in_air = tuple(contact.displacement for contact in measured.contacts if contact.in_air)
     if in_air:
-        yield Notice.of(LegNotice.BEGUN_IN_AIR, count=len(in_air), trials=measured.n_trials, contacts=in_air, site=site)
+        trials = len(measured.contacts)
+        yield Notice.of(LegNotice.BEGUN_IN_AIR, count=len(in_air), trials=trials, contacts=in_air, site=site)
 
 
 def of_ends(subject: Subject, correction: AppliedCorrection | None) -> Iterator[Notice]:

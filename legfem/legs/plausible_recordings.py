@@ -1,8 +1,7 @@
 """What in a leg's recordings and in channels beside the force can't be or is unlikely: another leg's, another unit."""
 
 import math
-from collections.abc import Iterator, Sequence
-from itertools import combinations
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +11,8 @@ from legfem.channels.kind import Impossible, ReadingsAtSite
 from legfem.channels.kinds import FILE_OF
 from legfem.common.errors import Doubt, InputError
 from legfem.common.units import FloatArray, spaced_unit
-from legfem.data import Recording, Segmentation, ranges
+from legfem.data import Segmentation, ranges
 from legfem.data.channel_reader import LONGEST_LAG_S
-from legfem.data.contact import LEG
 from legfem.data.formats import recording_files
 from legfem.data.plausibility import loading_doubts, pull_doubts, refuse_copies, trial_doubts, unread_doubts
 from legfem.data.recording import RecordedChannel
@@ -67,10 +65,6 @@ def features(
 
 _LITTLE_ROOM = 0.96
 """Share of the way to the bone beyond which next to nothing is left of the tissue."""
-_ALIKE = 1.5
-"""Ratio of repeats' forces that is still a repeat's: a first loading is up to 1.2 of a later."""
-_APART = 4.0
-_LIKE_SPEED = 2.0
 _NOISE_FACTOR = 5.0
 _QUIET, _SOFT = 0.15, 3.0
 """Noise so far below what is stated is a sign of another unit where the leg is soft, too."""
@@ -107,25 +101,12 @@ def doubts_about_recordings(subject: Subject, toml: Path, room: float) -> Iterat
     for k, recording in enumerate(subject.recordings):
         refuse_copies(recording, subject.recordings[:k])
     yield from _unread(subject)
-    for recording in subject.recordings:
-        _refuse_far_start(recording, subject.starts_at_contact)
     for trial in subject.trials:
         yield from _motion(trial, room)
-    yield from _differing(subject.trials)
+    yield from trial_doubts(subject.trials)
     yield from _force(subject)
     if subject.instrument.stated:
         yield from _noise(subject, toml)
-
-
-def _refuse_far_start(recording: Recording, starts_at_contact: bool) -> None:
-    start = float(recording.displacement[0])
-    if starts_at_contact and abs(start) > LEG.depth:
-        raise Doubt(
-            str(recording.source or recording.trial),
-            "displacement_mm",
-            f"starts at {start:.4g} mm, where starts_at_contact says that it counts from first touch",
-            "subtract where it touches, or set starts_at_contact = false",
-        ).error()
 
 
 def _unread(subject: Subject) -> Iterator[Doubt]:
@@ -144,7 +125,6 @@ def _motion(trial: Segmentation, room: float) -> Iterator[Doubt]:
     yield from loading_doubts(
         trial.source, trial.recording.time[: len(loading.force)], loading.displacement, loading.force
     )
-    yield from trial_doubts(trial)
     yield from pull_doubts(trial)
     if loading.depth <= _LITTLE_ROOM * room:
         return
@@ -156,28 +136,6 @@ def _motion(trial: Segmentation, room: float) -> Iterator[Doubt]:
         "check the unit, and aim_mm, direction_deg and diameter_mm in subject.toml",
     )
     yield from found.refused_if(loading.depth > room + 0.5)
-
-
-def _differing(trials: Sequence[Segmentation]) -> Iterator[Doubt]:
-    at = 0.9 * min(trial.loading.depth for trial in trials)
-    worst, most = None, 1.0
-    for pair in combinations(trials, 2):
-        soft, stiff = sorted(pair, key=lambda trial: trial.loading.force_near(at))
-        ratio = stiff.loading.force_near(at) / max(soft.loading.force_near(at), 1e-9)
-        slow, fast = sorted(trial.loading.speed for trial in pair)
-        allowed = _ALIKE if fast <= _LIKE_SPEED * slow else _APART
-        if ratio > allowed and ratio > most:
-            worst, most = (soft, stiff), ratio
-    if worst is None:
-        return
-    soft, stiff = worst
-    found = Doubt(
-        stiff.source,
-        "force_N",
-        f"is {most:.3g} times that of {soft.name} at {at:.1f} mm: so it is not a repeat",
-        "keep one leg, posture, unit and gain in a folder, or remove the trial that is off",
-    )
-    yield from found.refused_if(most > _APART)
 
 
 def _force(subject: Subject) -> Iterator[Doubt]:

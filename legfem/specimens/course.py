@@ -31,7 +31,7 @@ from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.data import Instrument, Recording, Scales, Segmentation, segment
 from legfem.data.contact import Contact, contact_at_start, first_return
-from legfem.data.plausibility import standing_force
+from legfem.data.instrument_faults import standing_force
 from legfem.data.smoothing import sample_noise, without_outliers
 from legfem.data.stress_tables import roughness
 from legfem.inverse.parameter import Parameter, Prior
@@ -240,7 +240,7 @@ def course_of(trial: Segmentation, returns: bool = False) -> Course:
         kept,
         contact,
         touched,
-        standing_force(trial)[0],
+        standing_force(trial),
     )
     if len(found.time) < _LEAST_SEEN:
         raise InputError(

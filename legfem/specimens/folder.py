@@ -150,7 +150,7 @@ def load_specimen(directory: Path) -> SpecimenFolder:
             course = course_of(trial, given.tissue.returns)
             source = trial.source
             doubts += doubts_about_course(source, course, sizes[entry])
-            doubts += trial_doubts(trial)
+            doubts += trial_doubts([trial])
             refuse_copies(trial.recording, [one.recording for one in used])
         except InputError as error:
             left.append(LeftOut(name, str(error)))
