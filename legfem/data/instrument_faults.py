@@ -128,12 +128,12 @@ class Press:
         alike = np.exp(-5.0 * (np.subtract.outer(self.at, self.at) / self.depth) ** 2)
         return np.asarray(self.noise + np.outer(contact, contact) + np.outer(model, model) * alike)
 
-    def effect(self, error: FloatArray | float) -> float:
-        """Return the relative change of C10 by an error (n,) of the force, N."""
-        force = self.force - error
+    def effect(self, error: FloatArray | float, here: FloatArray | None = None) -> float:
+        """Return the relative change of C10 by an error (n,) of the force, N, where loading is off by ``here``."""
+        force, error = self.force - (error if here is None else here), np.zeros(_STATIONS) + error
         like = np.column_stack([force, force * (self.at / self.depth) ** _STIFFENING])
         weighed = np.linalg.solve(self.covariance(force), like)
-        return float(np.linalg.solve(like.T @ weighed, weighed.T @ (self.force - force))[0] / self.of_tissue)
+        return float(np.linalg.solve(like.T @ weighed, weighed.T @ error)[0] / self.of_tissue)
 
     def level(self, of: NDArray[np.bool_]) -> tuple[float, float]:
         """Return the force (N) that some samples show where the recording begins, and its error by white noise."""
@@ -180,17 +180,18 @@ def _drift(press: Press) -> Fault:
     labels, time, force = press.trial.labels, press.trial.recording.time, press.trial.recording.force
     start, back = press.at_start, press.level(np.arange(len(time)) > press.trial.deepest)
     gained, error, lasts = back[0] - start[0], float(np.hypot(start[1], back[1])), float(np.ptp(time))
-    where = "back where it began than at first"
+    where, course = "back where it began than at first", np.full(_STATIONS, 0.5)
     for (before, _), (a, b) in pairwise(runs_of(labels)):
         held, few = float(time[b - 1] - time[a]), (b - a) // 5
         long = held > _HOLD * press.lasts and few > 1 and labels[before] == LOADING and labels[a] == HOLD
         if np.isinf(error) and long:
             gained = max(float(np.median(force[b - few : b]) - np.median(force[a : a + few])), 0.0)
-            error, lasts = 2.0 * press.white / float(np.sqrt(few)), 0.8 * held
+            error, lasts, course = 2.0 * press.white / float(np.sqrt(few)), 0.8 * held, press.time / (0.8 * held)
             where = "at the end of a hold, where tissue relaxes, than at its start"
     text = f"reads {gained:+.2g} N more {where} ({gained / lasts:+.2g} N/s): it drifts, which counts as stiffness"
-    error = float(np.hypot(error, np.sqrt(2) * press.slow))
-    return Fault(gained, error, press.effect(gained * press.time / lasts), text)
+    # What is read on the way back counts, too: in the mean with the way there it is off by half.
+    effect = press.effect(gained * course, gained * press.time / lasts)
+    return Fault(gained, float(np.hypot(error, np.sqrt(2) * press.slow)), effect, text)
 
 
 def _dead_band(press: Press) -> Fault:
