@@ -100,7 +100,7 @@ class Press:
     """
 
     def __init__(self, trial: Segmentation, after_air: bool = False) -> None:
-        self.trial, contact = trial, trial.contact
+        self.trial, contact, stated = trial, trial.contact, trial.instrument
         kept = np.flatnonzero(trial.labels[: trial.deepest + 1] == LOADING)
         kept = kept[np.argsort(trial.smooth[kept], kind="stable")]
         self.way = trial.smooth[kept] - (contact.estimate if after_air else contact.displacement)
@@ -111,7 +111,6 @@ class Press:
         self.force, self.slope = line.value, np.gradient(line.value, self.at)
         self.time = np.interp(self.at, self.way, trial.recording.time[kept]) - trial.recording.time[0]
         self.white = max(trial.force_noise, 1e-4 * float(np.abs(self.force).max()))
-        stated = trial.instrument
         slow = stated.slow_force_sd(self.white) if stated.stated else self.white
         self.slow = max(slow, _ZERO * float(np.abs(self.force).max()))
         self.slope_at_touch = max(float(self.slope[:3].mean()), 1e-9)
