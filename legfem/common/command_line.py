@@ -12,7 +12,7 @@ import tempfile
 import threading
 from collections.abc import Iterator
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager, nullcontext, redirect_stdout
+from contextlib import contextmanager, nullcontext, redirect_stdout, suppress
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
@@ -239,7 +239,7 @@ def results_folder(out: Path | None, name: str, comm: "MPI.Intracomm | None" = N
 @contextmanager
 def _held(folder: Path) -> Iterator[str]:
     """Hold a folder's lock, which the system releases when a process dies; yield who holds it, if it isn't free."""
-    made = not folder.exists()
+    made = [one for one in (folder, *folder.parents) if not one.exists()]
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / ".lock"
     with path.open("a+") as lock:
@@ -255,8 +255,9 @@ def _held(folder: Path) -> Iterator[str]:
             yield ""
         finally:
             path.unlink(missing_ok=True)
-            if made and not any(folder.iterdir()):
-                folder.rmdir()
+            for one in made:
+                with suppress(OSError):  # it isn't empty
+                    one.rmdir()
 
 
 def process_count(jobs: int | None, ranks: int) -> int:
