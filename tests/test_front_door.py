@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import inspect
 import json
 import subprocess
@@ -48,12 +49,13 @@ def test_the_door_leads_to_all_it_names() -> None:
 
 
 @pytest.mark.parametrize("name", ["identify", "diagnose", "plan", "stocking", "cohort"])
-def test_a_room_is_entered_by_calling_it_and_stays_a_room(name: str) -> None:
+def test_a_function_stays_one_when_the_module_of_its_name_is_imported(name: str) -> None:
     import legfem.api
 
-    room = getattr(lf, name)
-    assert callable(room) and room is sys.modules[f"legfem.{name}"]
-    assert inspect.signature(room) == inspect.signature(getattr(legfem.api, name))
+    module = importlib.import_module(f"legfem.{name}")
+    assert inspect.ismodule(module) and module is not getattr(lf, name)
+    assert inspect.isfunction(getattr(lf, name))
+    assert getattr(lf, name) is getattr(legfem.api, name)
 
 
 def options_of(command: typer.Typer) -> set[str]:
@@ -85,7 +87,7 @@ def test_the_command_and_the_function_take_the_same() -> None:
 def test_a_report_repeats_the_command_as_it_was_typed(monkeypatch: pytest.MonkeyPatch) -> None:
     said = []
     monkeypatch.setattr(sys, "argv", ["/usr/bin/legfem", "identify", "--subject", "3"])
-    monkeypatch.setattr(front, "command", lambda name: lambda prog_name: said.append(command_line()))
+    monkeypatch.setattr(front, "command", lambda name, module: said.append(command_line()))
     front.main()
     assert said == ["legfem identify --subject 3"]
 

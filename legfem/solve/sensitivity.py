@@ -86,6 +86,7 @@ class SensitivityTracker:
         solver.refactor()
         system, spaces = self._system, self._system.spaces
         right, forces = self._right, []
+        pressing = system.contact_force() if self.shifts else np.zeros(spaces.dimension)
         for index, name in enumerate(self.parameters):
             right.x.array[:] = self._body.partial(index)
             for face in system.faces:
@@ -108,7 +109,7 @@ class SensitivityTracker:
             self.contact_force_rates[index] = system.comm.allreduce(total)
             forces.append(float(self.contact_force_rates[index] @ system.direction))
             if shift is not None:
-                forces[-1] += float(system.contact_force() @ shift.direction)
+                forces[-1] += float(pressing @ shift.direction)
             self.nodal_force_rates[index] = force
             for place, rate in ((self._body, self._rate.x.array), (self._skin, trace)):
                 place.update(index, rate, None if shift is None else partial(system.by_shift, shift))
