@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from making_mechanics import fixed_steps, press, pressed_block
@@ -9,7 +11,7 @@ from making_mechanics import fixed_steps, press, pressed_block
 from legfem.fem.system import System
 from legfem.solve.newton import RELAXED, Damping, NewtonSolver, RelaxationSettings, relax
 from legfem.solve.path import NewtonOutcome
-from legfem.solve.settings import StepSettings
+from legfem.solve.settings import NewtonSettings, StepSettings
 
 
 class OnlyFromNearby(NewtonSolver):
@@ -85,3 +87,57 @@ def test_what_never_settles_is_given_up():
     system.set_displacement(1.0)
     outcome = relax(system, NewtonSolver(system), RelaxationSettings(most=2))
     assert not outcome.converged and outcome.reason == "creeps on"
+
+
+class Folding(NewtonSolver):
+    """Never gets anywhere without damping stiffer than a strength; keeps the strengths that were tried."""
+
+    def __init__(self, system: System, least: float) -> None:
+        super().__init__(system)
+        self._least, self.tried = least, []
+
+    def solve(self, damping: Damping | None = None) -> NewtonOutcome:
+        self.tried.append(0.0 if damping is None else damping.strength)
+        found = self.tried[-1] > self._least
+        return NewtonOutcome(found, "told", 1 if found else 5, 1, 0.0)
+
+
+def test_a_creep_that_folds_faster_than_it_is_damped_is_given_up_at_once():
+    system = pressed_block()
+    solver = Folding(system, least=100.0)
+    outcome = relax(system, solver)
+    assert not outcome.converged and solver.tried == [1.0, 4.0] and outcome.factorisations == 10
+
+
+def test_a_creep_that_finds_nothing_takes_four_curves_work_at_most():
+    system = pressed_block()
+    solver, settings = Folding(system, least=0.01), RelaxationSettings()
+    outcome = relax(system, solver)
+    assert not outcome.converged and outcome.reason == "creeps on"
+    assert settings.most <= outcome.factorisations < settings.most + 12
+    failed = [k for k, strength in enumerate(solver.tried) if strength <= 0.01]
+    assert min(np.diff(failed)) > settings.rest, "what failed is tried again only after a rest"
+
+
+def test_without_damping_it_is_tried_again_only_at_a_weaker_one():
+    system = pressed_block()
+    solver = Folding(system, least=0.0)
+    relax(system, solver)
+    before = [solver.tried[k - 1] for k, strength in enumerate(solver.tried) if not strength]
+    assert len(before) > 2 and all(now <= was / 7 for was, now in pairwise(before))
+
+
+def test_a_damped_step_is_given_up_sooner_than_a_plain_one():
+    system = pressed_block()
+    settings = NewtonSettings(
+        damped_factorisations=1, damped_tolerance=0.0, relative_tolerance=1e-18, absolute_tolerance=1e-25
+    )
+    solver, spent = NewtonSolver(system, settings), []
+    for strength in (1e-3, None):
+        system.reset()
+        system.set_displacement(1.0)
+        damping = None if strength is None else Damping(system.unknown.x.array.copy(), strength)
+        outcome = solver.solve(damping)
+        spent.append(outcome.factorisations)
+        assert not outcome.converged
+    assert spent[0] < spent[1]

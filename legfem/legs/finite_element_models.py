@@ -127,9 +127,6 @@ COARSENING = 1.7
 TOLERANCE = 1e-6
 """Of Newton's method, over the contact's forces: the force is then exact to 1e-6 of it, and a curve
 takes a fifth fewer iterations than with the default."""
-CREEPING = 1e-2
-"""Of damped steps, by which a body creeps to another equilibrium: that one alone is kept, and is as
-exact as all others."""
 
 
 def library_folder() -> pathlib.Path:
@@ -149,7 +146,7 @@ def solved_responses(
     """
     depth = _DEPTH_STEP_MM * -(-(observed.depth + 0.3) // _DEPTH_STEP_MM)
     default = PlaneStrainSettings()
-    newton = replace(default.newton, relative_tolerance=TOLERANCE, damped_tolerance=CREEPING)
+    newton = replace(default.newton, relative_tolerance=TOLERANCE)
     settings = replace(default, newton=newton)
     # A plan weighs what could be seen, too: reading it costs no solution.
     planned = planned_sights(Site(subject.section, subject.indenter), [one.name for one in subject.sights])

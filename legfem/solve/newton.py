@@ -334,18 +334,16 @@ class NewtonSolver:
         if not np.isfinite(norm):
             return RESIDUAL_NOT_FINITE
         scale = self._system.contact_scale()
-        tolerance = self._settings.relative_tolerance
+        tolerance, most = self._settings.relative_tolerance, self._settings.max_factorisations
         if self._damper.acts:
-            tolerance = max(tolerance, self._settings.damped_tolerance)
+            tolerance, most = max(tolerance, self._settings.damped_tolerance), self._settings.damped_factorisations
         limit = self._settings.absolute_tolerance + tolerance * scale
         if norm <= limit and iteration > 0:
             return int(reasons.CONVERGED_FNORM_ABS)
         stalls = iteration > 0 and norm > 0.5 * self._norms[-2]
         if stalls and self._fresh and norm <= self._settings.floor * limit:
             return int(reasons.CONVERGED_FNORM_RELATIVE)
-        if self._factorisations >= self._settings.max_factorisations and not (
-            norm < self._settings.reuse * self._norms[-2]
-        ):
+        if self._factorisations >= most and not (norm < self._settings.reuse * self._norms[-2]):
             return int(reasons.DIVERGED_MAX_IT)
         return 0
 
@@ -373,25 +371,29 @@ class RelaxationSettings:
     Parameters
     ----------
     first, greatest : float
-        Strength at the start, and above which it is given up.
+        Strength at the start, and above which it is given up: the body folds faster than damping far stiffer than its
+        tissue slows it.
     undamped : float
-        Strength below which Newton's method is tried without damping.
+        Strength below which Newton's method is tried without damping, and again whenever that has eased thrice more.
     easy : int
-        Factorisations up to which a damped step was easy: the next has ``eased`` times its
-        strength. One that failed is repeated with ``raised`` times its strength.
+        Factorisations up to which a damped step was easy: the next has ``eased`` times its strength. One that failed is
+        repeated with ``raised`` times its strength, which is then kept for ``rest`` steps.
     eased, raised : float
         Factors.
+    rest : int
+        Number of steps.
     most : int
-        Greatest number of damped steps.
+        Factorisations at which it is given up, some four curves' worth.
     """
 
     first: float = 1.0
-    greatest: float = 1e4
+    greatest: float = 4.0
     undamped: float = 1e-4
-    easy: int = 6
-    eased: float = 0.3
-    raised: float = 8.0
-    most: int = 110
+    easy: int = 3
+    eased: float = 0.5
+    raised: float = 4.0
+    rest: int = 6
+    most: int = 200
 
 
 def relax(system: System, solver: NewtonSolver, settings: RelaxationSettings | None = None) -> NewtonOutcome:
@@ -415,13 +417,13 @@ def relax(system: System, solver: NewtonSolver, settings: RelaxationSettings | N
     """
     given = settings or RelaxationSettings()
     unknown = system.unknown.x.array
-    factorisations = iterations = 0
-    strength = given.first
+    factorisations = iterations = resting = 0
+    strength, undamped = given.first, given.undamped
     outcome = NewtonOutcome(False, "no damping was enough", 0, 0, float("inf"))
-    for _ in range(given.most):
+    while factorisations < given.most and strength <= given.greatest:
         anchor = unknown.copy()
         system.seek()
-        damped = strength >= given.undamped
+        damped = strength >= undamped
         outcome = solver.solve(Damping(anchor, strength) if damped else None)
         factorisations += outcome.factorisations
         iterations += outcome.iterations
@@ -429,12 +431,14 @@ def relax(system: System, solver: NewtonSolver, settings: RelaxationSettings | N
             outcome = replace(outcome, reason=RELAXED)
             break
         if outcome.converged:
-            strength *= given.eased if outcome.factorisations <= given.easy else 1.0
+            resting -= 1
+            strength *= given.eased if resting < 0 and outcome.factorisations <= given.easy else 1.0
             continue
         unknown[:] = anchor
-        strength *= given.raised
-        if strength > given.greatest:
-            break
+        if damped:
+            strength, resting = given.raised * strength, given.rest
+        else:
+            undamped *= given.eased**3
     else:
         outcome = replace(outcome, converged=False, reason="creeps on")
     return replace(outcome, factorisations=factorisations, iterations=iterations)

@@ -33,8 +33,9 @@ class NewtonSettings:
         An update is accepted if the residual falls below the largest of this many before it.
     max_halvings : int
         Greatest number of halvings of an update that doesn't.
-    damped_tolerance : float
-        ``relative_tolerance`` of a damped step.
+    damped_tolerance, damped_factorisations : float, int
+        ``relative_tolerance`` and ``max_factorisations`` of a damped step, by which a body creeps to another
+        equilibrium: that one alone is kept, and is as exact as all others.
     """
 
     relative_tolerance: float = 1e-9
@@ -46,7 +47,8 @@ class NewtonSettings:
     floor: float = 10.0
     memory: int = 2
     max_halvings: int = 4
-    damped_tolerance: float = 1e-6
+    damped_tolerance: float = 1e-2
+    damped_factorisations: int = 5
 
 
 @dataclass(frozen=True)

@@ -254,8 +254,7 @@ class _Walk:
                     continue
                 snapped = self._snap(segment, position)
                 if snapped is None:
-                    limit = f"{sizes.smallest:g} {unit}"
-                    return f"no step above {limit} converges: {outcome.reason}"
+                    return f"no step above {sizes.smallest:g} {unit} converges: {outcome.reason}"
                 position, size = snapped, self._settings.first
                 continue
             self._watch.points.append((end, force))
