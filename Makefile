@@ -41,7 +41,7 @@ verify: ## the slow tests, the convergence study, and the site without running i
 test-next: ## the fast tests on Debian unstable's DOLFINx
 	LEGFEM_SUITE=sid $(RUN) python -m pytest -n 2 --dist loadfile $(ARGS)
 
-bench: ## time the solver
+bench: ## count what legfem takes, beside the last release
 	$(RUN) python -m studies.bench $(ARGS)
 
 docs: ## the site, in docs/_build/html; runs the gallery and the notebooks

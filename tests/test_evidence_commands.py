@@ -67,7 +67,7 @@ RUN: dict[str, tuple[str, Read]] = {
     "studies.cohort": ("--n 1 --people 4 --out OUT", result()),
     "studies.reconstruct": ("--jobs 2 --out OUT/subjects", files("subjects/*/subject.toml")),
     "studies.meshes": ("--out OUT", files("*.msh")),
-    "studies.bench": ("--depth 5 --repeats 1", numbers),
+    "studies.bench": ("--task curve", numbers),
     "studies.recordings": ("--data DATA --folder EF10_75T --folder EF30_0T --jobs 2 --out OUT", result("folders")),
     "studies.people": ("--data DATA/multis_in_vivo --jobs 2 --out OUT", numbers),
     "studies.cohort.two_layers": ("--data DATA/multis_in_vivo --people 2 --out OUT", files("*/specimen.toml")),

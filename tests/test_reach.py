@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -29,6 +30,7 @@ def test_legs_are_drawn_within_their_ranges_and_alike_for_one_seed():
         "D1_per_MPa": (5, 60),
         "outer_D1_per_MPa": (5, 60),
         "depth_mm": (0, 30),
+        "radius_mm": (15, 15),
     }
     legs = [drawn_leg(number, 5) for number in range(12)]
     for leg, test in legs:
@@ -45,6 +47,12 @@ def test_legs_are_drawn_within_their_ranges_and_alike_for_one_seed():
     np.testing.assert_array_equal(again[1].section.skin, legs[3][1].section.skin)
 
 
+def test_another_cylinder_changes_nothing_else_of_a_leg():
+    (leg, _), (same, test) = drawn_leg(3, 5), drawn_leg(3, 5, (7.5, 14.0))
+    assert 7.5 <= test.indenter.radius == same.radius_mm <= 14.0
+    assert replace(same, radius_mm=leg.radius_mm) == leg
+
+
 def test_the_spline_s_error_is_told_apart_from_that_of_the_steps():
     def curve(number: int, factor: float = 1.0) -> ForceCurve:
         d = np.linspace(0.0, 6.0, number)
@@ -58,7 +66,7 @@ def test_the_spline_s_error_is_told_apart_from_that_of_the_steps():
 
 def _outcome(**given: object) -> Reached:
     leg, _ = drawn_leg(0, 5)
-    usual = Reached(leg, True, leg.depth_mm, "the target is reached", 1, 0, 23, 80, 2.0)
+    usual = Reached(leg, True, leg.depth_mm, "the target is reached", 1, 0, 23, 80, 264, 290, 2.0)
     return replace(usual, **given)
 
 
@@ -67,12 +75,13 @@ def test_the_page_counts_and_names_legs_that_stop():
         _outcome(between=0.001, at_steps=0.0005),
         _outcome(between=0.004, at_steps=0.001),
         _outcome(jumps=2),
-        _outcome(complete=False, reached_mm=12.5, reason="it folded"),
+        _outcome(complete=False, reached_mm=12.5, reason="it folded", factorisations=330),
     ]
     text = page(found)
     assert "3/4 = 75 %" in text.replace("%", " %").replace("  ", " ")
     assert "1/2" in text and "0.40 %" in text and "0.10 %" in text
     assert "it folded" in text and "12.50" in text
+    assert [80, 255, 330] == [float(one) for one in re.search(r"factorisations \|(.*)\|", text)[1].split("|")]
 
 
 @pytest.mark.slow

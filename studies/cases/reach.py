@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,8 +22,11 @@ from legfem.solve.newton import RELAXED
 from legfem.solve.path import ForceCurve
 from studies.cases.machine import Kind
 from studies.cases.outcomes import Rate
+from studies.counting import counted
 
-RADIUS_MM, LENGTH_MM, DEEPEST_MM, SHARE = 15.0, 50.0, 30.0, 0.8
+LENGTH_MM, DEEPEST_MM, SHARE = 50.0, 30.0, 0.8
+USUAL = 15.0, 15.0
+"""Least and greatest radius of the cylinder, mm."""
 _TRIES = 400
 
 
@@ -47,9 +49,11 @@ class DrawnLeg:
     """Of fat and fascia."""
     direction_deg: float
     depth_mm: float
+    radius_mm: float
+    """Of the cylinder."""
 
 
-def drawn_leg(number: int, seed: int) -> tuple[DrawnLeg, PlaneStrainIndentation]:
+def drawn_leg(number: int, seed: int, radii: tuple[float, float] = USUAL) -> tuple[DrawnLeg, PlaneStrainIndentation]:
     """Draw a leg with its test: girth 250-450 mm, fat 1-25 mm, C10 0.05-10 kPa and so on.
 
     Stiffness and the fascia's thickness are uniform in their logarithms, all else evenly. A third
@@ -72,7 +76,7 @@ def drawn_leg(number: int, seed: int) -> tuple[DrawnLeg, PlaneStrainIndentation]
         if section is None:
             continue
         centre = section.skin.mean(axis=0) + generator.normal(0.0, 4.0, 2)
-        indenter = Indenter(RADIUS_MM, LENGTH_MM, centre, direction)
+        indenter = Indenter(even(*radii), LENGTH_MM, centre, direction)
         to_bone = depth_to_bone(section, centre, indenter.direction)
         leg = DrawnLeg(
             number,
@@ -87,6 +91,7 @@ def drawn_leg(number: int, seed: int) -> tuple[DrawnLeg, PlaneStrainIndentation]
             outer_D1,
             direction,
             min(DEEPEST_MM, SHARE * to_bone),
+            indenter.radius,
         )
         return leg, PlaneStrainIndentation(section, indenter, _tissues(leg))
     raise InputError("--seed", f"{seed}", f"leg {number} can't be drawn", "give another seed")
@@ -134,6 +139,7 @@ def _section(generator: np.random.Generator, girth: float, fat: float, fascia: f
     return section
 
 
+WORK = "steps", "factorisations", "iterations", "residuals", "seconds"
 FROM_MM = 1.0
 """Where curves are compared from: below, forces are small and the contact's first nodes close."""
 FINER_STEPS = 40
@@ -147,6 +153,7 @@ class ReachTask:
     seed: int
     compare: bool
     """Whether the curve is compared with one of finer steps."""
+    radii: tuple[float, float] = USUAL
 
 
 @dataclass(frozen=True)
@@ -162,8 +169,10 @@ class Reached:
     jumps: int
     """Steps at which the body crept to another equilibrium."""
     steps: int
-    factorisations: int
-    seconds: float
+    factorisations: int = 0
+    iterations: int = 0
+    residuals: int = 0
+    seconds: float = 0.0
     """Of a processor."""
     between: float | None = None
     """Greatest difference of the curve from that of finer steps, relative to the latter."""
@@ -173,12 +182,11 @@ class Reached:
 
 def press_drawn(folder: Path, task: ReachTask) -> Reached:
     """Press one leg to its depth."""
-    begun = time.process_time()
-    leg, test = drawn_leg(task.number, task.seed)
+    leg, test = drawn_leg(task.number, task.seed, task.radii)
     try:
-        solved = test.solve({}, leg.depth_mm)
+        solved, work = counted(lambda: test.solve({}, leg.depth_mm))
     except InputError as error:
-        return Reached(None, False, 0.0, str(error), 0, 0, 0, 0, time.process_time() - begun)
+        return Reached(None, False, 0.0, str(error), 0, 0, 0)
     report = solved.report
     between = at_steps = None
     if task.compare and report.complete and not report.earlier_attempts:
@@ -193,8 +201,10 @@ def press_drawn(folder: Path, task: ReachTask) -> Reached:
         1 + len(report.earlier_attempts),
         sum(step.converged and step.reason == RELAXED for step in report.steps),
         sum(step.converged for step in report.steps),
-        report.factorisations,
-        time.process_time() - begun,
+        work.counts["factorisations"],
+        work.counts["iterations"],
+        work.counts["residuals"],
+        work.seconds,
         between,
         at_steps,
     )
@@ -237,7 +247,6 @@ def page(outcomes: Sequence[Reached]) -> str:
     compared = [outcome for outcome in outcomes if outcome.between is not None]
     between = [outcome.between for outcome in compared if outcome.between is not None]
     at_steps = [outcome.at_steps for outcome in compared if outcome.at_steps is not None]
-    seconds = [outcome.seconds for outcome in outcomes]
     reached = [outcome for outcome in outcomes if outcome.complete]
     rows = [
         ["reached their depth", str(Rate(len(reached), len(outcomes)))],
@@ -249,9 +258,8 @@ def page(outcomes: Sequence[Reached]) -> str:
         ],
         ["greatest difference", _percent(between)],
         ["greatest difference at the curve's own steps", _percent(at_steps)],
-        ["seconds of the processor a leg, median and most", f"{np.median(seconds):.1f}, {max(seconds):.0f}"],
     ]
-    text = markdown_table(["simulated legs", ""], rows)
+    text = markdown_table(["simulated legs", ""], rows) + "\n" + _work_table(outcomes)
     stopped = [
         [str(o.leg.number) if o.leg else "-", f"{o.reached_mm:.2f}", _described(o), o.reason]
         for o in outcomes
@@ -261,6 +269,14 @@ def page(outcomes: Sequence[Reached]) -> str:
         heads = ["leg that stops short", "at (mm)", "what it is", "why"]
         text += "\n" + markdown_table(heads, stopped)
     return text
+
+
+def _work_table(outcomes: Sequence[Reached]) -> str:
+    rows = [
+        [name, *(f"{np.quantile([getattr(one, name) for one in outcomes], share):.3g}" for share in (0.5, 0.9, 1.0))]
+        for name in WORK
+    ]
+    return markdown_table(["of a leg", "median", "90 % have at most", "most"], rows)
 
 
 def _percent(errors: Sequence[float]) -> str:

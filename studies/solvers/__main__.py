@@ -6,7 +6,7 @@ import json
 import os
 import shutil
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from statistics import median
@@ -62,13 +62,11 @@ def run(cases: Sequence[SolverCase], out: Path) -> bool:
             if work is not None:
                 store.put(case, work)
             measured[case] = work
-            progress.advance(_line(case, work))
+            progress.advance(f"{case.solver}, {case.cells}, {case.ranks} ranks, about {case.size}")
     found = [document(case, work) for case, work in measured.items() if work is not None]
     path = write_document(out / "result.json", {"schema": 1, "cases": found})
     console = Console(width=125, record=True)
     console.print(solvers_table(measured))
-    for line in sentences(measured):
-        console.print(line, highlight=False)
     write_atomically(out / "report.txt", console.export_text())
     print(f"result: {path}\nreport: {out / 'report.txt'}")
     return bool(found)
@@ -134,54 +132,6 @@ def solvers_table(measured: Measured) -> Table:
             f"{work.start_GiB:.2f}",
         )
     return table
-
-
-def sentences(measured: Measured) -> list[str]:
-    """Return what follows from the table."""
-    swept = {case: work for case, work in measured.items() if work is not None and case.cells == "hexahedra"}
-    lines = []
-    for ranks in sorted({case.ranks for case in swept}):
-        rows = sorted(
-            (work.unknowns, median(work.iterations), max(work.iterations))
-            for case, work in swept.items()
-            if case.solver == "iterative" and case.ranks == ranks
-        )
-        if len(rows) > 1:
-            (small, few, most_few), (large, many, most_many) = rows[0], rows[-1]
-            lines.append(
-                f"{ranks} ranks: from {small} to {large} unknowns the iterations of a linear solve "
-                f"grow {many / few:.2f}-fold (median), {most_many / most_few:.2f}-fold (most)"
-            )
-    lines += _crossing(swept)
-    for case, work in swept.items():
-        alone = swept.get(SolverCase(case.size, case.solver, case.cells, 1, case.step))
-        if case.ranks > 1 and alone is not None:
-            lines.append(
-                f"{case.solver}, {work.unknowns} unknowns: {case.ranks} ranks take "
-                f"{alone.total_seconds / work.total_seconds:.2f} times less processor time a rank "
-                f"than one, {alone.wall_seconds / work.wall_seconds:.2f} times less by the clock"
-            )
-    return lines
-
-
-def _crossing(swept: Mapping[SolverCase, SolverWork]) -> list[str]:
-    lines = []
-    for case, work in swept.items():
-        other = swept.get(SolverCase(case.size, "iterative", case.cells, case.ranks, case.step))
-        if case.solver == "direct" and other is not None:
-            lines.append(
-                f"{work.unknowns} unknowns, {case.ranks} ranks: the step takes factors "
-                f"{work.total_seconds / other.total_seconds:.2f} times the iterations' processor "
-                f"time and {work.peak_GiB / other.peak_GiB:.2f} times their memory"
-            )
-    return lines
-
-
-def _line(case: SolverCase, work: SolverWork | None) -> str:
-    what = f"{case.solver}, {case.cells}, {case.ranks} ranks"
-    if work is None:
-        return f"{what}, about {case.size}: ended without a result"
-    return f"{what}: {work.unknowns} unknowns, {work.total_seconds:.0f} s, {work.peak_GiB:.1f} GiB"
 
 
 app = new_app()

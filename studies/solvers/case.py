@@ -146,7 +146,7 @@ def measure(case: SolverCase, comm: MPI.Intracomm = MPI.COMM_WORLD) -> SolverWor
     tissue = {"deep": NeoHookean(kpa_to_mpa(2.0), 28.0)}
     test = IdealisedLegIndentation(leg, cylinder, tissue, 3, settings, comm)
     timer = _Timer(test.solver.linear_solver, test.system.tangent_matrix)
-    start = _peak_memory(comm)
+    start = peak_memory(comm)
     clock, processor = time.perf_counter(), time.process_time()
     solved = test.solve(depth=case.step)
     wall, seconds = time.perf_counter() - clock, time.process_time() - processor
@@ -163,7 +163,7 @@ def measure(case: SolverCase, comm: MPI.Intracomm = MPI.COMM_WORLD) -> SolverWor
         total_seconds=_most(comm, seconds),
         wall_seconds=_most(comm, wall),
         start_GiB=start,
-        peak_GiB=_peak_memory(comm),
+        peak_GiB=peak_memory(comm),
         force_N=float(solved.curve.force[-1]),
     )
 
@@ -193,7 +193,7 @@ def _most(comm: MPI.Intracomm, value: float) -> float:
     return float(comm.allreduce(value, MPI.MAX))
 
 
-def _peak_memory(comm: MPI.Intracomm) -> float:
+def peak_memory(comm: MPI.Intracomm) -> float:
     """Return the peak resident memory summed over ranks (GiB)."""
     status = Path("/proc/self/status")
     if status.exists():  # of this program alone: getrusage counts what started it, too
