@@ -1,9 +1,11 @@
 """Work of a curve, counted: what doesn't depend on the machine; and what the bench makes of counts."""
 
 import pytest
+import typer
 
+from legfem.__main__ import command
 from studies.bench.__main__ import grown, work_table
-from studies.bench.work import curve_work
+from studies.bench.work import TASKS, curve_work
 from studies.counting import Work, counted
 
 
@@ -38,3 +40,13 @@ def test_counts_that_grow_by_more_than_a_twentieth_are_told(work):
     assert line == f"curve: residuals were {kept['curve']['residuals']}, are {work.counts['residuals']}"
     (row,) = zip(*(column.cells for column in work_table({"curve": work}, kept, 0.5).columns), strict=True)
     assert f"({kept['curve']['residuals']})" in row[3] and "else" in row[-1]
+
+
+@pytest.mark.parametrize("name", [name for name, words in TASKS.items() if words])
+def test_a_task_s_command_takes_its_words(name):
+    for words in TASKS[name]:
+        first, *rest = words.split()
+        asked = typer.main.get_command(command(first))
+        asked = asked.commands[rest.pop(0)] if hasattr(asked, "commands") else asked
+        with asked.make_context(first, rest) as context:
+            assert str(context.params["out"]).startswith("FOLDER/"), "a fresh folder, so that nothing is found there"

@@ -29,7 +29,7 @@ TASKS: dict[str, tuple[str, ...]] = {
     "identify-again": (_IDENTIFY, _IDENTIFY),
     "diagnose-specimen": (f"{_DIAGNOSE} --specimen-dir examples/specimen",),
     "diagnose": (f"{_DIAGNOSE} --subject {SUBJECT}",),
-    "stocking": ("stocking --leg 1 --out FOLDER/stocking",),
+    "stocking": ("stocking --subject 1 --out FOLDER/stocking",),
     "doe": ("study doe --factorial-only --out FOLDER/doe --jobs 1",),
 }
 """Commands of legfem, FOLDER being a fresh folder; the last one's work counts. Two tasks are solutions: subject 3's
