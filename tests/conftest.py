@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import browser
 import pytest
@@ -21,6 +22,9 @@ from legfem.app.workspace import Workspace
 from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.legs import unknowns
 from legfem.legs.finite_element_models import solved_responses
+
+if TYPE_CHECKING:
+    from starlette.testclient import TestClient
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -66,6 +70,21 @@ def leg_files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("leg")
     write_leg(folder)
     return folder
+
+
+@pytest.fixture(scope="session")
+def visited(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Workspace, TestClient]]:
+    """Return a server's workspace and one who may ask, in this process: NiceGUI has one server in each."""
+    from starlette.testclient import TestClient
+
+    from legfem.app.guard import Guard
+    from legfem.app.server import application
+
+    workspace = Workspace.opened(tmp_path_factory.mktemp("visited"))
+    (workspace.folder / "token").write_text("for the user alone")
+    with TestClient(Guard(application(workspace), "secret", 8765), "http://127.0.0.1:8765") as visitor:
+        visitor.get("/?token=secret")
+        yield workspace, visitor
 
 
 @pytest.fixture(scope="module")

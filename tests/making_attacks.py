@@ -344,9 +344,9 @@ def _uploaded(place: str, path: Path) -> dict[str, Any]:
 
     if not SERVED:
         workspace = Workspace.opened(Path(tempfile.mkdtemp()))
-        visitor = TestClient(Guard(application(workspace), workspace.token(), 8765), "http://127.0.0.1:8765")
+        visitor = TestClient(Guard(application(workspace), "a secret", 8765), "http://127.0.0.1:8765")
         visitor.__enter__()
-        visitor.get(f"/?token={workspace.token()}")
+        visitor.get("/", params={"token": "a secret"})
         SERVED.extend([workspace, visitor])
     _, visitor = SERVED
     name = visitor.post("/inputs", json={"name": "sent"}).json()["name"]

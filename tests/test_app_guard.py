@@ -11,8 +11,6 @@ from starlette.websockets import WebSocketDisconnect
 
 from legfem.app.__main__ import app
 from legfem.app.guard import Guard
-from legfem.app.server import application
-from legfem.app.workspace import Workspace
 
 PORT = 8765
 HOST = {"host": f"127.0.0.1:{PORT}"}
@@ -27,14 +25,17 @@ async def _within(scope, receive, send):
     await PlainTextResponse("within")(scope, receive, send)
 
 
+ONCE = "another-secret-that-is-seen-by-all"
+
+
 @pytest.fixture
-def token(workspace):
-    return workspace.token()
+def token():
+    return "a-secret-of-24-characters"
 
 
 @pytest.fixture
 def visitor(token):
-    return TestClient(Guard(_within, token, PORT), f"http://127.0.0.1:{PORT}", follow_redirects=False)
+    return TestClient(Guard(_within, token, PORT, {ONCE}), f"http://127.0.0.1:{PORT}", follow_redirects=False)
 
 
 def test_the_address_with_the_token_lets_a_browser_in_and_then_hides_it(visitor, token):
@@ -44,6 +45,33 @@ def test_the_address_with_the_token_lets_a_browser_in_and_then_hides_it(visitor,
     assert "httponly" in cookie and "samesite=strict" in cookie
     assert visitor.get("/run/x").text == "within"
     assert "default-src 'self'" in visitor.get("/").headers["content-security-policy"]
+
+
+def test_what_a_browser_is_begun_with_lets_it_in_once(visitor, token):
+    """Whoever lists the machine's processes reads it, when it was used already."""
+    answer = visitor.get(f"/?token={ONCE}")
+    assert answer.status_code == 303 and token in answer.headers["set-cookie"]
+    visitor.cookies.clear()
+    assert visitor.get(f"/?token={ONCE}").status_code == 403
+
+
+def test_the_browser_s_arguments_lack_the_token_and_each_start_has_another(tmp_path, monkeypatch, capsys):
+    import uvicorn
+
+    from legfem.commands import app as module
+
+    opened, guards = [], []
+    monkeypatch.setattr(module.webbrowser, "open", opened.append)
+    monkeypatch.setattr(uvicorn, "run", lambda guard, **_: guards.append(guard))
+    monkeypatch.setattr("legfem.app.server.application", lambda workspace: _within)
+    for _ in range(2):
+        module.serve(tmp_path / "w", port=8766, browser=True)
+        (address,) = [line.split()[1] for line in capsys.readouterr().out.splitlines() if line.startswith("open:")]
+        assert address.endswith(f"?token={guards[-1].token}") and guards[-1].token not in opened[-1]
+        assert guards[-1].once == {opened[-1].partition("token=")[2]}
+    first, second = guards
+    assert first.token != second.token and len(second.token) >= 32
+    assert [path for path in (tmp_path / "w").rglob("*") if path.is_file()] == []
 
 
 @pytest.mark.parametrize("address", ["/", "/?token=", "/?token=wrong", "/?token=é"])
@@ -90,18 +118,8 @@ def test_a_socket_needs_the_token_too(visitor, token):
         assert socket.receive()["code"] == 1000
 
 
-@pytest.fixture(scope="module")
-def served(tmp_path_factory):
-    """Return the server's workspace and one who may ask; NiceGUI has one server in a process."""
-    workspace = Workspace.opened(tmp_path_factory.mktemp("served"))
-    guarded = Guard(application(workspace), workspace.token(), PORT)
-    with TestClient(guarded, f"http://127.0.0.1:{PORT}") as visitor:
-        visitor.get(f"/?token={workspace.token()}")
-        yield workspace, visitor
-
-
-def test_files_that_are_sent_arrive_and_others_are_refused_with_a_line(served):
-    workspace, visitor = served
+def test_files_that_are_sent_arrive_and_others_are_refused_with_a_line(visited):
+    workspace, visitor = visited
     name = visitor.post("/inputs", json={"name": "leg"}).json()["name"]
     assert visitor.put(f"/inputs/{name}/recordings/a.csv", content=b"1,2").status_code == 204
     assert (workspace.input(name) / "recordings" / "a.csv").read_bytes() == b"1,2"
@@ -110,11 +128,11 @@ def test_files_that_are_sent_arrive_and_others_are_refused_with_a_line(served):
         assert answer.status_code == 400 and answer.text.count("\n") == 1, path
     assert visitor.put("/inputs/..%2fruns/x", content=b"x").status_code in (400, 404)
     assert visitor.put("/inputs/none/x", content=b"x").status_code == 400
-    assert len(workspace.token()) > 1
+    assert (workspace.folder / "token").read_text() == "for the user alone"
 
 
-def test_only_files_of_runs_and_previews_are_shown(served):
-    workspace, visitor = served
+def test_only_files_of_runs_and_previews_are_shown(visited):
+    workspace, visitor = visited
     folder = workspace.run(workspace.new_run("identify-leg"))
     (folder / "results").mkdir()
     (folder / "results" / "report.txt").write_text("found")
@@ -133,8 +151,8 @@ def test_only_files_of_runs_and_previews_are_shown(served):
         assert visitor.get(path).status_code in (400, 404), path
 
 
-def test_the_pages_show_what_stands_in_the_workspace(served):
-    workspace, visitor = served
+def test_the_pages_show_what_stands_in_the_workspace(visited):
+    workspace, visitor = visited
     name = workspace.new_input("a leg of mine")
     assert name in visitor.get("/").text
     assert "not a plain name" in visitor.get("/input/.hidden").text

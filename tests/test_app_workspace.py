@@ -1,11 +1,11 @@
-"""The app's workspace: inputs, uploads, names and the token, as files."""
+"""The app's workspace: inputs, uploads and names, as files."""
 
 import asyncio
 
 import pytest
 from starlette.requests import ClientDisconnect
 
-from legfem.app.workspace import Workspace, plain_name
+from legfem.app.workspace import plain_name
 from legfem.common.errors import InputError
 from legfem.data.folder import RESOURCES
 
@@ -52,10 +52,7 @@ def test_two_folders_of_one_name_are_two_inputs(workspace):
     assert workspace.free_run("identify-leg") == workspace.new_run("identify-leg")
 
 
-def test_the_token_outlives_the_server_and_is_for_the_user_alone(workspace):
-    token = workspace.token()
-    assert Workspace.opened(workspace.folder).token() == token and len(token) >= 32
-    assert (workspace.folder / "token").stat().st_mode & 0o077 == 0
+def test_the_workspace_is_for_the_user_alone(workspace):
     assert workspace.folder.stat().st_mode & 0o077 == 0
 
 

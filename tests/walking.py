@@ -182,7 +182,7 @@ class Walk:
         page.click("Go on")
         page.sees("running")
         self.server.kill()
-        self.server.start()
+        self.address = self.server.start()  # with another token
         page.faults.clear()  # of the socket that was cut
         page.open(self.address)
         page.sees("Drop a folder here")

@@ -1,7 +1,7 @@
 """Who may ask the server for anything: the browser that was given the token, on this machine."""
 
 import secrets
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from http.cookies import CookieError, SimpleCookie
 from urllib.parse import parse_qs, urlencode
 
@@ -35,11 +35,14 @@ class Guard:
         The secret.
     port : int
         On which it is served.
+    once : set of str
+        Other secrets, each of which lets one in once: arguments of a browser that is begun are seen by all.
     """
 
     application: ASGIApp
     token: str
     port: int
+    once: set[str] = field(default_factory=set)
 
     @property
     def cookie(self) -> str:
@@ -82,6 +85,9 @@ class Guard:
 
     def _shown(self, scope: Scope) -> bool:
         given = parse_qs(scope["query_string"].decode("latin-1")).get("token", [""])[0]
+        if given in self.once:
+            self.once.remove(given)
+            return True
         return self._is_token(given)
 
     def _is_token(self, text: str) -> bool:

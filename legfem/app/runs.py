@@ -16,14 +16,14 @@ import time
 import tomllib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import TypeAdapter
+from pydantic import Field, TypeAdapter, ValidationError
 
-from legfem.app.workspace import Workspace
+from legfem.app.workspace import Workspace, check_within
 from legfem.common.command_line import BAD_INPUT, INTERRUPTED
 from legfem.common.documents import write_document
 from legfem.common.errors import InputError
@@ -52,6 +52,22 @@ class RunState(StrEnum):
 
 
 @dataclass(frozen=True)
+class _Given:
+    """What ``run.json`` holds."""
+
+    about: str
+    arguments: Annotated[list[str], Field(min_length=3)]
+    cwd: str
+    began: float
+    then: str = ""
+    waits: bool = False
+
+
+_GIVEN = TypeAdapter(_Given)
+_DAMAGED = _Given("its run.json is damaged", ["", "-m", "a run"], "", 0.0)
+
+
+@dataclass(frozen=True)
 class Run:
     """A run, by its folder."""
 
@@ -66,9 +82,8 @@ class Run:
         ``then`` is the name of the run that starts once this one is done; one of those ``waits``.
         """
         arguments = [sys.executable, "-m", module, *options]
-        plain = {"about": about, "arguments": arguments, "cwd": str(Path.cwd()), "began": time.time()}
-        document = {**plain, "then": then, "waits": waits}
-        write_document(folder / "run.json", document)
+        given = _Given(about, arguments, str(Path.cwd()), time.time(), then, waits)
+        write_document(folder / "run.json", asdict(given))
         return cls(folder)
 
     @classmethod
@@ -113,10 +128,12 @@ class Run:
         """How far it is."""
         if self.alive:
             return RunState.RUNNING
-        if self._read("run.json").get("waits") and not (self.folder / "lock").exists():
+        if self._given.waits and not (self.folder / "lock").exists():
             return RunState.WAITING
+        # Who waited for the command may be gone, and the command have ended as well as it can: its page is its last.
+        done = self.report is not None and self.report.stat().st_mtime > self.started
         return {
-            None: RunState.LOST,
+            None: RunState.DONE if done else RunState.LOST,
             0: RunState.DONE,
             BAD_INPUT: RunState.REFUSED,
             INTERRUPTED: RunState.STOPPED,
@@ -127,7 +144,7 @@ class Run:
     @property
     def then(self) -> str:
         """Name of the run that starts once this one is done; empty for none."""
-        return str(self._given().get("then", ""))
+        return self._given.then
 
     @property
     def results(self) -> Path:
@@ -137,17 +154,17 @@ class Run:
     @property
     def about(self) -> str:
         """What is looked at: the name of an input."""
-        return str(self._given()["about"])
+        return self._given.about
 
     @property
     def kind(self) -> str:
         """The command's name."""
-        return str(self._given()["arguments"][2]).rpartition(".")[2]
+        return self._given.arguments[2].rpartition(".")[2]
 
     @property
     def began(self) -> float:
         """When it was asked for, s since the epoch."""
-        return float(self._given()["began"])
+        return self._given.began
 
     @property
     def started(self) -> float:
@@ -160,7 +177,7 @@ class Run:
     @property
     def command(self) -> str:
         """The command, to be copied."""
-        return written(self._given()["arguments"][2], self._given()["arguments"][3:])
+        return written(self._given.arguments[2], self._given.arguments[3:])
 
     @property
     def report(self) -> Path | None:
@@ -170,9 +187,8 @@ class Run:
 
     def point_to(self, about: str, before: Path, now: Path) -> None:
         """Let the command find an input that was moved."""
-        given = self._given()
-        arguments = [str(now) if one == str(before) else one for one in given["arguments"]]
-        write_document(self.folder / "run.json", {**given, "about": about, "arguments": arguments})
+        arguments = [str(now) if one == str(before) else one for one in self._given.arguments]
+        write_document(self.folder / "run.json", asdict(replace(self._given, about=about, arguments=arguments)))
 
     def log(self) -> list[str]:
         """Return the last lines of its messages."""
@@ -196,10 +212,14 @@ class Run:
         """Whether the folder holds a run: a server may have been killed before it did."""
         return (self.folder / "run.json").is_file()
 
-    def _given(self) -> dict[str, Any]:
+    @property
+    def _given(self) -> _Given:
         if not self.there:
             raise InputError(self.folder, "run.json", "not found", "start the run again")
-        return self._read("run.json")
+        try:
+            return _GIVEN.validate_json((self.folder / "run.json").read_bytes())
+        except ValidationError:
+            return _DAMAGED
 
     def _read(self, name: str) -> dict[str, Any]:
         return read_json(self.folder / name)
@@ -208,10 +228,10 @@ class Run:
 def read_json(path: Path) -> dict[str, Any]:
     """Return a document that a process wrote; empty where it isn't there, or is cut short."""
     try:
-        found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
         return {}
-    return found
+    return found if isinstance(found, dict) else {}
 
 
 def written(module: str, options: Sequence[str]) -> str:
@@ -283,7 +303,7 @@ class Action:
         Raises
         ------
         InputError
-            If ``more`` can't be taken apart, or names what the app itself gives.
+            If ``more`` can't be taken apart, or names what the app itself gives; as `check_within` does.
         """
         try:
             typed = shlex.split(more)
@@ -292,6 +312,7 @@ class Action:
         for word in typed:
             if word.partition("=")[0] in (self.folder, "--out", "--subject", "--json", "--quiet"):
                 raise InputError("options", word, "is given by the app", "leave it out")
+        check_within(folder)
         stated = [part for option, value in chosen.items() if value for part in (option, value)]
         return [self.folder, str(folder), "--out", str(out), *stated, *typed]
 
@@ -322,7 +343,8 @@ def begin_all(workspace: Workspace, name: str, described: str, options: Mapping[
 
 
 def looked_at(workspace: Workspace, name: str) -> Run:
-    """Return the run that looks at an input as it is now, begun if there is none."""
+    """Return the run that looks at an input as it is now, begun if there is none; raises as `check_within` does."""
+    check_within(workspace.input(name))
     folder = workspace.preview(name)
     run = Run(folder)
     if run.there:

@@ -2,23 +2,25 @@
 
 ``inputs/NAME/`` is a folder for the commands as a user gave it, ``previews/NAME/KEY/`` what was
 seen in it before anything was solved, ``runs/NAME/`` a run (`legfem.app.runs`), ``deleted/`` what
-can be put back, ``token`` the secret that the browser shows.
+can be put back.
 """
 
 import os
 import re
 import secrets
 import shutil
-import tempfile
-from collections.abc import AsyncIterable
+import tomllib
+from collections.abc import AsyncIterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from hashlib import sha256
 from itertools import count
 from pathlib import Path
+from typing import Any
 
 from legfem.common.documents import legfem_version
 from legfem.common.errors import InputError
-from legfem.common.input_files import FileTable
+from legfem.common.input_files import FileTable, read_text
 from legfem.data.folder import LAB
 from legfem.data.formats import READERS
 from legfem.legs.schema import SubjectFile
@@ -34,8 +36,8 @@ DESCRIPTIONS: dict[str, type[FileTable]] = {
 bring MPI, which this process must not start."""
 SCANS = (".nii", ".nii.gz", ".nrrd", ".seg.nrrd", ".dcm")
 _MOST_PARTS, _LONGEST = 4, 200
-_FEWEST_FREE = 200e6
-"""Bytes that uploads leave free on the disk."""
+_FEWEST_FREE, _MOST_BYTES = 200e6, 1_000_000_000
+"""Bytes that uploads leave free on the disk, and that a file may have: a scan of a leg has a fifth."""
 
 
 def plain_name(name: str) -> str:
@@ -92,20 +94,6 @@ class Workspace:
                 "give a folder of your own",
             ) from None
         return cls(folder)
-
-    def token(self) -> str:
-        """Return the secret, made on first use; a server that was started again has the same."""
-        path = self.folder / "token"
-        try:
-            handle = os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600)
-        except FileExistsError:
-            found = path.read_text(encoding="ascii").strip()
-            if len(found) < 32:
-                raise InputError(path, "token", "isn't one that legfem wrote", "delete the file") from None
-            return found
-        with os.fdopen(handle, "w") as file:
-            file.write(token := secrets.token_urlsafe(32))
-        return token
 
     @property
     def lab(self) -> Path:
@@ -203,26 +191,25 @@ class Workspace:
         Raises
         ------
         InputError
-            As `place` does, and where the disk is full or a folder is in the way.
+            As `place` does, and where the disk is full, the file too large or a folder in the way.
         """
         target = self.place(name, path)
+        part = target.with_name(f".part-{secrets.token_hex(4)}")
         try:
             target.parent.mkdir(parents=True, exist_ok=True)
-            handle, part = tempfile.mkstemp(dir=target.parent, prefix=".part-")
-        except OSError as error:
-            raise _unwritten(path, error) from None
-        try:
-            with os.fdopen(handle, "wb") as file:
+            with part.open("xb") as file:
                 async for piece in content:
                     if shutil.disk_usage(target.parent).free < len(piece) + _FEWEST_FREE:
                         raise InputError("upload", path, "the disk is full", "free some of it")
+                    if file.tell() + len(piece) > _MOST_BYTES:
+                        most = f"has more than {_MOST_BYTES / 1e6:,.0f} MB"
+                        raise InputError("upload", path, most, "cut the scan to the leg, or use the command line")
                     file.write(piece)
-            Path(part).chmod(0o644)
-            Path(part).replace(target)
+            part.replace(target)
         except OSError as error:
             raise _unwritten(path, error) from None
         finally:
-            Path(part).unlink(missing_ok=True)
+            part.unlink(missing_ok=True)
         return target
 
     def preview(self, name: str) -> Path:
@@ -252,6 +239,42 @@ def files_of(folder: Path) -> list[Path]:
 def description_of(folder: Path) -> str | None:
     """Return the name of the TOML file that says what a folder is; None where there is none."""
     return next((name for name in DESCRIPTIONS if (folder / name).is_file()), None)
+
+
+def text_of(path: Path) -> str:
+    """Return the text of a description; of one that can't be read, as Windows would show it, to be mended."""
+    try:
+        return read_text(path, "", "")
+    except InputError:
+        return path.read_text("cp1252", errors="replace")
+
+
+def check_within(folder: Path) -> None:
+    """Check that what a folder's description names lies within it: whoever wrote that may be anybody.
+
+    Raises
+    ------
+    InputError
+        If it names another folder or a file there.
+    """
+    described = description_of(folder)
+    try:
+        content = tomllib.loads(text_of(folder / described)) if described else {}
+    except tomllib.TOMLDecodeError:
+        return
+    for text in _texts(content):
+        with suppress(OSError, ValueError):  # no path at all
+            path = (folder / text).resolve()
+            if path.exists() and not path.is_relative_to(folder.resolve()):
+                raise InputError(described or "", text, "lies in another folder", "add the file here, and name it")
+
+
+def _texts(value: Any) -> Iterator[str]:
+    if isinstance(value, dict | list):
+        for one in value.values() if isinstance(value, dict) else value:
+            yield from _texts(one)
+    elif isinstance(value, str):
+        yield value
 
 
 def is_scan(path: Path) -> bool:

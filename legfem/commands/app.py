@@ -1,5 +1,6 @@
 """``legfem app``."""
 
+import secrets
 import socket
 import webbrowser
 from pathlib import Path
@@ -33,18 +34,18 @@ def serve(
         from legfem.app.workspace import Workspace
 
         opened = Workspace.opened(workspace)
-        token = opened.token()
+        token, once = secrets.token_urlsafe(32), secrets.token_urlsafe(32)
         import uvicorn
 
         from legfem.app.guard import ADDRESS, Guard
         from legfem.app.server import application
 
-        guarded = Guard(application(opened), token, port)
-        address = f"http://{ADDRESS}:{port}/?token={token}"
-        print(f"workspace: {opened.folder}\nopen:      {address}", flush=True)
+        guarded = Guard(application(opened), token, port, {once})
+        address = f"http://{ADDRESS}:{port}/?token="
+        print(f"workspace: {opened.folder}\nopen:      {address}{token}", flush=True)
         print("Ctrl-C ends the server; runs go on.", flush=True)
         if browser:
-            webbrowser.open(address)
+            webbrowser.open(f"{address}{once}")
         uvicorn.run(
             guarded, host=ADDRESS, port=port, log_level="warning", access_log=False, timeout_graceful_shutdown=2
         )

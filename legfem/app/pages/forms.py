@@ -10,7 +10,7 @@ from nicegui import ui
 from legfem.app.description import Setting, Value, read_value, settings_of, shown_errors, with_channels, with_settings
 from legfem.app.pages.frame import attempt, hinted, refused, tag
 from legfem.app.runs import Run, seen
-from legfem.app.workspace import DESCRIPTIONS, description_of
+from legfem.app.workspace import DESCRIPTIONS, description_of, text_of
 from legfem.common.documents import write_atomically
 from legfem.common.errors import InputError
 from legfem.data.recording import QUANTITIES, SourceColumn, SourceColumns
@@ -41,7 +41,7 @@ def settings_tab(folder: Path) -> None:
     described = description_of(folder)
     assert described is not None
     path = folder / described
-    text = path.read_text(encoding="utf-8-sig")
+    text = text_of(path)
     schema = DESCRIPTIONS[described]
     tag("p", f"These are the keys of {path.name}. An empty field keeps its default.", "quiet")
     if described == SUBJECTS.file and (shown := shown_errors(folder)) is not None:
@@ -64,7 +64,7 @@ def _offer(path: Path, shown: tuple[float, float]) -> None:
             ("instrument", "force_sd_N"): float(f"{force:.2g}"),
             ("instrument", "displacement_sd_mm"): float(f"{displacement:.2g}"),
         }
-        write_atomically(path, with_settings(path.read_text(encoding="utf-8-sig"), stated))
+        write_atomically(path, with_settings(text_of(path), stated))
         ui.navigate.reload()
 
     seen = f"The recordings show errors of at least {force:.2g} N and {displacement:.2g} mm from sample to sample"
@@ -85,7 +85,7 @@ def _form(path: Path, settings: list[Setting]) -> None:
     def save() -> None:
         changed = {one.key: typed_value(one, get()) for one, get, shown in fields if get() != shown}
         # Read anew: another tab may have changed other keys.
-        write_atomically(path, with_settings(path.read_text(encoding="utf-8-sig"), changed))
+        write_atomically(path, with_settings(text_of(path), changed))
 
     ui.button("Save", on_click=lambda: attempt(save))
 
@@ -123,7 +123,7 @@ def _text(path: Path, text: str) -> None:
     hinted(box, "the whole file, with keys that no field above has").classes("full mono")
 
     def save() -> None:
-        if path.exists() and path.read_text(encoding="utf-8-sig") != text:
+        if path.exists() and text_of(path) != text:
             raise InputError(
                 path.name, "text", "the file was changed elsewhere", "copy your text, and load the page again"
             )
@@ -202,7 +202,7 @@ def _choice(folder: Path, first: dict[str, Any]) -> None:
 
     def save(use: bool) -> None:
         path = folder / str(description_of(folder))
-        write_atomically(path, with_channels(path.read_text(encoding="utf-8-sig"), columns() if use else None))
+        write_atomically(path, with_channels(text_of(path), columns() if use else None))
 
     with ui.element("div").classes("inrow"):
         ui.button("Use these columns", on_click=lambda: attempt(lambda: save(True)))

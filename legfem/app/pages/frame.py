@@ -10,7 +10,7 @@ from nicegui import ui
 from nicegui.elements.mixins.text_element import TextElement
 
 from legfem.app.runs import RunState, begin_all
-from legfem.app.workspace import Workspace, description_of
+from legfem.app.workspace import Workspace, description_of, text_of
 from legfem.common.errors import InputError
 
 # NiceGUI's page doesn't say its language, without which it can't be read aloud.
@@ -36,7 +36,7 @@ def attempt(change: Callable[[], str | None]) -> None:
     """Change something, and go to the address that this returns, or load the page anew; say what is wrong."""
     try:
         address = change()
-    except InputError as error:
+    except (InputError, OSError) as error:
         ui.notify(str(error), type="negative", multi_line=True)
         return
     if address is None:
@@ -119,10 +119,10 @@ def ask(workspace: Workspace, name: str) -> None:
     folder = workspace.input(name)
     described = str(description_of(folder))
     options: dict[str, list[str]] = {"identify": [], "diagnose": [], "stocking": []}
-    given = tomllib.loads((folder / described).read_text(encoding="utf-8-sig")).get("indenter", {})
+    given = tomllib.loads(text_of(folder / described)).get("indenter", {})
     if given.get("shape", "cylinder") != "cylinder" or given.get("axis_deg"):
         options = {"identify": ["--model", "3d"]}
-    ui.navigate.to(page_of("run", begin_all(workspace, name, described, options)))
+    attempt(lambda: page_of("run", begin_all(workspace, name, described, options)))
 
 
 def drop_zone(text: str, name: str = "") -> None:

@@ -94,15 +94,12 @@ def _command_form(workspace: Workspace, name: str, action: Action) -> None:
         for typed in (*boxes.values(), more):
             typed.on_value_change(update)
 
-        def start() -> None:
-            update()
-            if trouble.visible:
-                return
-            run = workspace.new_run(wish)
-            Run.begun(workspace.run(run), action.module, options(run), name)
-            ui.navigate.to(page_of("run", run))
+        def start() -> str:
+            given = options(run := workspace.free_run(wish))
+            Run.begun(workspace.run(workspace.new_run(run)), action.module, given, name)
+            return page_of("run", run)
 
-        ui.button(f"Run {action.name}", on_click=start)
+        ui.button(f"Run {action.name}", on_click=lambda: attempt(start))
 
 
 RUN = "Run"
@@ -204,7 +201,6 @@ def input_page(workspace: Workspace, name: str, questions: Questions) -> None:
     with framed(name):
         try:
             folder = workspace.input(name)
-            looking = looked_at(workspace, name)
         except InputError as error:
             refused(str(error))
             return
@@ -212,6 +208,11 @@ def input_page(workspace: Workspace, name: str, questions: Questions) -> None:
         names = ["Preview", "Assumed", "Columns", "Files", RUN] if described else ["What is it", "Files"]
         if described == "leg.toml":
             names.remove("Columns")
+        try:
+            looking = looked_at(workspace, name)
+        except (InputError, OSError) as error:
+            refused(str(error))
+            names = ["Assumed", "Files"] if described else ["Files"]
         with ui.tabs().props("dense no-caps outside-arrows mobile-arrows align=left") as tabs:
             for one in names:
                 ui.tab(one)

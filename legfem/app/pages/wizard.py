@@ -17,7 +17,7 @@ from legfem.app.description import FASCIA_MM, Setting, Value, contours_in, descr
 from legfem.app.pages.forms import column_fields, first_readable, setting_field, typed_value
 from legfem.app.pages.frame import ASK, ask, hinted, refused, tag, wanting
 from legfem.app.runs import Run
-from legfem.app.workspace import Workspace, files_of, is_scan, may_be_recording
+from legfem.app.workspace import Workspace, files_of, is_scan, may_be_recording, text_of
 from legfem.common.documents import write_atomically
 from legfem.common.errors import MISSING, InputError
 from legfem.data.recording import PLAIN_COLUMNS, QUANTITIES, SourceColumns
@@ -77,7 +77,7 @@ def describe_page(workspace: Workspace, name: str, looking: Run) -> None:
     for kind, card in cards.items():
         card.on("click", lambda kind=kind: choose(kind))
     choose(state.kind)
-    lab = tomllib.loads(workspace.lab.read_text(encoding="utf-8-sig")) if workspace.lab.is_file() else {}
+    lab = tomllib.loads(text_of(workspace.lab)) if workspace.lab.is_file() else {}
     rest = ui.element("div").bind_visibility_from(state, "kind", bool)
     with rest:
         forms: dict[str, Read] = {}
@@ -120,7 +120,7 @@ def _keep_for_others(lab: Path, path: Path) -> None:
     """Write what a leg's description has alike with others to the lab's file."""
     given = tomllib.loads(path.read_text(encoding="utf-8"))
     rig = {key: value for key, value in given["indenter"].items() if key in ("diameter_mm", "length_mm", "shape")}
-    before = tomllib.loads(lab.read_text(encoding="utf-8-sig")) if lab.is_file() else {}
+    before = tomllib.loads(text_of(lab)) if lab.is_file() else {}
     write_atomically(lab, tomlkit.dumps({**before, "indenter": rig, "instrument": given["instrument"]}))
 
 
