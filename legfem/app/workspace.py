@@ -5,18 +5,18 @@ seen in it before anything was solved, ``runs/NAME/`` a run (`legfem.app.runs`),
 can be put back.
 """
 
+import json
 import os
 import re
 import secrets
 import shutil
 import tomllib
-from collections.abc import AsyncIterable, Iterator
+from collections.abc import AsyncIterable
 from contextlib import suppress
 from dataclasses import dataclass
 from hashlib import sha256
 from itertools import count
 from pathlib import Path
-from typing import Any
 
 from legfem.common.documents import legfem_version
 from legfem.common.errors import InputError
@@ -258,23 +258,13 @@ def check_within(folder: Path) -> None:
         If it names another folder or a file there.
     """
     described = description_of(folder)
-    try:
-        content = tomllib.loads(text_of(folder / described)) if described else {}
-    except tomllib.TOMLDecodeError:
-        return
-    for text in _texts(content):
-        with suppress(OSError, ValueError):  # no path at all
-            path = (folder / text).resolve()
-            if path.exists() and not path.is_relative_to(folder.resolve()):
-                raise InputError(described or "", text, "lies in another folder", "add the file here, and name it")
-
-
-def _texts(value: Any) -> Iterator[str]:
-    if isinstance(value, dict | list):
-        for one in value.values() if isinstance(value, dict) else value:
-            yield from _texts(one)
-    elif isinstance(value, str):
-        yield value
+    with suppress(OSError, ValueError):  # no TOML at all, or no path
+        content = json.dumps(tomllib.loads(text_of(folder / described)) if described else {}, default=str)
+        for text in map(json.loads, re.findall(r'"(?:[^"\\]|\\.)*"', content)):
+            with suppress(OSError, ValueError):  # no path
+                path = (folder / text).resolve()
+                if path.exists() and not path.is_relative_to(folder.resolve()):
+                    raise InputError(described or "", text, "lies in another folder", "add the file here, and name it")
 
 
 def is_scan(path: Path) -> bool:

@@ -191,17 +191,6 @@ def _say_changed(folder: Path) -> None:
     _log.warning("%s: not all that is kept there is as legfem wrote it: what isn't, is done anew", folder)
 
 
-def _write_json(path: Path, document: Mapping[str, Any]) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    _write(path, json.dumps(document, default=np.generic.item)[1:].encode())
-
-
-def _read_json(path: Path) -> dict[str, Any]:
-    """Return a document that was written; empty where there is none."""
-    content = _content(path)
-    return dict(json.loads(b"{" + content)) if content else {}
-
-
 class Store[Kept]:
     """A folder of finished work, one JSON file each, under a key of all that it depends on.
 
@@ -245,7 +234,7 @@ class Store[Kept]:
 
     def get(self, asked: object) -> Kept | None:
         """Return a finished piece; None if there is none that can be read."""
-        document = _read_json(self.path(asked))
+        document = json.loads(b"{" + (_content(self.path(asked)) or b"}"))
         if document.get("key") != self.key(asked):
             return None
         try:
@@ -256,7 +245,9 @@ class Store[Kept]:
 
     def put(self, asked: object, kept: Kept) -> None:
         """Write a finished piece; it is there whole or not at all."""
-        _write_json(self.path(asked), {"key": self.key(asked), "kept": _adapter(self.kind).dump_python(kept)})
+        self.folder.mkdir(parents=True, exist_ok=True)
+        document = {"key": self.key(asked), "kept": _adapter(self.kind).dump_python(kept)}
+        _write(self.path(asked), json.dumps(document, default=np.generic.item)[1:].encode())
 
     def get_or_make(
         self,
@@ -382,31 +373,22 @@ class Checkpoint:
         write_arrays(self._part(self._number), arrays)
         self.comm.Barrier()
         if self.comm.rank == 0:
-            head = {"key": self.key, "ranks": self.comm.size, "number": self._number}
-            _write_json(self._head, {**head, "plain": plain})
+            self._head.put(None, {"number": self._number, "plain": plain})
         self.comm.Barrier()
         self._part(before).unlink(missing_ok=True)
         self._last = time.monotonic()
 
     def load(self, shapes: Mapping[str, tuple[int, ...]]) -> tuple[Arrays, dict[str, Any]] | None:
         """Return the last state whose arrays have the given shapes, if there is one; collective."""
-        head = self.comm.bcast(self._read_head() if self.comm.rank == 0 else None, root=0)
+        head = self.comm.bcast(self._head.get(None) if self.comm.rank == 0 else None, root=0)
         if head is None:
             return None
-        number, plain = head
-        arrays = read_arrays(self._part(number))
+        arrays = read_arrays(self._part(head["number"]))
         fits = all(name in arrays and arrays[name].shape == s for name, s in shapes.items())
         if not all(self.comm.allgather(fits)):
             return None
-        self._number = number
-        return arrays, plain
-
-    def _read_head(self) -> tuple[int, dict[str, Any]] | None:
-        """Return number and plain values of the last state; None without a whole one of the key."""
-        head = _read_json(self._head)
-        if (head.get("key"), head.get("ranks")) != (self.key, self.comm.size):
-            return None
-        return head["number"], head["plain"]
+        self._number = head["number"]
+        return arrays, head["plain"]
 
     def clear(self) -> None:
         """Remove the states: the solution is known; collective."""
@@ -418,8 +400,9 @@ class Checkpoint:
         self.comm.Barrier()
 
     @property
-    def _head(self) -> Path:
-        return self.folder / "last.json"
+    def _head(self) -> Store[dict[str, Any]]:
+        """Of what the last state is."""
+        return Store(self.folder, dict[str, Any], (self.key, self.comm.size), named=lambda _: "last")
 
     def _part(self, number: int) -> Path:
         return self.folder / f"{number:05d}-{self.comm.rank}.npz"

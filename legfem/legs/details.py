@@ -336,10 +336,5 @@ class LegCamera:
 
 def _read(path: Path) -> list[LegState]:
     kept = read_arrays(path)
-    try:
-        return [
-            LegState(float(at), *(kept[name][k] for name in _FIELDS))
-            for k, at in enumerate(kept.get("displacement", ()))
-        ]
-    except (ValueError, LookupError, TypeError):
-        return []
+    displacements = enumerate(kept.get("displacement", ()))
+    return [LegState(float(at), *(kept[name][k] for name in _FIELDS)) for k, at in displacements]
