@@ -56,6 +56,7 @@ def test_both_scans_come_into_the_same_place(folder, shape):
         ('compression_class = "2"', "unstretched_mm = 2.0", "out of range"),
         ('[compressed]\ncontours = "compressed.csv"', "", "compressed: missing"),
         ("[stocking]", "[segment]\nfrom_mm = 60.0\nto_mm = 80.0\n[stocking]", "20 mm long"),
+        ("[stocking]", "[segment]\nfrom_mm = 60.0\nto_mm = 105.0\n[stocking]", "45 mm long; give scans"),
         ("[stocking]", "[segment]\nfrom_mm = -60.0\n[stocking]", "not in what the scans share"),
         ('origin = "simulated"', 'origin = "guessed"', "unknown value 'guessed'"),
     ],

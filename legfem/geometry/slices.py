@@ -62,8 +62,8 @@ class SliceSet:
 
 _HEIGHT_MM = 30.0
 """Height of the calf over which slices are spread."""
-_WITHIN = 0.5
-"""mm: a leg that is moved a little as a whole still has all of its slices."""
+_WITHIN = 5.0
+"""mm: a leg that is moved a little as a whole, or turned, still has all of its slices."""
 
 
 def calf_levels(shape: LegShape) -> FloatArray:

@@ -32,7 +32,7 @@ from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.fabric import Stocking, fitted_stocking, stocking_load
 from legfem.stockings.leg import KINDS, USUAL_DIAMETER, Posture, Sensor, StockingLeg, Vein, default_veins, off_skin
 from legfem.stockings.levels import PLACES, MakersLevels
-from legfem.stockings.schema import LegFile, SegmentEntry, StockingEntry, parse_leg_file
+from legfem.stockings.schema import LegFile, StockingEntry, parse_leg_file
 
 STRETCH = PhysicalRange(
     "a stretch of the fabric", "%", (5.0, 150.0), (0.0, 300.0), "stockings are worn stretched by some 20 to 120 %"
@@ -59,7 +59,8 @@ LEAST_LENGTH_MM = 80.0
 """Length of the segment below which its end faces decide what is found in it. With ends held and free,
 the pressures at the veins in mid-segment differ by 30 to 45 % at 40 mm, by 20 to 30 % at 80 mm and by
 15 to 20 % at 120 mm (legs 1 and 4, class 2, 3 kPa in both tissues)."""
-_LEAST_SHARED_MM = 40.0
+_LEAST_SHARED_MM, _LEAST_COMPARED_MM = 40.0, 50.0
+"""Of a leg, and of one whose scans are compared: where end faces move, the slices need some room."""
 LEVEL_SPACING = 5.0
 """Spacing of the contours that the leg's surfaces interpolate (mm)."""
 _MARGINS = {"bare": 10.0, "compressed": 40.0}
@@ -84,7 +85,7 @@ def load_leg(directory: Path, progress: Progress | None = None) -> StockingLeg:
     directory = Path(directory)
     toml = LEGS.opened(directory)
     given, progress = parse_leg_file(toml), progress or Silent()
-    progress.stage(f"outlines of the bare leg{_asked_length(given.segment)}")
+    progress.stage(f"outlines of the bare leg{_asked_length(toml, given)}")
     bare_scan, levels = _opened(directory, toml, "bare", given.bare, given)
     bare, scanned_bare = (bare_scan.shape(OUTLINES, levels, room) for room in (CLEARANCES, None))
     shapes, registration = [bare, scanned_bare], None
@@ -94,8 +95,7 @@ def load_leg(directory: Path, progress: Progress | None = None) -> StockingLeg:
         if bare_scan.volume is not None and scan.volume is not None:
             check_same_spacing(bare_scan.volume, scan.volume)
         scanned = scan.shape(OUTLINES, levels)
-        if scanned.length < _LEAST_SHARED_MM:
-            raise _too_short(toml, "compressed", scanned.length)
+        _check_length(toml, given, "compressed", scanned.length)
         check_scans_differ(scanned_bare, scanned, toml)
         progress.stage("laying one scan on the other by the bones")
         registration = registered(_dense(scanned_bare), _dense(scanned), given.accuracy.contour_sd_mm, toml)
@@ -132,11 +132,13 @@ def load_leg(directory: Path, progress: Progress | None = None) -> StockingLeg:
     return replace(leg, doubts=tuple(doubts_about_leg(leg, toml)))
 
 
-def _asked_length(asked: SegmentEntry) -> str:
+def _asked_length(toml: Path, given: LegFile) -> str:
     """How much of the leg the file asks for, and that it is too little; empty where it doesn't say."""
+    asked = given.segment
     if asked.from_mm is None or asked.to_mm is None:
         return ""
     length = asked.to_mm - asked.from_mm
+    _check_length(toml, given, "segment", length)
     few = f"; model {LEAST_LENGTH_MM:g} mm or more" if length < LEAST_LENGTH_MM - 1e-6 else ""
     return f", {length:g} mm of it as [segment] asks{few}"
 
@@ -176,15 +178,16 @@ def _segment(toml: Path, given: LegFile, shapes: Sequence[LegShape]) -> list[Leg
             )
     low = low if asked.from_mm is None else max(low, asked.from_mm)
     high = high if asked.to_mm is None else min(high, asked.to_mm)
-    if high - low < _LEAST_SHARED_MM:
-        raise _too_short(toml, "segment", high - low)
+    _check_length(toml, given, "segment", high - low)
     levels = np.linspace(low, high, 1 + max(2, round((high - low) / LEVEL_SPACING)))
     return [shape.at_levels(levels) for shape in shapes]
 
 
-def _too_short(toml: Path, field: str, length: float) -> InputError:
-    remedy = f"give scans that share {_LEAST_SHARED_MM:g} mm or more, their levels in mm"
-    return InputError(toml, field, f"is {length:.3g} mm long", remedy)
+def _check_length(toml: Path, given: LegFile, field: str, length: float) -> None:
+    least = _LEAST_SHARED_MM if given.compressed is None else _LEAST_COMPARED_MM
+    if length < least:
+        remedy = f"give scans that share {least:g} mm or more, their levels in mm"
+        raise InputError(toml, field, f"is {length:.3g} mm long", remedy)
 
 
 def _fabric(directory: Path, toml: Path, entry: StockingEntry, bare: LegShape) -> Stocking:
