@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import json
 import re
 import runpy
 import shutil
@@ -263,3 +264,20 @@ def test_the_notebook_runs(name: str, data: str, tmp_path: Path) -> None:
     shown = [output for cell in notebook.cells if cell.cell_type == "code" for output in cell.outputs]
     pages = [str(output.get("data", {}).get("text/html", "")) for output in shown]
     assert any(data in page and "data-plot=&quot;" in page for page in pages)
+
+
+@pytest.mark.slow
+def test_the_lesson_shows_what_it_says_and_is_slides_too(tmp_path: Path) -> None:
+    """Hertz finds the thin gel some half stiffer than it is; with its base in the model all three are the same gel."""
+    lesson = nbformat.read(EXAMPLES / "lesson_gel_thickness.ipynb", as_version=4)
+    assert not any(cell.get("outputs") for cell in lesson.cells), "outputs are left out of git"
+    kinds = [cell.metadata.get("slideshow", {}).get("slide_type") for cell in lesson.cells]
+    assert kinds.count("slide") >= 6 and kinds[0] == "slide"
+    said = "import json; print(json.dumps([truth, {f'{h:g}': [moduli[h], found[h]] for h in found}]))"
+    lesson.cells.append(nbformat.v4.new_code_cell(said))
+    NotebookClient(lesson, timeout=600, resources={"metadata": {"path": tmp_path}}).execute()
+    truth, moduli = json.loads(lesson.cells[-1].outputs[0].text)
+    assert moduli["40"][0] == pytest.approx(truth, rel=0.06)
+    assert moduli["4"][0] > 1.4 * truth and moduli["4"][0] > moduli["8"][0] > moduli["40"][0]
+    for _, with_its_base in moduli.values():
+        assert with_its_base == pytest.approx(truth, rel=0.04)
