@@ -14,7 +14,7 @@ from legfem.inverse.body_models import Columns
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.errors import error_model
 from legfem.inverse.fit import Identity
-from legfem.inverse.library import Detail, NuisanceChanges
+from legfem.inverse.library import NO_CHANNELS, ChannelTables, Detail, NuisanceChanges
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
 from legfem.inverse.map_fit import fit
 from legfem.inverse.observations import Observations, observe
@@ -74,6 +74,7 @@ class ClosedForm:
     """Mechanisms that aren't tested, and why."""
     nuisances: NuisanceChanges = field(default_factory=lambda: NuisanceChanges(GRID, {}, {}))
     detail: Detail = field(default_factory=lambda: Detail.of_all(mechanisms()))
+    beside: ChannelTables = NO_CHANNELS
 
     def curve(self, c10: float, c20: float) -> FloatArray:
         """Return the force (N)."""

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable
@@ -20,10 +23,11 @@ from legfem.api.diagnosed import Diagnosed
 from legfem.api.live import Visit, answer_lines, follow, visit_of
 from legfem.commands.live import app
 from legfem.common.command_line import BAD_INPUT, INTERRUPTED
-from legfem.common.errors import InputError
+from legfem.common.deadline import Deadline
+from legfem.common.errors import InputError, UnsolvedError
 from legfem.data.watched import SETTLED_S, STALLED_S, Watched, changes, looked
 from legfem.inverse.verdict import Diagnosis
-from legfem.legs.schema import SUBJECTS, WantedEntry
+from legfem.legs.schema import SUBJECTS, SubjectFile
 from legfem.legs.subject import Subject
 
 ONE, OTHER = Path("trial1.csv"), Path("trial2.csv")
@@ -188,7 +192,7 @@ def test_a_half_written_file_is_never_refused_and_is_said_to_stand_still(folder)
 # --- all so far ---
 
 
-def answered(leg: Subject, **given: object) -> Diagnosed:
+def answered(leg: Subject, **_: object) -> Diagnosed:
     """Return a made-up diagnosis of a leg."""
     return Diagnosed(leg, diagnosed({"fascia-stiffness.factor": 4.0}, asked=("fascia-stiffness", "force-drift")), 0.0)
 
@@ -202,37 +206,74 @@ def leg_of(folder: Path, names: tuple[str, ...]) -> Subject:
     return visit.subject
 
 
-def test_the_answer_has_the_finding_and_what_to_do_next(folder):
+def given(folder: Path) -> SubjectFile:
+    return visit_of(folder).entry.given
+
+
+def test_a_trial_is_judged_once_whatever_else_is_written(folder, monkeypatch):
+    judged, with_trials = [], live.with_trials
+    monkeypatch.setattr(live, "with_trials", lambda *given: judged.append(len(given[2])) or with_trials(*given))
+    visit = visit_of(folder)
+    for k in range(3):
+        record(folder, f"trial{k + 1}", seed=k)
+        settled(visit, 10.0 * k)
+    (folder / "recordings" / "trial4.csv").write_text("time_s,displacement_mm,force_N\n0.0,")
+    settled(visit, 40.0)
+    assert judged == [1, 2, 3] and trials(visit) == ["trial1", "trial2", "trial3"]
+
+
+def next_lines(lines: list[str]) -> list[tuple[str, int, int]]:
+    """Return what further trials are told to buy: what to do, and C10's error before and after."""
+    found = (re.fullmatch(r"next: (.*): C10 ± (\d+) % -> ± (\d+) %", line) for line in lines)
+    return [(one[1], int(one[2]), int(one[3])) for one in found if one]
+
+
+def test_the_answer_has_the_finding_and_what_another_trial_would_buy(folder):
     one = leg_of(folder, ("trial1",))
-    lines = answer_lines(answered(one), one)
+    lines = answer_lines(answered(one), one, given(folder))
     assert lines[0].startswith("by trial1: ") and "C10" in lines[0]
-    assert lines[-1].startswith("next: Press again at the same place. Then: ")
+    ((todo, before, after),) = next_lines(lines)
+    assert todo == "press again" and 0 < after <= before
+    assert "how tissue relaxes" in lines[-1] and "weighed" not in lines[-1]
     two = leg_of(folder, ("trial1", "trial2"))
-    lines = answer_lines(answered(two), two)
-    assert lines[0].startswith("by trial1, trial2: ") and lines[-1].startswith("next: ")
-    assert "Press again" not in lines[-1]
+    assert answer_lines(answered(two), two, given(folder))[0].startswith("by trial1, trial2: ")
+
+
+def test_what_a_visit_allows_is_told_the_best_first(folder):
+    (folder / "subject.toml").write_text('can = ["hold", "rates"]\n' + TOML)
+    leg = leg_of(folder, ("trial1", "trial2"))
+    told = next_lines(answer_lines(answered(leg), leg, given(folder)))
+    assert {todo.split()[0] for todo, _, _ in told} == {"press", "hold"} and len(told) == 3
+    assert [after for _, _, after in told] == sorted(after for _, _, after in told)
+    (folder / "subject.toml").write_text('can = ["fly"]\n' + TOML)
+    with pytest.raises(InputError, match="can"):
+        visit_of(folder)
 
 
 @pytest.mark.parametrize(("percent", "enough"), [(0.5, False), (99.0, True)])
 def test_what_is_wanted_is_enough_or_how_far_it_is(folder, percent, enough):
     (folder / "subject.toml").write_text(WANTED.format(percent) + TOML)
     leg = leg_of(folder, ("trial1", "trial2"))
-    wanted = visit_of(folder).entry.given.wanted
-    lines = answer_lines(answered(leg), leg, wanted)
+    lines = answer_lines(answered(leg), leg, given(folder))
     if enough:
         assert re.fullmatch(r"enough: C10 [\d.]+ kPa ± \d+ %", lines[-1])
     else:
         assert any(re.fullmatch(r"± \d+ % of 0.5 % wanted", line) for line in lines)
-        assert lines[-1].startswith("next: ")
-    assert not any("wanted" in line or "enough" in line for line in answer_lines(answered(leg), leg))
+        assert next_lines(lines)
+    (folder / "subject.toml").write_text(TOML)
+    plain = answer_lines(answered(leg), leg, given(folder))
+    assert not any("wanted" in line or "enough" in line for line in plain) and next_lines(plain)
 
 
 def test_a_provisional_answer_is_enough_only_so_far(folder, monkeypatch):
+    (folder / "subject.toml").write_text(WANTED.format(99.0) + TOML)
     leg = leg_of(folder, ("trial1", "trial2"))
     monkeypatch.setattr(Diagnosis, "weighed", (7, 22))
-    lines = answer_lines(answered(leg), leg, WantedEntry(C10_percent=99.0))
-    assert "7 of 22 effects were weighed" in lines[0]
-    assert any(line.startswith("so far enough: C10 ") for line in lines) and lines[-1].startswith("next: ")
+    found = answered(leg)
+    lines = answer_lines(replace(found, diagnosis=replace(found.diagnosis, provisional=True)), leg, given(folder))
+    assert "Provisional: 7 of 22 effects weighed" in lines[0]
+    assert any(line.startswith("so far enough: C10 ") for line in lines) and next_lines(lines)
+    assert "not weighed yet" in lines[-1]
 
 
 @pytest.mark.parametrize("wrong", ["0", "-5", "101", '"ten"'])
@@ -246,7 +287,7 @@ def test_answers_are_made_until_all_that_is_there_was_answered_once(folder, monk
     monkeypatch.setattr(live, "LOOK_S", 0.05)
     record(folder, "trial1")
     said, found = [], []
-    follow(visit_of(folder), answered, said.extend, found.append, once=True)
+    follow(visit_of(folder), answered, said.extend, found.append, 15.0, once=True)
     assert said[0] == f"waiting for recordings in {folder / 'recordings'}"
     assert len(found) == 1 and sum(line.startswith("by trial1: ") for line in said) == 1
 
@@ -261,22 +302,64 @@ def test_an_answer_is_made_again_after_a_change_and_ctrl_c_ends_the_watch(folder
     record(folder, "trial2", seed=1)
     asked = []
 
-    def diagnose(leg: Subject) -> Diagnosed:
+    def diagnose(leg: Subject, within: Deadline) -> Diagnosed:
         asked.append([trial.trial for trial in leg.recordings])
         if len(asked) == 2:
             raise EndsError
         one.unlink()
         while visit.subject is leg:
             time.sleep(0.01)
+        assert within.passed, "there is no use in going on by a trial that is gone"
         return answered(leg)
 
     before, visit = threading.active_count(), visit_of(folder)
     with pytest.raises(EndsError):
-        follow(visit, diagnose, said.extend, lambda _: None)
+        follow(visit, diagnose, said.extend, lambda _: None, 15.0)
     assert asked == [["trial1", "trial2"], ["trial2"]]
     assert "trial1.csv was deleted: the answer is made without it" in said
     assert not any(line.startswith("by ") for line in said), "of a trial that is gone"
     assert threading.active_count() == before
+
+
+def test_answers_come_at_once_then_more_rarely_until_none_is_provisional(folder, monkeypatch):
+    monkeypatch.setattr(live, "LOOK_S", 0.05)
+    record(folder, "trial1")
+    left, told = [], []
+
+    def diagnose(leg: Subject, within: Deadline) -> Diagnosed:
+        left.append(within.at - time.monotonic())
+        found = answered(leg)
+        return replace(found, diagnosis=replace(found.diagnosis, provisional=len(left) < 4))
+
+    def answer(found: Diagnosed) -> None:
+        told.append(found.diagnosis.provisional)
+        if not told[-1]:
+            raise EndsError
+
+    with pytest.raises(EndsError):
+        follow(visit_of(folder), diagnose, lambda _: None, answer, 15.0)
+    assert left == pytest.approx([0.0, 15.0, 30.0, 60.0], abs=1.0)
+    assert told == [True, False], "what says the same is not told again"
+
+
+def test_a_leg_that_cannot_be_solved_is_said_and_watching_goes_on(folder, monkeypatch):
+    monkeypatch.setattr(live, "LOOK_S", 0.05)
+    record(folder, "trial1")
+    said, asked = [], []
+
+    def diagnose(leg: Subject, within: Deadline) -> Diagnosed:
+        asked.append(len(leg.recordings))
+        if len(asked) > 1:
+            raise EndsError
+        record(folder, "trial2", seed=1)
+        raise UnsolvedError("the model stops before 20.0 mm")
+
+    with pytest.raises(EndsError):
+        follow(visit_of(folder), diagnose, said.extend, lambda _: None, 15.0)
+    assert asked == [1, 2] and "no answer by these trials: the model stops before 20.0 mm" in said
+    with pytest.raises(UnsolvedError):
+        asked.clear()
+        follow(visit_of(folder), diagnose, said.extend, lambda _: None, 15.0, once=True)
 
 
 # --- the command ---
@@ -345,14 +428,34 @@ def test_an_answer_is_given_after_each_of_subject_3s_trials(tmp_path):
 
     from legfem.api.diagnosis import diagnose
 
-    def within(leg: Subject) -> Diagnosed:
-        return diagnose(leg, library=tmp_path / "library", within="15s")
+    def within_time(leg: Subject, within: Deadline) -> Diagnosed:
+        return diagnose(leg, library=tmp_path / "library", within=within)
 
     writing = threading.Thread(target=instrument)
     writing.start()
     with pytest.raises(EndsError):
-        follow(visit_of(folder), within, tell, answer)
+        follow(visit_of(folder), within_time, tell, answer, 15.0)
     writing.join()
     for by in ("trial1", "trial1, trial2", "trial1, trial2, trial3"):
         assert any(line.startswith(f"by {by}: ") and "C10" in line for line in said), said
     assert (tmp_path / "out" / "diagnosis.json").is_file()
+
+
+@pytest.mark.slow
+def test_a_kill_loses_neither_the_answer_nor_what_was_solved(tmp_path):
+    words = [sys.executable, "-m", "legfem", "live", str(SUBJECTS.find("3")), "--jobs", "1"]
+    words += ["--out", str(tmp_path / "out"), "--library", str(tmp_path / "library")]
+    running = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    told = []
+    for line in running.stdout:
+        told.append(line.strip())
+        if line.startswith("report: "):
+            break
+    running.kill()
+    running.wait()
+    before = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    kept = {path: path.stat().st_mtime_ns for path in (tmp_path / "library").rglob("*.json")}
+    again = subprocess.run([*words, "--once", "--for", "1ms"], capture_output=True, text=True, check=True)
+    assert next(line for line in told if line.startswith("by ")) in again.stdout
+    assert before["answer"] == json.loads((tmp_path / "out" / "diagnosis.json").read_text())["answer"]
+    assert kept and kept.items() <= {p: p.stat().st_mtime_ns for p in (tmp_path / "library").rglob("*.json")}.items()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from itertools import count
 
 import numpy as np
 import pytest
@@ -10,11 +11,13 @@ from making_diagnosed import diagnosed
 from making_diagnosis import ClosedForm, problem_of, ramps
 
 from legfem.api.loading import seconds_of
-from legfem.common.deadline import NEVER, Deadline
+from legfem.common.deadline import NEVER, Deadline, TimeIsUpError
 from legfem.common.errors import InputError
-from legfem.common.progress import Silent
+from legfem.common.progress import Silent, Until
 from legfem.experiments.experiment import Solved
 from legfem.inverse.answer import Finding
+from legfem.inverse.averaging import averaged_interval
+from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.explain import explain
 from legfem.inverse.explanation import ADDS_FROM, log_bayes_factor
 from legfem.inverse.library import UNTRIED, Detail
@@ -102,6 +105,7 @@ def test_nothing_is_solved_after_a_deadline_and_the_answer_says_so():
     assert over.passed and not NEVER.passed and not Deadline.after(3600.0).passed
     found = explain(base_of(Screened(), STIFF_FAT), SOUGHT, complete=complete, deadline=over)
     assert found.every[0].names == ("superficial-stiffness",)
+    assert found.cut and not explain(base_of(Screened(), {}), SOUGHT, complete=complete, deadline=over).cut
 
     whole = diagnosed({})
     assert answer_of(whole).finding is not Finding.PROVISIONAL
@@ -109,7 +113,7 @@ def test_nothing_is_solved_after_a_deadline_and_the_answer_says_so():
     weighed, every = left.weighed
     assert every == weighed + 1
     told = headline(left, ())
-    assert told.heading == f"Not yet: {weighed} of {every} effects were weighed."
+    assert told.heading == f"Provisional: {weighed} of {every} effects weighed."
     assert told.sentence.startswith("So far: C10 = ") and told.tone == "open"
     assert [question for question, _ in told.answers] == ["Problems found so far", "What to do"]
     (notice,) = [one for one in solution_notices(left) if one.code == FitNotice.PROVISIONAL]
@@ -128,14 +132,37 @@ class Stopping:
         return variant
 
 
-def test_mechanisms_wait_for_the_base_model_and_are_left_after_a_deadline(tmp_path):
+def test_mechanisms_come_after_the_base_model_and_are_left_after_a_deadline(tmp_path):
     responses = SolvedResponses(Stopping(), 20.0, tmp_path, {})
     asked = [one for one in SOUGHT if isinstance(one, TissueMechanism)]
     elastic = [Task((1e-3 * factor, 0.0)) for factor in (0.5, 1.0, 2.0)]
     tasks = [*elastic, *(Task((1e-3, 0.0), one, one.strengths[0]) for one in asked)]
-    begun = outcomes_of((responses, responses), tasks, 1, Silent(), Deadline.after(0.0))
+    ticks = count()
+    begun = outcomes_of((responses, responses), tasks, 1, Until(Silent(), Deadline(3.0, lambda: float(next(ticks)))))
     assert sorted(begun) == [0, 1, 2, 3]
     assert len(outcomes_of((responses, responses), tasks, 1, Silent())) == len(tasks)
+
+
+def test_what_was_not_weighed_leaves_statements_less_sure_and_C10_wider():
+    base = base_of(Screened(), STIFF_FAT)
+    waiting = tuple(mechanism_named(name) for name in ("dermis", "prestress", "support-compliance", "indenter-tilt"))
+    problem = replace(base.problem, unweighed=waiting)
+    whole, part = (explain(replace(base, problem=one), SOUGHT) for one in (base.problem, problem))
+    assert whole.share == 1.0 and 0.45 < part.share < 0.8
+    assert sum(one.probability for one in part.statements()) == pytest.approx(part.share, abs=1e-6)
+    assert part.statements()[0].names == ("superficial-stiffness",) and part.statements()[0].probability < 0.8
+    (low, high), (lower, higher) = (averaged_interval(one, DEEP_C10) for one in (whole, part))
+    assert lower < 0.9 * low and higher > 1.1 * high
+
+
+def test_until_ends_work_between_two_units_once_time_is_over():
+    ticks, done = count(), []
+    told = Until(Silent(), Deadline(2.0, lambda: float(next(ticks))))
+    with pytest.raises(TimeIsUpError):
+        for unit in range(9):
+            done.append(unit)
+            told.advance("a unit")
+    assert done == [0, 1, 2]
 
 
 @pytest.mark.parametrize("given", ["soon", "0s", "-3s", ""])

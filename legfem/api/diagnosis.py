@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from legfem.api import loading
 from legfem.api.diagnosed import Diagnosed
 from legfem.api.results import Result
-from legfem.common.deadline import Deadline
+from legfem.common.deadline import NEVER, Deadline
 from legfem.common.documents import write_document
 from legfem.common.errors import Doubt, log_doubts
 from legfem.common.progress import progress_on
@@ -51,7 +51,7 @@ def diagnose(
     progress: bool = False,
     site: str = "",
     prior: Sequence[str] = (),
-    within: str | None = None,
+    within: str | Deadline | None = None,
 ) -> Diagnosed: ...
 @overload
 def diagnose(
@@ -76,7 +76,7 @@ def diagnose(
     specimens: Sequence[str] = (),
     site: str = "",
     prior: Sequence[str] = (),
-    within: str | None = None,
+    within: str | Deadline | None = None,
 ) -> "Diagnosed | DiagnosedFolder":
     """Say where model and recordings differ, which physics was left out, and what adding it does.
 
@@ -105,9 +105,9 @@ def diagnose(
         Name of the one to take, of a leg with several ``[[site]]``.
     prior : sequence of str
         What is known of the leg's C10 beforehand, as of `legfem.identify`: ``"deep.C10=cohort/population.json"``.
-    within : str
+    within : str or Deadline
         Time after which nothing more is solved of a leg, such as ``"30s"``: the answer is provisional, and says how
-        many effects were weighed. A later call goes on from there.
+        many effects were weighed. A later call goes on from there. The base model alone is solved in any case.
 
     Returns
     -------
@@ -140,12 +140,13 @@ def diagnose(
     subject = loading.one_of(leg, site)
     if prior:
         subject = replace(subject, stiffness_prior=deep_prior(prior))
-    started, deadline = time.perf_counter(), Deadline.after(loading.seconds_of("within", within))
+    started = time.perf_counter()
+    deadline = within if isinstance(within, Deadline) else Deadline.after(loading.seconds_of("within", within))
     ends = read_correction(REFERENCE if correction is None else Path(correction))
     diagnoser = Diagnoser(responses, ends, jobs, deadline)
     with progress_on(quiet=not progress) as shown:
         found = diagnoser.diagnose(subject, shown, seed)
-        ranked = [] if found.provisional else plan_after(found, subject, diagnoser, shown)
+        ranked = [] if deadline != NEVER else plan_after(found, subject, diagnoser, shown)
     return Diagnosed(subject, found, time.perf_counter() - started, tuple(ranked))
 
 

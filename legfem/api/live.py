@@ -2,28 +2,31 @@
 
 import math
 import time
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cache, partial
 from pathlib import Path
 from threading import Event
 from typing import Any
 
 from legfem.api.diagnosed import Diagnosed
 from legfem.api.loading import Given, folder_of
-from legfem.common.errors import InputError, doubt_lines
+from legfem.common.deadline import Deadline
+from legfem.common.errors import InputError, UnsolvedError, doubt_lines
 from legfem.data.quality import WORST_GRADE, quality_of
-from legfem.data.watched import STALLED_S, FileState, Watched, changes, is_cut, looked, stamps_of
-from legfem.inverse.answer import Finding
+from legfem.data.watched import STALLED_S, FileState, Stamp, Watched, changes, is_cut, looked, stamps_of
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.verdict import answer_of
 from legfem.legs.diagnosis import doubts_of
 from legfem.legs.loading import load_subject, read_recordings, trial_files, with_trials
+from legfem.legs.plan import bought_in_visit
 from legfem.legs.plausibility import doubts_about
-from legfem.legs.schema import RECORDINGS, SUBJECTS, SubjectEntry, WantedEntry, subject_entry
+from legfem.legs.schema import RECORDINGS, SUBJECTS, SubjectEntry, SubjectFile, subject_entry
 from legfem.legs.subject import Subject
 from legfem.report.answers import headline_of
-from legfem.report.diagnosis_headline import to_do
+from legfem.report.diagnosis_sentences import next_experiments
 from legfem.report.instrument_file import contact_text
 from legfem.report.words import number
 
@@ -65,6 +68,10 @@ class Visit:
         """Where recordings are looked for."""
         return self.leg.directory / self.entry.recordings
 
+    def time(self, leg: Subject) -> float:
+        """Return the time (s) while the trials are a leg's; it is over once they are others."""
+        return time.monotonic() if self.subject is leg else math.inf
+
     def look(self, now: float) -> list[str]:
         """Look at the folder at a time (s); return what is new to be said."""
         before, told, subject = self.files, self.told, None
@@ -74,11 +81,10 @@ class Visit:
             self.told = {}
             for path, file in sorted(self.files.items(), key=lambda one: one[1].since):
                 if file.state == "complete":
-                    self.told[path], subject = self._judged(path, subject)
+                    self.told[path], subject = self._judged(path, file.stamp, subject)
                 elif file.state in _STATES:
                     self.told[path] = [f"{path.name} {_STATES[file.state]}{file.trouble}"]
-            if _used(subject) != _used(self.subject):
-                self.subject = subject
+            self.subject = subject
         self.settled = not any(one.open for one in self.files.values())
         return [line for path, lines in self.told.items() if lines != told.get(path) for line in lines]
 
@@ -87,8 +93,9 @@ class Visit:
             raise InputError(path, "rows", "the last one isn't whole", "save the file anew if nothing more comes")
         read_recordings(self.folder, [path], self.entry.given.recordings.channels())
 
-    def _judged(self, path: Path, before: Subject | None) -> tuple[list[str], Subject | None]:
-        """Return what is to be said of a trial beside those before it, and the leg with those that can be used."""
+    @cache  # noqa: B019 - a visit ends with the program
+    def _judged(self, path: Path, stamp: Stamp, before: Subject | None) -> tuple[list[str], Subject | None]:
+        """Return what is to be said of a file as it is beside those before it, and the leg with those of use."""
         try:
             subject = with_trials(self.leg, self.entry, sorted([*_used(before), path]))
         except (InputError, OSError) as error:
@@ -127,83 +134,104 @@ def visit_of(folder: Given, site: str = "") -> Visit:
     return Visit(leg, subject_entry(found / SUBJECTS.file, site))
 
 
-def answer_lines(found: Diagnosed, leg: Subject, wanted: WantedEntry | None = None) -> list[str]:
-    """Return what all trials so far say, how well C10 is known beside what is wanted, and what to do next."""
+def answer_lines(found: Diagnosed, leg: Subject, given: SubjectFile) -> list[str]:
+    """Return what all trials so far say, how well C10 is known beside what is wanted, and what one more would buy."""
     answer, known = answer_of(found.diagnosis), doubts_about(leg)
     lines = [f"by {', '.join(one.trial for one in leg.recordings)}: {headline_of(answer).said}"]
     lines += doubt_lines(one for one in doubts_of(found.diagnosis, leg) if one not in known)
-    so_far, enough = answer.finding is Finding.PROVISIONAL, False
-    if wanted is not None and (c10 := answer.values.get(DEEP_C10)) is not None and c10.ci95 is not None:
-        low, high = c10.ci95
-        value = (low + high) / 2 if c10.value is None else c10.value
-        percent = 50 * (high - low) / value
-        enough = percent <= wanted.C10_percent
-        # No error is said to be less than it is.
-        error = f"± {math.ceil(percent)} %"
+    c10, so_far = answer.values.get(DEEP_C10), found.diagnosis.provisional
+    if c10 is None or c10.ci95 is None:
+        return [*lines, *(f"next: {one}" for one in next_experiments(found.diagnosis)[:1])]
+    low, high = c10.ci95
+    value = (low + high) / 2 if c10.value is None else c10.value
+    percent = 50 * (high - low) / value
+    # No error is said to be less than it is.
+    error = f"± {math.ceil(percent)} %"
+    if given.wanted is not None:
+        enough = percent <= given.wanted.C10_percent
         shown = f"{'so far ' * so_far}enough: C10 {number(value, (high - low) / 4)} kPa {error}"
-        lines.append(shown if enough else f"{error} of {wanted.C10_percent:g} % wanted")
-    again = "Press again at the same place. Then: " * (len(leg.trials) == 1)
-    asked = [] if enough and not so_far else [f"next: {again}{to_do(found.diagnosis, found.next_tests)}"]
-    return [*lines, *asked]
+        lines.append(shown if enough else f"{error} of {given.wanted.C10_percent:g} % wanted")
+        if enough and not so_far:
+            return lines
+    bought = bought_in_visit(found.diagnosis, leg, given.can or ())
+    lines += [f"next: {test}: C10 {error} -> ± {math.ceil(percent * by)} %" for test, by in bought.items()]
+    return [*lines, f"  these leave out how tissue relaxes and drains{', and what is not weighed yet' * so_far}"]
 
 
-def follow(
-    visit: Visit,
-    diagnose: Callable[[Subject], Any],
-    tell: Callable[[list[str]], None],
-    answered: Callable[[Diagnosed], object],
-    once: bool = False,
-) -> None:
-    """Watch a leg's folder, and tell of each trial, and of all of them together, until it is interrupted.
-
-    A provisional answer is sought on as long as that brings something new, or another trial comes.
-
-    Parameters
-    ----------
-    visit
-        The leg.
-    diagnose
-        Returns what is diagnosed by its trials so far; goes on from what was solved before.
-    tell
-        Shows lines, if there are any.
-    answered
-        Takes each answer, once it was told.
-    once
-        Whether to end when what is there was answered.
-
-    Raises
-    ------
-    InputError
-        If that is nothing that can be used.
-    """
+@contextmanager
+def _watched(visit: Visit, tell: Callable[[list[str]], None]) -> Iterator[Future[None]]:
+    """Look at a folder in a thread, and tell of it: solutions and Ctrl-C are the main thread's."""
     stop = Event()
 
     def watch() -> None:
         while not stop.wait(LOOK_S):
             tell(visit.look(time.monotonic()))
 
-    tell([f"waiting for recordings in {visit.folder}"])
-    leg: Subject | None = None
-    open_, last = False, list[str]()
-    with ThreadPoolExecutor(1) as threads:  # solutions and Ctrl-C are the main thread's
+    with ThreadPoolExecutor(1) as threads:
         watching = threads.submit(watch)
         try:
-            while not watching.done():
-                ends, before, leg = once and visit.settled, leg, visit.subject
-                if leg is not None and (open_ or leg is not before):
-                    found: Diagnosed = diagnose(leg)
-                    lines = answer_lines(found, leg, visit.entry.given.wanted)
-                    counts = set(_used(leg)) <= set(_used(visit.subject))
-                    if new := counts and (leg is not before or lines != last):
-                        tell(lines)
-                        answered(found)
-                    open_, last = new and found.diagnosis.provisional and not once, lines
-                elif ends:
-                    break
-                else:
-                    time.sleep(LOOK_S)
+            yield watching
         finally:
             stop.set()
-        watching.result()
+    watching.result()
+
+
+def follow(
+    visit: Visit,
+    diagnose: Callable[..., Any],
+    tell: Callable[[list[str]], None],
+    answered: Callable[[Diagnosed], object],
+    seconds: float,
+    once: bool = False,
+) -> None:
+    """Watch a leg's folder, and tell of each trial, and of all of them together, until it is interrupted.
+
+    By the base model at once, then by what can be weighed, until it is all or another trial comes.
+
+    Parameters
+    ----------
+    visit
+        The leg.
+    diagnose
+        Returns what is diagnosed by its trials so far ``within`` a deadline; goes on from what was solved before.
+    tell, answered
+        Shows lines, if there are any; takes each answer, once it was told.
+    seconds
+        Until the second answer by the same trials.
+    once
+        Whether to end when what is there was answered.
+
+    Raises
+    ------
+    InputError, UnsolvedError
+        If that is nothing that can be used, or no answer to it is found.
+    """
+    tell([f"waiting for recordings in {visit.folder}"])
+    leg: Subject | None = None
+    wait, last = None, list[str]()
+    with _watched(visit, tell) as watching:
+        while not watching.done():
+            ends, before, leg = once and visit.settled, leg, visit.subject
+            wait = wait if leg is before else seconds if once else 0.0
+            if leg is None or wait is None:
+                if ends:
+                    break
+                time.sleep(LOOK_S)
+                continue
+            try:
+                found = diagnose(leg, within=Deadline.after(wait, partial(visit.time, leg)))
+            except UnsolvedError as error:
+                if once:
+                    raise
+                tell([f"no answer by these trials: {error}"])
+                wait = None
+                continue
+            # What was solved before is judged again, so that answers become rarer.
+            wait = (2.0 * wait or seconds) if found.diagnosis.provisional and not once else None
+            lines = answer_lines(found, leg, visit.entry.given)
+            if set(_used(leg)) <= set(_used(visit.subject)) and lines != last:
+                tell(lines)
+                answered(found)
+                last = lines
     if leg is None:
         raise InputError(visit.folder, RECORDINGS, "there is none that can be used", "press the leg, and run it again")

@@ -38,11 +38,11 @@ def live(
         from legfem.api.live import follow, visit_of
         from legfem.api.loading import check_folder, seconds_of
 
-        seconds_of("within", within)
+        seconds = seconds_of("within", within)
         if library is not None:
             check_folder("library", library)
         visit, brief = visit_of(folder, site or ""), quiet or as_json
-        answer = partial(diagnose, library=library, within=within, jobs=processes, progress=not brief)
+        answer = partial(diagnose, library=library, jobs=processes, progress=not brief)
 
         def tell(lines: list[str]) -> None:
             if lines and not brief:
@@ -58,4 +58,4 @@ def live(
             results_folder(out, f"live-{visit.leg.id}") as results,
             command_context(f"the last answer is in {results}, and the same command goes on", quiet),
         ):
-            follow(visit, answer, tell, answered, once)
+            follow(visit, answer, tell, answered, seconds or 0.0, once)

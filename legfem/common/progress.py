@@ -8,6 +8,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, TextIO
 
+from legfem.common.deadline import Deadline
+
 if TYPE_CHECKING:
     import rich.progress
 
@@ -36,6 +38,21 @@ class Silent:
 
     def advance(self, text: str) -> None:
         """Do nothing."""
+
+
+class Until:
+    """Reports to another, and ends work between two units of it once a deadline is over.
+
+    Raises TimeIsUpError then; what was done is kept by whoever did it.
+    """
+
+    def __init__(self, progress: Progress, deadline: Deadline) -> None:
+        self._deadline, self.stage, self._told = deadline, progress.stage, progress.advance
+
+    def advance(self, text: str) -> None:
+        """One unit of the stage is done."""
+        self._told(text)
+        self._deadline.check()
 
 
 _SOON_S = 5.0

@@ -27,7 +27,7 @@ from legfem.inverse.evidence import probabilities
 from legfem.inverse.explain import log_prior_of
 from legfem.inverse.explanation import ADDS_FROM, Explained, Explanation, log_bayes_factor, singles_of
 from legfem.inverse.library import Detail
-from legfem.inverse.mechanism import Mechanism, Occurrence, Unseen
+from legfem.inverse.mechanism import Mechanism, Occurrence, Unseen, prior_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Prior
 from legfem.inverse.posterior import Mixture
@@ -37,6 +37,8 @@ POWER = 0.5
 """Of the evidence, in the weights of explanations for a parameter's interval."""
 WITH_UNSEEN = 0.5
 """Probability that C10 is asked for as such recordings give it, and not without what they don't show: a judgement."""
+UNWEIGHED = 0.5
+"""Of ln C10, 95 %: what may be left out that wasn't weighed, times the root of the share that it is of all."""
 _MOST = 500
 """Distributions that a parameter's is told by: its ends are those of all within a ten thousandth."""
 _COUNTS = 1e-4
@@ -79,7 +81,7 @@ def averaged_interval(
         How many times as common as is assumed mechanisms are, by their names.
     """
     times = more_common or {}
-    every = _averaged(explained, name)
+    every = weights_of(explained, name)
     if not every:
         return None
     each = [Weighted(e.names, weight, e.distribution(name)) for e, weight in every] + untried_pairs(explained, name)
@@ -89,8 +91,12 @@ def averaged_interval(
     unseen = explained.base.problem.unseen if name in (DEEP_C10, DEEP_C20) else ()
     mixture = _beside_unseen(each, parameter.prior, unseen)
     tail = (1 - 0.95) / 2
-    ends = [parameter.inside(parameter.prior.value_at(mixture.quantile(p))) for p in (tail, 1 - tail)]
-    return min(ends), max(ends)
+    low, middle, high = (parameter.prior.value_at(mixture.quantile(p)) for p in (tail, 0.5, 1 - tail))
+    if name == DEEP_C10 and explained.share < 1.0 and low > 0.0:
+        more = UNWEIGHED * math.sqrt(1.0 - explained.share)
+        low = middle * math.exp(-math.hypot(math.log(middle / low), more))
+        high = middle * math.exp(math.hypot(math.log(high / middle), more))
+    return parameter.inside(low), parameter.inside(high)
 
 
 def unseen_of(
@@ -133,6 +139,13 @@ def _beside_unseen(each: Sequence[Weighted], prior: Prior, unseen: Sequence[Unse
     return Mixture.joined(weights, found)
 
 
+def variance_beside(explained: Explained, unseen: Sequence[Unseen]) -> float:
+    """Return what is unseen, and what wasn't weighed, make of the variance of C10's departure from what was known."""
+    of_unseen = sum((1.0 - WITH_UNSEEN) * np.mean(np.log(one.factors) ** 2) for one in unseen)
+    of_all = of_unseen + (UNWEIGHED / 1.96) ** 2 * (1.0 - explained.share)
+    return float(of_all / prior_of(explained.base.fit.parameters[0]).sd ** 2)
+
+
 def _divided(given: Mixture, prior: Prior, factor: float) -> Mixture:
     """Return the distribution of a stiffness that is divided by a factor."""
     scale, shift = 1.0, -math.log(factor) / prior.sd
@@ -162,7 +175,7 @@ def widened_by(explained: Explained, name: str) -> Explanation | None:
         mixture = one[0].distribution(name)
         return one[1] * (mixture.below(low) + 1.0 - mixture.below(high))
 
-    every = [one for one in _averaged(explained, name) if one[0].names]
+    every = [one for one in weights_of(explained, name) if one[0].names]
     return max(every, key=beyond)[0] if every else None
 
 
@@ -194,7 +207,7 @@ def sensitivities(explained: Explained, name: str, most: int = 5) -> tuple[Sensi
 def _heaviest(explained: Explained, name: str, most: int) -> list[tuple[str, float]]:
     """Return the mechanisms that weigh most in a parameter's interval, with their weights."""
     weights: dict[str, float] = {}
-    for one, weight in _averaged(explained, name):
+    for one, weight in weights_of(explained, name):
         for mechanism in one.names:
             weights[mechanism] = weights.get(mechanism, 0.0) + weight
     return sorted(weights.items(), key=lambda pair: -pair[1])[:most]
@@ -250,7 +263,7 @@ def robust_interval(explained: Explained, name: str) -> tuple[float, float] | No
     return (min(low for low, _ in ends), max(high for _, high in ends)) if ends else None
 
 
-def _averaged(explained: Explained, name: str) -> list[tuple[Explanation, float]]:
+def weights_of(explained: Explained, name: str) -> list[tuple[Explanation, float]]:
     """Return the explanations that count for a parameter, with their weights."""
     weights = probabilities([_log_weight(e) for e in explained.every])
     every = [(e, float(w)) for e, w in zip(explained.every, weights, strict=True) if w > _COUNTS and name in e.fit.free]
@@ -268,7 +281,7 @@ def untried_pairs(explained: Explained, name: str) -> list[Weighted]:
     they bound the sum, this is somewhat too wide.
     """
     base = explained.base
-    like = next((one for one in _averaged(explained, name) if not one[0].is_base), None)
+    like = next((one for one in weights_of(explained, name) if not one[0].is_base), None)
     if like is None or name not in base.fit.free:
         return []
     alone = singles_of(explained.every).values()

@@ -31,7 +31,7 @@ from legfem.inverse.observations import Observations
 from legfem.inverse.predictive import held_out, misfit_of
 from legfem.inverse.predictor import Predictor, onset_name, values_of
 from legfem.inverse.responses import SolvedResponses
-from legfem.inverse.screening import Complete, rests_on
+from legfem.inverse.screening import Complete
 from legfem.inverse.station_test import FittedStations
 from legfem.inverse.trial_noise import estimate_noise
 from legfem.inverse.verdict import ADEQUATE, SHOWN_MOST, Diagnosis, Verdict, limits_of
@@ -122,6 +122,7 @@ def diagnose(
     """
     observed, library, accuracy = given.observed, given.library, given.accuracy
     able, untested = shown_mechanisms(given.mechanisms, observed, given.ruled_out)
+    unweighed = tuple(m for m in able if library.missing.get(m.name) == UNTRIED)
     able = [m for m in able if m.name not in library.missing]
     there = [m for m in given.mechanisms if m.name not in given.ruled_out]
     predictor = Predictor(observed, library, given.law, given.ends, accuracy.measured.get(DEEP_C10))
@@ -133,6 +134,7 @@ def diagnose(
         measured=measured_strengths(accuracy, able),
         possible=given.possible,
         unseen=unseen_of(there, observed, given.possible),
+        unweighed=unweighed,
         nuisances=given.nuisances if observed.channels else None,
     )
     identified = given.identified
@@ -155,7 +157,7 @@ def diagnose(
             problem, ordinary, base, explained = rest, plain, alone, again
     verdict, models = _verdict(explained)
     limits: tuple[Limit, ...] = ()
-    if verdict == "consistent":
+    if verdict == "consistent" and not deadline.passed:
         progress.stage("what could hide")
         limits = limits_of(explained)
     progress.stage("where the base model is wrong")
@@ -176,7 +178,7 @@ def diagnose(
         assessment,
         held_out(shown.fit, problem.errors),
         tuple(held_out(m.fit) for m in models),
-        {**untested, **library.missing},
+        {**library.missing, **untested},
         limits,
         _located(explained, shown.fit, models, assessment, problem.errors),
         given.ends is not None,
@@ -187,14 +189,8 @@ def diagnose(
         given.kind,
         seed,
         aside,
-        deadline.passed and (UNTRIED in library.missing.values() or _lacks(explained)),
+        bool(unweighed) or explained.cut,
     )
-
-
-def _lacks(explained: Explained) -> bool:
-    """Return whether more could be solved of what explanations rest on."""
-    detail = explained.base.problem.predictor.library.detail
-    return rests_on(explained.every, detail) != detail
 
 
 def _leaves_something(explained: Explained) -> bool:
@@ -255,7 +251,7 @@ def _about(identified: Identified, problem: LinearisedProblem) -> tuple[Linearis
 
 
 def _verdict(explained: Explained) -> tuple[Verdict, tuple[Explanation, ...]]:
-    if explained.adequacy >= ADEQUATE:
+    if explained.adequacy >= ADEQUATE * explained.share:
         return "consistent", ()
     listed = explained.listed()
     if listed[0].unnamed:
@@ -279,7 +275,7 @@ def _located(
     forces = slice(len(explained.base.problem.predictor.observed.force))
     observed = explained.base.problem.predictor.observed
     elsewhere = observed.channels and not any(window.channel == "force" for window in assessment.windows)
-    if explained.adequacy >= ADEQUATE or elsewhere:
+    if explained.adequacy >= ADEQUATE * explained.share or elsewhere:
         return located[forces]
     if models:
         return np.asarray(np.abs(models[0].fit.prediction - base.prediction) > errors.trial_sd)[forces]

@@ -239,7 +239,9 @@ def explain(
     """
     weighing = Weighing.about(base)
     found = [weighing.base_model(unknown) for unknown in (False, True)]
-    expected = {m.name: m.expected for m in mechanisms}
+    expected = {m.name: m.expected for m in (*mechanisms, *base.problem.unweighed)}
+    left = sum(m.expected for m in base.problem.unweighed) / max(sum(expected.values()), 1e-300)
+    share = 1.0 - PRIOR_SINGLE * left - PRIOR_PAIR * (1.0 - (1.0 - left) ** 2)
     alone = [fit(base.problem, [m], start or base.values) for m in mechanisms]
     singles = [
         weighing.of(refitted_beside(one), log_prior_of([m.name], expected))
@@ -247,19 +249,20 @@ def explain(
     ]
     found += sorted(singles, key=lambda e: -e.log_weight)
     anew = partial(_begun_anew, weighing=weighing, tried=set())
-    found = _completed(with_probabilities(found), weighing, complete, anew, deadline)
+    found, cut = _completed(with_probabilities(found), weighing, complete, anew, deadline)
     pairs = _untried(found, begins=True)
     while True:
         found += [
             weighing.of(_joint(one, other), log_prior_of([*one.names, *other.names], expected)) for one, other in pairs
         ]
-        found = _completed(anew(with_probabilities(found)), weighing, complete, anew, deadline)
+        found, again = _completed(anew(with_probabilities(found)), weighing, complete, anew, deadline)
+        cut = cut or again
         if confirm is not None:
             found = _confirmed(found, weighing, confirm, anew, deadline)
         pairs = _untried(found)
         if not pairs:
             found = _integrated(found, weighing)
-            return Explained(tuple(found), _nothing(found))
+            return Explained(tuple(found), _nothing(found), share, cut)
 
 
 def _completed(
@@ -268,16 +271,19 @@ def _completed(
     complete: Complete | None,
     anew: Callable[[list[Explanation]], list[Explanation]],
     deadline: Deadline,
-) -> list[Explanation]:
-    """Solve in full what explanations rest on, and refit those that it changes, until nothing more could matter."""
-    while complete is not None and not deadline.passed:
+) -> tuple[list[Explanation], bool]:
+    """Solve in full what explanations rest on, and refit those that it changes, until nothing more could matter.
+
+    Returned is, too, whether the deadline came before.
+    """
+    while complete is not None:
         known = _nothing(found).problem.predictor.library.detail
         wanted = rests_on(found, known)
-        if wanted == known:
-            break
+        if wanted == known or deadline.passed:
+            return found, wanted != known
         library = complete(wanted)
         found = anew(with_probabilities([weighing.by(library, one) for one in found]))
-    return found
+    return found, False
 
 
 def _nothing(found: Sequence[Explanation]) -> Explanation:

@@ -214,6 +214,10 @@ class Explained:
 
     every: tuple[Explanation, ...]
     base: Explanation
+    share: float = 1.0
+    """Probability of all that was weighed before anything was recorded: nothing is surer than that."""
+    cut: bool = False
+    """Whether time was over before all was solved in full that it rests on."""
 
     def listed(self) -> tuple[Explanation, ...]:
         """Return what the base model's failure is put down to, until that holds 90 %.
@@ -227,13 +231,13 @@ class Explained:
         by_names = {one.names: one for one in self.every if not one.is_base}
         kept: list[Explanation] = []
         for names, share in sorted(shares.items(), key=lambda pair: -pair[1]):
-            kept.append(replace(by_names[names], probability=share))
-            if sum(e.probability for e in kept) >= HELD:
+            kept.append(replace(by_names[names], probability=share * self.share))
+            if sum(e.probability for e in kept) >= HELD * self.share:
                 break
         return tuple(kept)
 
     def statements(self) -> tuple[Statement, ...]:
-        """Return what may be said, the most probable first; probabilities add up to one.
+        """Return what may be said, the most probable first; probabilities add up to that of all that was weighed.
 
         "Nothing at all" isn't among them: no data tell it from what is too small to show.
         """
@@ -241,7 +245,7 @@ class Explained:
         found = [Statement((), False, self.adequacy)]
         for names, held in self._held().items():
             like = names if names and held > _SAID_FROM and by_names[names].missing else ()
-            found.append(Statement(() if like else names, not names or bool(like), held, like))
+            found.append(Statement(() if like else names, not names or bool(like), held * self.share, like))
         return tuple(sorted(found, key=lambda one: -one.probability))
 
     def _held(self) -> dict[tuple[str, ...], float]:
@@ -275,7 +279,7 @@ class Explained:
 
         Of the base model alone, and of explanations that add to it what the data don't ask for.
         """
-        return min(1.0, sum(e.probability for e in self.every if not self._adds(e)))
+        return self.share * min(1.0, sum(e.probability for e in self.every if not self._adds(e)))
 
     @cached_property
     def adequate(self) -> tuple[Explanation, ...]:

@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import make_smoothing_spline
 
-from legfem.common.deadline import NEVER, Deadline
-from legfem.common.progress import Progress
+from legfem.common.deadline import TimeIsUpError
+from legfem.common.errors import UnsolvedError
+from legfem.common.progress import Progress, Silent
 from legfem.common.units import FloatArray
 from legfem.inverse.body_models import Columns, channels_of, derivative_of
 from legfem.inverse.emulator import NUGGET, Emulator, Kriging
@@ -22,7 +23,7 @@ from legfem.inverse.library import (
     coordinates,
     unchanged,
 )
-from legfem.inverse.library_tasks import ONE, Outcome, Task, cross, outcomes_of, tasks_for, unknowns_of
+from legfem.inverse.library_tasks import ONE, Outcome, Task, cross, middle_of, outcomes_of, tasks_for, unknowns_of
 from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, prior_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.responses import ELASTIC_DERIVATIVES, SolvedResponses
@@ -32,6 +33,8 @@ _SMOOTH = 3e-3
 3 mm go."""
 _WIGGLE = 0.1
 """Largest share of a change that counts as a wiggle."""
+_USUAL_SHAPE, _USUAL_SLOPE = 0.01, 0.2
+"""Of a calf's force: by an error of its geometry, on the mean along the depth; and by ln of an assumed number."""
 _FEWEST = 5
 """Points of a curve that can be smoothed."""
 
@@ -47,11 +50,10 @@ def build_library(
     stiffening: float = 0.0,
     detail: Detail | None = None,
     lattice: Sequence[tuple[float, float]] = (),
-    deadline: Deadline = NEVER,
 ) -> Library:
     """Solve what isn't kept yet, in processes, and return the library for recordings.
 
-    A mechanism that can't be screened at one stiffness is solved in full. After a deadline no more of them are solved.
+    A mechanism that can't be screened at one stiffness is solved in full.
 
     Parameters
     ----------
@@ -63,10 +65,8 @@ def build_library(
         The recordings, for their stiffness and their protocols.
     asked
         Mechanisms that are to be tabulated.
-    jobs
-        Processes.
-    progress
-        Told of every solution.
+    jobs, progress
+        Processes; told of every solution, and what it leaves no time for is missing.
     middle
         C10 (MPa) about which.
     stiffening
@@ -75,20 +75,62 @@ def build_library(
         What is solved beyond the screening of all mechanisms; everything without it.
     lattice
         ln C10 over the middle's and ln(1 + C20 / C10) of the elastic curves; a `cross` without it.
+
+    Raises
+    ------
+    TimeIsUpError
+        If there was no time for the base model.
     """
     tissue = [m for m in asked if isinstance(m, TissueMechanism)]
     detail = Detail.of_all(tissue) if detail is None else detail
     if detail.whole:
         progress.stage(f"solving in full: {', '.join(sorted(detail.whole))}")
-    at = lattice or cross(stiffening)
+    lattice = lattice or cross(stiffening)
     while True:
-        tasks = tasks_for(observed, tissue, middle, stiffening, coarse.variants, at, detail)
-        found = outcomes_of((solved, coarse), tasks, jobs, progress, deadline)
-        begun = [tasks[place] for place in sorted(found)]
-        library = _assembled(solved, observed, tissue, begun, [found[place] for place in sorted(found)], middle)
-        if library.missing.keys() <= detail.whole or len(begun) < len(tasks):
-            return replace(library, detail=detail)
+        tasks = tasks_for(observed, tissue, middle, stiffening, coarse.variants, lattice, detail)
+        found = outcomes_of((solved, coarse), tasks, jobs, progress)
+        left = [task for place, task in enumerate(tasks) if place not in found]
+        if any(task.mechanism is None and not task.pair and task.beside is None for task in left):
+            raise TimeIsUpError
+        # What is screened in part says nothing yet.
+        begun = {task.mechanism.name for task in left if task.mechanism is not None} - detail.whole
+        used = [k for k in sorted(found) if (m := tasks[k].mechanism) is None or m.name not in begun]
+        library = _assembled(solved, observed, tissue, [tasks[k] for k in used], [found[k] for k in used], middle)
+        if left or library.missing.keys() <= detail.whole:
+            return replace(library, detail=Detail() if left else detail)
         detail |= Detail(frozenset(library.missing))
+
+
+def base_library(each: Sequence[SolvedResponses], observed: Observations, stiffening: float) -> Library:
+    """Return a library of the base model alone, by a few solutions where the loading is about as recorded.
+
+    What isn't known exactly does what is usual.
+
+    Parameters
+    ----------
+    each
+        Responses on meshes, of which the first is taken that comes as far as was recorded.
+    observed
+        The recordings.
+    stiffening
+        ln(1 + C20 / C10) there.
+
+    Raises
+    ------
+    UnsolvedError
+        If none does.
+    """
+    for solved in each:
+        middle = middle_of(observed, solved, stiffening)
+        task = Task((middle, middle * float(np.expm1(stiffening))))
+        found = outcomes_of((solved, solved), [task], 1, Silent())
+        if found[0] is not None:
+            library = _assembled(solved, observed, (), [task], [found[0]], middle)
+            leaning = np.linspace(0.0, 2.0, len(solved.grid))
+            geometric: dict[str, Columns] = {k: {"force": _USUAL_SHAPE * leaning} for k in solved.variants.geometric}
+            assumed: dict[str, Columns] = {k: {"force": _USUAL_SLOPE + 0.0 * leaning} for k in solved.variants.assumed}
+            return replace(library, nuisances=NuisanceChanges(solved.grid, geometric, assumed), beside=NO_CHANNELS)
+    raise UnsolvedError(f"the model stops before {observed.depth:.1f} mm; use less of the recordings' depth")
 
 
 def geometric_changes(

@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from legfem.common.deadline import NEVER, Deadline
+from legfem.common.deadline import TimeIsUpError
 from legfem.common.progress import Progress
 from legfem.common.units import mpa_to_kpa
 from legfem.data.phases import LOADING
@@ -217,16 +217,12 @@ def rounded(c10: float) -> float:
 
 
 def outcomes_of(
-    responses: tuple[SolvedResponses, SolvedResponses],
-    tasks: Sequence[Task],
-    jobs: int,
-    progress: Progress,
-    deadline: Deadline = NEVER,
+    responses: tuple[SolvedResponses, SolvedResponses], tasks: Sequence[Task], jobs: int, progress: Progress
 ) -> dict[int, Outcome | None]:
     """Return tasks' outcomes by their places; processes are started for what isn't kept only.
 
     Two stages are told of, since courses in time take longer than elastic curves, and a stage's time left is that of
-    its own tasks. After a deadline no mechanism's is begun, and has no outcome.
+    its own tasks. What `legfem.common.progress.Until` leaves no time for has no outcome.
     """
     found: dict[int, Outcome | None] = {}
     kept = responses[0].recalling(), responses[1].recalling()
@@ -237,16 +233,13 @@ def outcomes_of(
         progress.stage(f"{len(found)} of {len(tasks)} responses are kept from earlier runs")
     missing = [place for place in range(len(tasks)) if place not in found]
     stages = {"elastic responses": False, "responses in time": True}
-    with Workers(_work, responses, jobs) as workers:
+    with Workers(_work, responses, jobs) as workers, suppress(TimeIsUpError):
         for name, in_time in stages.items():
             places = [place for place in missing if (tasks[place].stations is not None) == in_time]
-            if not places or (deadline.passed and in_time):
-                continue
-            progress.stage(f"the leg's {name}", len(places))
+            if places:
+                progress.stage(f"the leg's {name}", len(places))
             for number, outcome in workers.places([tasks[place] for place in places]):
                 place = places[number]
                 found[place] = outcome
                 progress.advance(tasks[place].label + ("" if outcome is not None else ": STOPPED"))
-                if deadline.passed and tasks[place].mechanism is not None:
-                    break
     return found

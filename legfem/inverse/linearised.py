@@ -185,6 +185,8 @@ class LinearisedProblem:
     """Which strengths mechanisms may have, by their names; within their bounds without it."""
     unseen: tuple[Unseen, ...] = ()
     """What is always there and the recordings don't show."""
+    unweighed: tuple[Mechanism, ...] = ()
+    """What they may show, and there was no time to solve."""
     aside: NDArray[np.bool_] | None = None
     """(N,): readings that are set aside, whose errors have no bounds; none without it."""
     nuisances: Nuisances | None = None

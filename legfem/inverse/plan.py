@@ -203,6 +203,12 @@ def chance_to_distinguish(apart: FloatArray, total: FloatArray) -> float:
     return float(norm.cdf((m - DISTINGUISHED) / np.sqrt(2 * m + 1e-9)))
 
 
+def expected_log_factor(chance: FloatArray) -> FloatArray:
+    """Return the expected logarithm m of the Bayes factor that is behind a `chance_to_distinguish`."""
+    at = np.sqrt(2.0) * norm.ppf(np.clip(chance, 1e-9, 1.0 - 1e-9))
+    return np.asarray((0.5 * (at + np.sqrt(at**2 + 4.0 * DISTINGUISHED))) ** 2)
+
+
 def design_value(
     design: Design | DirectReadings, chances: Mapping[tuple[str, str], float], candidates: Sequence[Candidate]
 ) -> DesignValue:

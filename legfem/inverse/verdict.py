@@ -49,7 +49,7 @@ SMALL = 0.01
 TRUSTED = 0.15
 """Share of C10: where all that may hide moves it by less, with 95 %, a model that fits is trusted."""
 ADEQUATE = 0.5
-"""Probability of the base model alone from which the recordings are called consistent."""
+"""Probability of the base model alone, of all that was weighed, from which the recordings are called consistent."""
 SHOWN_MOST = 6
 
 
@@ -313,8 +313,7 @@ def answer_of(found: Diagnosis, doubts: int = 0) -> Answer:
 
 
 def _finding(found: Diagnosis) -> tuple[Finding, Tone]:
-    weighed, every = found.weighed
-    if weighed < every:
+    if found.provisional:
         return Finding.PROVISIONAL, "open"
     if found.withheld:
         return Finding.MISFIT, "wrong"

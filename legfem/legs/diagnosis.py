@@ -1,24 +1,25 @@
 """A leg's diagnosis: its recordings, library, mechanisms and accuracy, and what is unlikely of what was found."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from legfem.common.deadline import NEVER, Deadline
+from legfem.common.deadline import NEVER, Deadline, TimeIsUpError
 from legfem.common.errors import Doubt, InputError
-from legfem.common.progress import Progress
+from legfem.common.progress import Progress, Silent, Until
 from legfem.common.wording import Argument
 from legfem.inverse.accuracy import check_measured
-from legfem.inverse.catalogue import DEEP_C10, LAWS
+from legfem.inverse.catalogue import DEEP_C10, LAWS, deep_stiffness
 from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.diagnose import DiagnosisInput, Identified, diagnose
 from legfem.inverse.elastography import disagreement, elastography_priors
 from legfem.inverse.fit import Identity
-from legfem.inverse.library import Detail
-from legfem.inverse.library_build import build_library
-from legfem.inverse.library_tasks import STIFFENING, rounded
+from legfem.inverse.library import UNTRIED, Detail, Library
+from legfem.inverse.library_build import base_library, build_library
+from legfem.inverse.library_tasks import STIFFENING, STIFFENINGS, rounded
 from legfem.inverse.mechanism import shown_mechanisms
 from legfem.inverse.notice import FitNotice, Notice, doubted
 from legfem.inverse.observations import Observations, observe
@@ -77,6 +78,11 @@ class Diagnoser:
             told.append(Notice.of(FitNotice.NOT_REPEATED))
         return replace(observed, notices=tuple(told))
 
+    def _responses(self, subject: Subject, observed: Observations) -> tuple[SolvedResponses, SolvedResponses]:
+        """Return a leg's full solutions, on the default mesh and on coarser ones."""
+        made = solved_responses(subject, observed, self.folder)
+        return self._legs.setdefault(repr(sorted(made[0].fingerprint.items())), made)
+
     def tabulating(
         self,
         subject: Subject,
@@ -84,7 +90,7 @@ class Diagnoser:
         middle: float,
         progress: Progress,
         asked: Sequence[Mechanism] | None = None,
-    ) -> tuple[Complete, SolvedResponses]:
+    ) -> tuple[partial[Library], SolvedResponses]:
         """Return what solves the library for recordings about a middle C10 (MPa), and full solutions of the leg.
 
         Parameters
@@ -100,22 +106,10 @@ class Diagnoser:
         """
         if asked is None:
             asked, _ = shown_mechanisms(with_correction(mechanisms(), self.correction), observed, WITHOUT_ENDS)
-        fine, coarse = solved_responses(subject, observed, self.folder)
-        leg = repr(sorted(fine.fingerprint.items()))
-        fine, coarse = self._legs.setdefault(leg, (fine, coarse))
+        asked = sorted(asked, key=lambda one: (*FIRST, one.name).index(one.name))
+        fine, coarse = self._responses(subject, observed)
         law = subject.tissues["deep"].law
-        solve = partial(
-            build_library,
-            fine,
-            coarse,
-            observed,
-            asked,
-            self.jobs,
-            progress,
-            middle,
-            STIFFENING[law],
-            deadline=self.deadline,
-        )
+        solve = partial(build_library, fine, coarse, observed, asked, self.jobs, progress, middle, STIFFENING[law])
         return solve, fine
 
     def identified(self, subject: Subject, progress: Progress) -> Identified:
@@ -128,18 +122,46 @@ class Diagnoser:
         return Identified(found, found.details.stations[0])
 
     def diagnose(self, subject: Subject, progress: Progress, seed: int = 0) -> Diagnosis:
-        """Diagnose a subject's recordings."""
-        observed, identified = self.observations(subject), self.identified(subject, progress)
-        middle = rounded(identified.fit.values[DEEP_C10])
-        if (c10 := identified.fit.estimates.get(DEEP_C10)) is not None:
-            (low, high), unit = c10.shown.ci95, c10.shown.unit
-            progress.stage(f"by the base model alone C10 is {c10.shown.value:.3g} {unit} ({low:.3g} to {high:.3g})")
-        complete, solved = self.tabulating(subject, observed, middle, progress)
-        given = self.given(subject, observed, complete, identified)
+        """Diagnose a subject's recordings.
+
+        By the base model on a coarse mesh first, which is told. What the deadline leaves is provisional: effects beside
+        one solution of the base model, else that first answer.
+
+        Raises
+        ------
+        UnsolvedError
+            If too few solutions come as far as was recorded.
+        """
+        observed = self.observations(subject)
+        first, screened = self.by_base_model(subject, observed, seed), None
+        c10, c20 = deep_stiffness(first.base_model.fit.values)
+        low, high = first.shown_interval(DEEP_C10)
+        progress.stage(f"by the base model alone C10 is {low:.2g} to {high:.2g} kPa; no effect is weighed yet")
+        told = Until(progress, self.deadline)
+        complete, solved = self.tabulating(subject, observed, rounded(c10), told)
+        try:
+            self.deadline.check()
+            if self.deadline != NEVER:
+                nearest = min(STIFFENINGS, key=lambda one: abs(one - math.log1p(c20 / c10)))
+                screened = self.given(subject, observed, partial(complete, lattice=[(0.0, nearest)]), None)
+                self.deadline.check()
+            given = self.given(subject, observed, complete, self.identified(subject, told))
+        except TimeIsUpError:
+            if screened is None:
+                return first
+            return replace(diagnose(screened, None, progress, seed, self.deadline), provisional=True)
         return diagnose(given, solved, progress, seed, self.deadline)
 
+    def by_base_model(self, subject: Subject, observed: Observations, seed: int = 0) -> Diagnosis:
+        """Diagnose the force alone by the base model on the coarsest mesh that does, with no effect weighed."""
+        fine, coarse = self._responses(subject, observed)
+        library = base_library([coarse, fine], observed, STIFFENING[subject.tissues["deep"].law])
+        alone = replace(library, missing=dict.fromkeys((one.name for one in mechanisms()), UNTRIED))
+        given = self.given(subject, replace(observed, channels=()), lambda _: alone, None)
+        return replace(diagnose(given, None, Silent(), seed), provisional=True)
+
     def given(
-        self, subject: Subject, observed: Observations, complete: Complete, identified: Identified
+        self, subject: Subject, observed: Observations, complete: Complete, identified: Identified | None
     ) -> DiagnosisInput:
         """Return what a subject's diagnosis is given: recordings at their stations, mechanisms screened."""
         ends, library = choose_correction("auto", subject), complete(Detail())
@@ -197,6 +219,8 @@ def accuracy_of(subject: Subject) -> ShapeAccuracy:
     return replace(known, measured=measured, effects=subject.measured)
 
 
+FIRST = ("prestress", "uneven-muscle", "superficial-stiffness", "fascia-stiffness", "strain-stiffening", "dermis")
+"""Mechanisms that are solved before others: those that move the C10 of a calf most, if they are as usual."""
 WITHOUT_ENDS: Mapping[str, str] = {
     MuscleFibres.name: "the base model has no ends of the cylinder, at which fibres would bend"
 }

@@ -1,6 +1,6 @@
 """Plans for a subject: after an ambiguous diagnosis, and before any test."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,6 +9,7 @@ from legfem.channels.kinds import plans
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
 from legfem.geometry.indenter import Site
+from legfem.inverse.averaging import POWER, variance_beside, weights_of
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.channel_readings import PlannedChannel, StationChannel
 from legfem.inverse.errors import NuisanceEffect, error_model
@@ -24,9 +25,11 @@ from legfem.inverse.plan import (
     DesignValue,
     evaluate_design,
     evaluate_readings,
+    expected_log_factor,
     prior_candidates,
     ranked,
 )
+from legfem.inverse.posterior import Mixture
 from legfem.inverse.predictor import Predictor
 from legfem.inverse.trial_noise import Noise
 from legfem.inverse.verdict import Diagnosis
@@ -37,6 +40,7 @@ from legfem.mechanisms import mechanisms
 from legfem.solve.protocol import Protocol
 
 USUAL_GAIN_SD = 0.01
+REPEATS = 3
 
 
 @dataclass(frozen=True)
@@ -74,10 +78,9 @@ def plan_after(found: Diagnosis, subject: Subject, diagnoser: Diagnoser, progres
     if found.verdict != "ambiguous":
         return []
     models = found.models
-    rates = found.observed.rates
     library = found.base_model.problem.predictor.library
     deepest, site = float(library.grid[-1]), Site(subject.section, subject.indenter)
-    tests = designs(found.observed.depth, rates[0], deepest, site, found.observed.shows_air)
+    tests = designs(found.observed.depth, found.observed.rates[0], deepest, site, found.observed.shows_air)
     tests = _beside(tests, found.observed.channels)
     asked = list(dict.fromkeys(m for model in models for m in model.fit.mechanisms))
     complete, _ = diagnoser.tabulating(subject, _at_all(tests), library.middle, progress, asked)
@@ -89,6 +92,44 @@ def plan_after(found: Diagnosis, subject: Subject, diagnoser: Diagnoser, progres
     known = {one.effect for one in accuracy.effects}
     by_readings = evaluate_readings([m for m in asked if m.name not in known], candidates, accuracy)
     return ranked([*found_by_tests, *by_readings])
+
+
+def bought_in_visit(found: Diagnosis, subject: Subject, can: Collection[str]) -> dict[str, float]:
+    """Return factors on C10's interval that one more trial is expected to bring, by what to do, the best first.
+
+    Explanations that it tells apart weigh less by then. Nothing is solved for it: what follows a path, as relaxation
+    does, tells nothing here.
+
+    Parameters
+    ----------
+    found, subject
+        The diagnosis, and whose.
+    can
+        What a visit allows.
+    """
+    observed, problem = found.observed, found.weighted_base.problem
+    along = {m.name for m in mechanisms() if isinstance(m, TissueMechanism) and m.along_path}
+    told = [one for one in weights_of(found.explained, DEEP_C10) if not along & {*one[0].names}][:6]
+    candidates = [Candidate(str(e.names), e.fit, e.posterior.mean, e.posterior.covariance, w) for e, w in told]
+    weights, every = np.array([weight for _, weight in told]), [e.distribution(DEEP_C10) for e, _ in told]
+    depth, rate, same = observed.depth, observed.rates[0], Protocol.ramp(observed.depth, observed.rates[0])
+    tests = [Design("press again", (same,)), *with_channels(same, Site(subject.section, subject.indenter), 1)]
+    held, faster = (Protocol.cycle(depth, rate, _HOLD_S),), (Protocol.ramp(depth, _FASTER * rate),)
+    tests += [Design(f"hold at {depth:.0f} mm for {_HOLD_S:g} s", held)] * ("hold" in can)
+    tests += [Design(f"press at {_FASTER * rate:.2g} mm/s", faster)] * ("rates" in can)
+    tests = [one for one in tests if all(any(way in sight.name for way in can) for sight in one.channels)]
+    bought, noise, gain_sd = {}, found.errors.noise, found.best.posterior.gain_sd
+    for one in _reckoned(_beside(tests, observed.channels), candidates, problem.predictor, subject, noise, gain_sd):
+        further = one.design.protocols if isinstance(one.design, Design) else ()
+        blank = blank_observations([*(own.protocol for own in observed.protocols), *further])
+        told_from = [[one.chances.get((a.name, b.name), 0.0) for b in candidates] for a in candidates]
+        less = np.exp(-POWER * expected_log_factor(np.array(told_from)))
+        then = [Mixture.joined([*(weights * left)], every).moments[1] for left in less]
+        stays = [u for u in problem.unseen if u.mechanism.hides_in_stiffness or u.mechanism.untestable(blank)]
+        hidden, left = (variance_beside(found.explained, each) for each in (problem.unseen, stays))
+        now, after = Mixture.joined([*weights], every).moments[1] + hidden, np.average(then, weights=weights) + left
+        bought[one.design.name] = float(np.sqrt(after / now))
+    return dict(sorted(bought.items(), key=lambda pair: pair[1]))
 
 
 def _beside(tests: Sequence[Design], channels: Sequence[StationChannel]) -> list[Design]:
@@ -231,7 +272,7 @@ def designs(depth: float, rate: float, deepest: float, site: Site, in_air: bool 
     return found
 
 
-def with_channels(same: Protocol, site: Site) -> list[Design]:
+def with_channels(same: Protocol, site: Site, repeats: int = REPEATS) -> list[Design]:
     """Return the same test of a site with further channels than the force."""
     depth = float(max(same.displacement))
     frames = 0.5 * depth, depth
@@ -239,7 +280,7 @@ def with_channels(same: Protocol, site: Site) -> list[Design]:
     return [
         Design(
             f"{plan.asks.format(at=at)}, in the same test",
-            (same,) * REPEATS,
+            (same,) * repeats,
             channels=tuple(
                 PlannedChannel(one.name, frames if plan.frames else (), one.places) for one in plan.channels
             ),
@@ -256,6 +297,3 @@ _HOLD_S = 60.0
 
 
 _DEEPER_MM = 5.0
-
-
-REPEATS = 3

@@ -146,7 +146,7 @@ _HEADINGS: Mapping[Finding, Callable[[Answer], str]] = {
     ),
     Finding.CORRECTED: lambda answer: "Yes, but use the corrected one.",
     Finding.CAUSES_DIFFER: lambda answer: "Only as a range.",
-    Finding.PROVISIONAL: lambda answer: "Not yet: {} of {} effects were weighed.".format(*answer.parameters["weighed"]),
+    Finding.PROVISIONAL: lambda answer: "Provisional: {} of {} effects weighed.".format(*answer.parameters["weighed"]),
 }
 
 
