@@ -33,8 +33,6 @@ _SMOOTH = 3e-3
 3 mm go."""
 _WIGGLE = 0.1
 """Largest share of a change that counts as a wiggle."""
-_USUAL_SHAPE, _USUAL_SLOPE = 0.01, 0.2
-"""Of a calf's force: by an error of its geometry, on the mean along the depth; and by ln of an assumed number."""
 _FEWEST = 5
 """Points of a curve that can be smoothed."""
 
@@ -104,8 +102,6 @@ def build_library(
 def base_library(each: Sequence[SolvedResponses], observed: Observations, stiffening: float) -> Library:
     """Return a library of the base model alone, by a few solutions where the loading is about as recorded.
 
-    What isn't known exactly does what is usual.
-
     Parameters
     ----------
     each
@@ -122,14 +118,11 @@ def base_library(each: Sequence[SolvedResponses], observed: Observations, stiffe
     """
     for solved in each:
         middle = middle_of(observed, solved, stiffening)
-        task = Task((middle, middle * float(np.expm1(stiffening))))
-        found = outcomes_of((solved, solved), [task], 1, Silent())
+        point = (middle, middle * float(np.expm1(stiffening)))
+        tasks = [Task(point), Task(point, derivatives=unknowns_of(solved.variants))]
+        found = outcomes_of((solved, solved), tasks, 1, Silent())
         if found[0] is not None:
-            library = _assembled(solved, observed, (), [task], [found[0]], middle)
-            leaning = np.linspace(0.0, 2.0, len(solved.grid))
-            geometric: dict[str, Columns] = {k: {"force": _USUAL_SHAPE * leaning} for k in solved.variants.geometric}
-            assumed: dict[str, Columns] = {k: {"force": _USUAL_SLOPE + 0.0 * leaning} for k in solved.variants.assumed}
-            return replace(library, nuisances=NuisanceChanges(solved.grid, geometric, assumed), beside=NO_CHANNELS)
+            return replace(_assembled(solved, observed, (), tasks, [found[0], found[1]], middle), beside=NO_CHANNELS)
     raise UnsolvedError(f"the model stops before {observed.depth:.1f} mm; use less of the recordings' depth")
 
 
