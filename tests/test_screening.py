@@ -8,7 +8,7 @@ from itertools import count
 import numpy as np
 import pytest
 from making_diagnosed import diagnosed
-from making_diagnosis import ClosedForm, problem_of, ramps
+from making_diagnosis import ClosedForm, observations, problem_of, ramps
 
 from legfem.api.loading import seconds_of
 from legfem.common.deadline import NEVER, Deadline, TimeIsUpError
@@ -21,6 +21,7 @@ from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.explain import explain
 from legfem.inverse.explanation import ADDS_FROM, log_bayes_factor
 from legfem.inverse.library import UNTRIED, Detail
+from legfem.inverse.library_build import build_library
 from legfem.inverse.library_tasks import Task, outcomes_of
 from legfem.inverse.linearised import LinearisedFit
 from legfem.inverse.notice import FitNotice
@@ -107,6 +108,12 @@ def test_nothing_is_solved_after_a_deadline_and_the_answer_says_so():
     assert found.every[0].names == ("superficial-stiffness",)
     assert found.cut and not explain(base_of(Screened(), {}), SOUGHT, complete=complete, deadline=over).cut
 
+    def cut(detail: Detail) -> Screened:
+        raise TimeIsUpError
+
+    found = explain(base_of(Screened(), STIFF_FAT), SOUGHT, complete=cut)
+    assert found.cut and found.every[0].names == ("superficial-stiffness",), "a part counts for nothing"
+
     whole = diagnosed({})
     assert answer_of(whole).finding is not Finding.PROVISIONAL
     left = replace(whole, untested={**whole.untested, "dermis": UNTRIED}, provisional=True)
@@ -122,6 +129,8 @@ def test_nothing_is_solved_after_a_deadline_and_the_answer_says_so():
 
 class Stopping:
     """A leg whose solutions never come to their end."""
+
+    assumed = geometric = ()
 
     def follow(self, protocol, deep, solution, sensitivities=()):
         """Say that it stopped."""
@@ -141,6 +150,15 @@ def test_mechanisms_come_after_the_base_model_and_are_left_after_a_deadline(tmp_
     begun = outcomes_of((responses, responses), tasks, 1, Until(Silent(), Deadline(3.0, lambda: float(next(ticks)))))
     assert sorted(begun) == [0, 1, 2, 3]
     assert len(outcomes_of((responses, responses), tasks, 1, Silent())) == len(tasks)
+
+
+def test_a_detail_that_was_solved_in_part_is_none(tmp_path):
+    responses, ticks = SolvedResponses(Stopping(), 20.0, tmp_path, {}), count()
+    observed, _ = observations(ramps())
+    told, detail = Until(Silent(), Deadline(6.0, lambda: float(next(ticks)))), Detail(frozenset(NAMES))
+    with pytest.raises(TimeIsUpError):
+        build_library(responses, responses, observed, SOUGHT, 1, told, 1e-3, detail=detail)
+    assert next(ticks) == 7, "in the middle of a mechanism's"
 
 
 def test_what_was_not_weighed_leaves_statements_less_sure_and_C10_wider():

@@ -11,7 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from legfem.common.deadline import NEVER, Deadline
+from legfem.common.deadline import NEVER, Deadline, TimeIsUpError
 from legfem.inverse.evidence import (
     Evidence,
     discrepancy_scales,
@@ -281,7 +281,10 @@ def _completed(
         wanted = rests_on(found, known)
         if wanted == known or deadline.passed:
             return found, wanted != known
-        library = complete(wanted)
+        try:
+            library = complete(wanted)
+        except TimeIsUpError:
+            return found, True
         found = anew(with_probabilities([weighing.by(library, one) for one in found]))
     return found, False
 

@@ -77,25 +77,29 @@ def build_library(
     Raises
     ------
     TimeIsUpError
-        If there was no time for the base model.
+        If there was no time for the base model, or for all of the detail.
     """
     tissue = [m for m in asked if isinstance(m, TissueMechanism)]
     detail = Detail.of_all(tissue) if detail is None else detail
     if detail.whole:
         progress.stage(f"solving in full: {', '.join(sorted(detail.whole))}")
     lattice = lattice or cross(stiffening)
+    library: Library | None = None
     while True:
         tasks = tasks_for(observed, tissue, middle, stiffening, coarse.variants, lattice, detail)
         found = outcomes_of((solved, coarse), tasks, jobs, progress)
         left = [task for place, task in enumerate(tasks) if place not in found]
-        if any(task.mechanism is None and not task.pair and task.beside is None for task in left):
+        if left and library is not None:
+            return library
+        if left and (detail != Detail() or any(t.mechanism is None for t in left)):
             raise TimeIsUpError
         # What is screened in part says nothing yet.
-        begun = {task.mechanism.name for task in left if task.mechanism is not None} - detail.whole
+        begun = {task.mechanism.name for task in left if task.mechanism is not None}
         used = [k for k in sorted(found) if (m := tasks[k].mechanism) is None or m.name not in begun]
-        library = _assembled(solved, observed, tissue, [tasks[k] for k in used], [found[k] for k in used], middle)
+        made = _assembled(solved, observed, tissue, [tasks[k] for k in used], [found[k] for k in used], middle)
+        library = replace(made, detail=detail)
         if left or library.missing.keys() <= detail.whole:
-            return replace(library, detail=Detail() if left else detail)
+            return library
         detail |= Detail(frozenset(library.missing))
 
 
