@@ -65,10 +65,8 @@ def build_library(
         Mechanisms that are to be tabulated.
     jobs, progress
         Processes; told of every solution, and what it leaves no time for is missing.
-    middle
-        C10 (MPa) about which.
-    stiffening
-        ln(1 + C20 / C10) at which changes are tabulated.
+    middle, stiffening
+        C10 (MPa) and ln(1 + C20 / C10) about which changes are tabulated.
     detail
         What is solved beyond the screening of all mechanisms; everything without it.
     lattice
@@ -88,17 +86,16 @@ def build_library(
     while True:
         tasks = tasks_for(observed, tissue, middle, stiffening, coarse.variants, lattice, detail)
         found = outcomes_of((solved, coarse), tasks, jobs, progress)
-        left = [task for place, task in enumerate(tasks) if place not in found]
-        if left and library is not None:
+        begun = {t.mechanism.name if t.mechanism else "" for k, t in enumerate(tasks) if k not in found}
+        if begun and library is not None:
             return library
-        if left and (detail != Detail() or any(t.mechanism is None for t in left)):
+        if begun and (detail != Detail() or "" in begun):
             raise TimeIsUpError
         # What is screened in part says nothing yet.
-        begun = {task.mechanism.name for task in left if task.mechanism is not None}
         used = [k for k in sorted(found) if (m := tasks[k].mechanism) is None or m.name not in begun]
-        made = _assembled(solved, observed, tissue, [tasks[k] for k in used], [found[k] for k in used], middle)
-        library = replace(made, detail=detail)
-        if left or library.missing.keys() <= detail.whole:
+        each = [tasks[k] for k in used], [found[k] for k in used]
+        library = replace(_assembled(solved, observed, tissue, *each, middle), detail=detail)
+        if begun or library.missing.keys() <= detail.whole:
             return library
         detail |= Detail(frozenset(library.missing))
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from legfem.channels.kinds.layer_thickness import MUSCLE, TISSUE
+from legfem.common.deadline import Deadline
 from legfem.common.progress import Progress, Silent
 from legfem.common.units import mpa_to_kpa
 from legfem.data import Recording
@@ -42,6 +43,8 @@ AIR_MM, AT_TOUCH_MM = 4.0, 0.04
 WRONG = 0.15
 """Of C10: a "yes" beside a value that is further off is what may not be."""
 SURE = 0.8
+BY_TIME, FIRST_S = "force alone", 15.0
+"""What provisional answers are by; and the processor's time from the first to the second, which doubles then."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +73,10 @@ class Said:
     interval: tuple[float, float]
     true_c10: float
     seconds: float
+    final: bool = True
+    """Whether it isn't provisional, ..."""
+    weighed: tuple[int, int] = (0, 0)
+    """... and how many effects were weighed, of how many; not counted where it is."""
 
     @property
     def first(self) -> list[str]:
@@ -170,8 +177,8 @@ class Lab:
         is asked, which takes a fraction of the time.
     subsets
         Of channels, by which cases are diagnosed.
-    whole
-        Whether everything is solved beforehand, and not what an answer rests on alone.
+    by_time
+        Whether answers are recorded as time goes by, from nothing kept on, and not by a leg's library.
     """
 
     folder: Path
@@ -179,7 +186,7 @@ class Lab:
     seed: int
     confirms: bool = False
     subsets: tuple[str, ...] = tuple(SUBSETS)
-    whole: bool = False
+    by_time: bool = False
     _libraries: dict[str, tuple[Complete, SolvedResponses]] = field(default_factory=dict, repr=False)
     _middles: dict[int, float] = field(default_factory=dict, repr=False)
     _recorded: dict[tuple[int, str], list[Recording] | None] = field(default_factory=dict, repr=False)
@@ -246,8 +253,7 @@ class Lab:
                 self._middles[case.leg] = rounded(diagnoser.identified(subject, progress).fit.values[DEEP_C10])
             middle = self._middles[case.leg]
             solve = partial(build_library, fine, coarse, observed, able, 1, progress, middle, STIFFENING[law])
-            every = solve() if self.whole else None
-            self._libraries[key] = (solve if every is None else lambda _: every), fine
+            self._libraries[key] = solve, fine
         return self._libraries[key]
 
     def diagnose(self, subject: Subject, complete: Complete, solved: SolvedResponses | None) -> Diagnosis:
@@ -271,6 +277,22 @@ class Lab:
             return None
         return say(found, case, subset, time.process_time() - begun)
 
+    def said_by_time(self, case: SealedCase) -> list[Said]:
+        """Return what is said by force alone at once, then after ever more seconds of the processor, the last in full.
+
+        As `legfem live` asks: a later answer goes on from what was solved before.
+        """
+        subject, found, wait = self.subject(case, *SUBSETS[BY_TIME]), list[Said](), 0.0
+        diagnoser = Diagnoser(self.folder / "by-time" / f"{self.seed}-{case.number}", self.correction)
+        begun = time.process_time()
+        while subject is not None and not (found and found[-1].final):
+            diagnoser.deadline = Deadline.after(wait, time.process_time)
+            one = diagnoser.diagnose(subject, Silent())
+            said = say(one, case, BY_TIME, time.process_time() - begun)
+            found.append(replace(said, final=not one.provisional, weighed=one.weighed))
+            wait = 2.0 * wait or FIRST_S
+        return found
+
 
 def _follows_path(mechanism: Mechanism) -> bool:
     return isinstance(mechanism, TissueMechanism) and mechanism.along_path
@@ -278,5 +300,7 @@ def _follows_path(mechanism: Mechanism) -> bool:
 
 def said_each(lab: Lab, case: SealedCase) -> list[Said]:
     """Return what is said of a case, by the lab's subsets of channels; nothing where a solution stopped."""
+    if lab.by_time:
+        return lab.said_by_time(case)
     found = (lab.said(case, subset) for subset in subsets_of(case) if subset in lab.subsets)
     return [one for one in found if one is not None]

@@ -18,7 +18,7 @@ from studies.cases.machine import Kind
 from studies.cases.sealed import Lab, Said, said_each
 from studies.cases.sealed_case import SealedCase
 from studies.cases.sealed_draw import SUBSETS, channel_cases
-from studies.cases.sealed_page import cell_of, page
+from studies.cases.sealed_page import by_time, cell_of, page
 from studies.cases.sealed_picture import COUNTED, counted, draw, read_counted, write_counted
 from studies.command_line import DONE_IS_KEPT, Jobs, Library, Out, Seed
 
@@ -26,12 +26,12 @@ MODULES = ("legfem.legs.diagnosis", "legfem.report.diagnosis_headline", "studies
 
 
 def _of_every_case(found: Sequence[Sequence[Said]]) -> str:
-    return page([one for case in found for one in case])
+    return by_time(found) + page([one for case in found for one in case if one.final])
 
 
 def _libraries(lab: Lab, waiting: Sequence[SealedCase], progress: Progress) -> None:
     """Build the libraries of a leg, which its cases share."""
-    for programme in dict.fromkeys(SUBSETS[name][0] for name in lab.subsets if waiting):
+    for programme in dict.fromkeys(SUBSETS[name][0] for name in lab.subsets if waiting and not lab.by_time):
         lab.tabulating(waiting[0], programme, progress)
 
 
@@ -66,7 +66,9 @@ def sealed(
     confirm: Annotated[
         bool, typer.Option("--confirm", help="Confirm by full solutions, as `legfem diagnose` does; takes far longer.")
     ] = False,
-    whole: Annotated[bool, typer.Option("--whole", help="Solve all beforehand, not what answers rest on.")] = False,
+    as_time_goes_by: Annotated[
+        bool, typer.Option("--by-time", help="Record answers by force alone as time goes by, from nothing kept on.")
+    ] = False,
     seed: Seed = 1,
     library: Library = None,
     out: Out = None,
@@ -80,11 +82,11 @@ def sealed(
         if unknown := set(channels or ()) - set(SUBSETS):
             raise InputError("--channels", sorted(unknown)[0], "is not one of them", f"give {', '.join(SUBSETS)}")
         subsets = tuple(name for name in SUBSETS if not channels or name in channels)
-        lab = Lab(library or library_folder(), read_correction(REFERENCE), seed, confirm, subsets, whole)
+        lab = Lab(library or library_folder(), read_correction(REFERENCE), seed, confirm, subsets, as_time_goes_by)
         every = channel_cases(legs, seed)
         cases = [case for leg in range(legs) for case in [one for one in every if one.leg == leg][:most]]
-        found = KIND.count(cases, lab, folder, processes, progress, [seed, confirm, list(subsets), whole])
-        write_counted(folder, counted([one for case in found for one in case]))
+        found = KIND.count(cases, lab, folder, processes, progress, [seed, confirm, list(subsets), as_time_goes_by])
+        write_counted(folder, counted([one for case in found for one in case if one.final]))
 
 
 def picture(

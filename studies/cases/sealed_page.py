@@ -17,6 +17,29 @@ def page(said: Sequence[Said]) -> str:
     return "\n".join([*_by_channels(said), "", *_by_kind(said), "", *_by_truth(said), "", *_cases(said)]) + "\n"
 
 
+def by_time(cases: Sequence[Sequence[Said]]) -> str:
+    """Return what provisional answers said, the first ones of all cases first, beside what was said in the end."""
+    if all(one.final for case in cases for one in case):
+        return ""
+    lines = [f"| answer | cases | seconds of the processor, median and most | effects weighed, median | {_STOOD}"]
+    lines += ["|---" * 8 + "|"]
+    for number in range(max(map(len, cases))):
+        told = [(case[number], case[-1]) for case in cases if number < len(case)]
+        own, spent = [one for one, _ in told], [one.seconds for one, _ in told]
+        stood = [(one.stated, one.unknown) == (end.stated, end.unknown) for one, end in told if one.probability >= SURE]
+        weighed = np.median([n for n, _ in (one.weighed for one in own)])
+        half = 100 * float(np.median([one.half_width for one in own]))
+        held = _of([one.holds for one in own])
+        lines.append(
+            f"| {number + 1} | {len(own)} | {np.median(spent):.0f}, {max(spent):.0f} | {weighed:.0f} | "
+            f"{_of(stood)} | {held} | {half:.0f} % | {sum(one.final for one in own)} |"
+        )
+    return "\n".join([*lines, "", ""])
+
+
+_STOOD = f"said with {SURE:g} or more, and stood | C10 held | half-width, median | the last one |"
+
+
 def names_f1(said: Sequence[Said]) -> float:
     """Return the F1 of the names in the first things said: of effects that were there, and of names that were right."""
     right = sum(len(set(one.first) & set(one.truth)) for one in said)
