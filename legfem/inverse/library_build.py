@@ -49,16 +49,13 @@ def build_library(
     detail: Detail | None = None,
     lattice: Sequence[tuple[float, float]] = (),
 ) -> Library:
-    """Solve what isn't kept yet, in processes, and return the library for recordings.
-
-    A mechanism that can't be screened at one stiffness is solved in full.
+    """Solve what isn't kept yet, and return the library; what can't be screened at one stiffness is solved in full.
 
     Parameters
     ----------
-    solved
-        The leg's responses on the mesh that is reported on: elastic curves.
-    coarse
-        On a coarser one: relative changes, in which most of a mesh's error cancels.
+    solved, coarse
+        The leg's responses on the mesh that is reported on, elastic curves; and on a coarser one, relative changes, in
+        which most of a mesh's error cancels.
     observed
         The recordings, for their stiffness and their protocols.
     asked
