@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 import re
 import runpy
 import subprocess
@@ -114,6 +115,17 @@ def options_of(module: str, words: list[str]) -> set[str]:
         if word in commands:
             command = commands[word]
     return {"--help", *(name for entry in command.params for name in entry.opts)}
+
+
+@pytest.mark.parametrize("name", [name for name in COMMANDS if name.startswith("legfem.")])
+def test_a_command_says_what_each_option_is_for_and_tells_of_none_that_it_has_not(name: str) -> None:
+    app = importlib.import_module(f"legfem.commands.{name.rpartition('.')[2]}").app
+    entry = typer.main.get_command(app)
+    for command in getattr(entry, "commands", {"": entry}).values():
+        assert [one.name for one in command.params if not one.help] == []
+        told = inspect.getdoc(command.callback).partition("Parameters\n----------\n")[2]
+        assert set(re.findall(r"^\w+", told, re.MULTILINE)) <= {one.name for one in command.params}
+        assert "Parameters" not in command.help
 
 
 def test_commands_in_documents_take_their_options() -> None:

@@ -16,11 +16,9 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_mar
 
 @app.command(cls=CheckedCommand)
 def serve(
-    workspace: Annotated[Path, typer.Option(help="Folder that holds everything that the app does.")] = Path(
-        "legfem-workspace"
-    ),
-    port: Annotated[int, typer.Option(min=1024, max=65535, help="On 127.0.0.1.")] = 8765,
-    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Whether to open a browser's window.")] = True,
+    workspace: Path = Path("legfem-workspace"),
+    port: Annotated[int, typer.Option(min=1024, max=65535)] = 8765,
+    browser: Annotated[bool, typer.Option("--browser/--no-browser")] = True,
 ) -> None:
     """Use legfem in a browser window: drop a folder, look at it, run the commands, read reports.
 
@@ -28,6 +26,15 @@ def serve(
     the workspace: runs go on when the server is stopped, and it finds them again.
 
     Example: legfem app --workspace my-legs
+
+    Parameters
+    ----------
+    workspace
+        Folder that holds everything that the app does.
+    port
+        On 127.0.0.1.
+    browser
+        Whether to open a browser's window.
     """
     with command_context("start it again; runs went on meanwhile"):
         _check_free(port)

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from legfem.commands.options import Jobs, optional, passed, print_outcome
+from legfem.commands.options import Jobs, passed, print_outcome
 from legfem.common import command_line
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -14,51 +14,27 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_mar
 @app.command(cls=command_line.CheckedCommand)
 def cohort(
     context: typer.Context,
-    folder: Annotated[
-        Path, typer.Argument(help="Folder with the members' folders and, if you have one, cohort.csv or .xlsx.")
-    ],
-    do: Annotated[
-        Literal["identify", "diagnose", "stocking"], optional("What to do with each member; identify by default.")
-    ] = "identify",
-    layout: Annotated[
-        str,
-        optional(
-            "Pattern of the members' folders, such as 'P*/leg-*'; by default every folder below that has a "
-            "subject.toml or specimen.toml (for stockings, a leg.toml)."
-        ),
-    ] = "",
-    table: Annotated[Path | None, optional("Table of the members, in place of FOLDER/cohort.csv.")] = None,
-    law: Annotated[str | None, optional("Strain energy, as for identify; both by default.")] = None,
-    identify: Annotated[list[str] | None, optional("Parameter to identify, as for identify; repeatable.")] = None,
-    prior: Annotated[list[str] | None, optional("What is known of a parameter, as for identify; repeatable.")] = None,
-    fix: Annotated[list[str] | None, optional("Value to hold, as for identify; repeatable.")] = None,
-    depth: Annotated[float | None, optional("Greatest depth to use (mm), as for identify.")] = None,
-    correction: Annotated[str | None, optional("3D correction, as for identify or diagnose.")] = None,
-    model: Annotated[Literal["2d", "3d"] | None, optional("Model of the leg, as for identify.")] = None,
-    mesh: Annotated[
-        Literal["coarse"] | None, optional("A coarse mesh, for a quick look at all legs; do not rely on its results.")
-    ] = None,
-    library: Annotated[Path | None, optional("Folder of the legs' responses, as for diagnose.")] = None,
-    cells: Annotated[int | None, optional("About how many tetrahedra, as for stocking.")] = None,
-    seed: Annotated[int | None, optional("Seed, as for identify or diagnose.")] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder for results; results/cohort-NAME by default.")] = None,
-    on: Annotated[
-        Literal["local", "mpi", "dask"],
-        optional(
-            "Where several members run at once: in processes here (the default), on ranks of mpirun, or on a dask "
-            "scheduler's workers."
-        ),
-    ] = "local",
-    scheduler: Annotated[
-        str | None, optional("Address of the dask scheduler, the file that it writes, or a TOML of a queue ([slurm]).")
-    ] = None,
+    folder: Path,
+    do: Annotated[Literal["identify", "diagnose", "stocking"], typer.Option(show_default=False)] = "identify",
+    layout: Annotated[str, typer.Option(show_default=False)] = "",
+    table: Path | None = None,
+    law: str | None = None,
+    identify: list[str] | None = None,
+    prior: list[str] | None = None,
+    fix: list[str] | None = None,
+    depth: float | None = None,
+    correction: str | None = None,
+    model: Literal["2d", "3d"] | None = None,
+    mesh: Literal["coarse"] | None = None,
+    library: Path | None = None,
+    cells: int | None = None,
+    seed: int | None = None,
+    out: Path | None = None,
+    on: Annotated[Literal["local", "mpi", "dask"], typer.Option(show_default=False)] = "local",
+    scheduler: str | None = None,
     jobs: Jobs = None,
-    population: Annotated[
-        bool, typer.Option("--population", help="Also fit how people differ; writes population.json, for --prior.")
-    ] = False,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Say what would be done, for how long and with how much memory.")
-    ] = False,
+    population: Annotated[bool, typer.Option("--population")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run")] = False,
     quiet: command_line.Quiet = False,
     as_json: command_line.AsJson = False,
 ) -> None:
@@ -70,6 +46,51 @@ def cohort(
     The same command goes on where it was stopped, and does again only what has changed.
 
     Example: legfem cohort study --law reduced-polynomial --out results/study
+
+    Parameters
+    ----------
+    folder
+        Folder with the members' folders and, if you have one, cohort.csv or .xlsx.
+    do
+        What to do with each member; identify by default.
+    layout
+        Pattern of the members' folders, such as 'P*/leg-*'; by default every folder below that has a subject.toml
+        or specimen.toml (for stockings, a leg.toml).
+    table
+        Table of the members, in place of FOLDER/cohort.csv.
+    law
+        Strain energy, as for identify; both by default.
+    identify
+        Parameter to identify, as for identify; repeatable.
+    prior
+        What is known of a parameter, as for identify; repeatable.
+    fix
+        Value to hold, as for identify; repeatable.
+    depth
+        Greatest depth to use (mm), as for identify.
+    correction
+        3D correction, as for identify or diagnose.
+    model
+        Model of the leg, as for identify.
+    mesh
+        A coarse mesh, for a quick look at all legs; do not rely on its results.
+    library
+        Folder of the legs' responses, as for diagnose.
+    cells
+        About how many tetrahedra, as for stocking.
+    seed
+        Seed, as for identify or diagnose.
+    out
+        Folder for results; results/cohort-NAME by default.
+    on
+        Where several members run at once: in processes here (the default), on ranks of mpirun, or on a dask
+        scheduler's workers.
+    scheduler
+        Address of the dask scheduler, the file that it writes, or a TOML of a queue ([slurm]).
+    population
+        Also fit how people differ; writes population.json, for --prior.
+    dry_run
+        Say what would be done, for how long and with how much memory.
     """
     resume = "run the same command again to go on; members that are done are kept"
     alone = (

@@ -30,21 +30,13 @@ def data() -> None:
 
 @app.command(cls=CheckedCommand)
 def look(
-    files: Annotated[
-        list[Path] | None,
-        typer.Argument(
-            help="Recordings, one trial a file: CSV, text, xlsx, xls, ods, TDMS, LVM, MAT, HDF5, or a zip of one.",
-            show_default=False,
-        ),
-    ] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder for results; results/look by default.")] = None,
-    time: Annotated[str | None, typer.Option(help="Column of the time: NAME or NAME:UNIT.")] = None,
-    displacement: Annotated[str | None, typer.Option(help="Column of the displacement, likewise.")] = None,
-    force: Annotated[str | None, typer.Option(help="Column of the force, likewise.")] = None,
-    sheet: Annotated[str | None, typer.Option(help="Sheet or group, if several have recordings.")] = None,
-    specimens: Annotated[
-        bool, typer.Option("--specimens", help="The recordings are of specimens, so any depth will do.")
-    ] = False,
+    files: Annotated[list[Path] | None, typer.Argument()] = None,
+    out: Path | None = None,
+    time: str | None = None,
+    displacement: str | None = None,
+    force: str | None = None,
+    sheet: str | None = None,
+    specimens: Annotated[bool, typer.Option("--specimens")] = False,
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
@@ -55,6 +47,23 @@ def look(
     reason; what is ambiguous is refused.
 
     Example: legfem data look trial1.tdms trial2.tdms
+
+    Parameters
+    ----------
+    files
+        Recordings, one trial a file: CSV, text, xlsx, xls, ods, TDMS, LVM, MAT, HDF5, or a zip of one.
+    out
+        Folder for results; results/look by default.
+    time
+        Column of the time: NAME or NAME:UNIT.
+    displacement
+        Column of the displacement, likewise.
+    force
+        Column of the force, likewise.
+    sheet
+        Sheet or group, if several have recordings.
+    specimens
+        The recordings are of specimens, so any depth will do.
     """
     with command_context(quiet=quiet):
         import numpy as np
@@ -144,12 +153,7 @@ def look(
 
 
 @app.command(cls=CheckedCommand)
-def preview(
-    folder: Annotated[Path, typer.Argument(help="Folder of a leg, of a leg in a stocking, or of specimens.")],
-    out: Annotated[Path | None, typer.Option(help="Folder for results; results/preview by default.")] = None,
-    quiet: Quiet = False,
-    as_json: AsJson = False,
-) -> None:
+def preview(folder: Path, out: Path | None = None, quiet: Quiet = False, as_json: AsJson = False) -> None:
     """Show what a folder is taken for, before anything is solved.
 
     Writes preview.json and pictures: the section with the indenter or the scans' outlines, the
@@ -157,6 +161,13 @@ def preview(
     commands refuse is looked at as far as it can be.
 
     Example: legfem data preview path/to/folder --out seen
+
+    Parameters
+    ----------
+    folder
+        Folder of a leg, of a leg in a stocking, or of specimens.
+    out
+        Folder for results; results/preview by default.
     """
     with command_context(quiet=quiet):
         from legfem.common.progress import progress_on

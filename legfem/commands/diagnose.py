@@ -18,45 +18,14 @@ def diagnose(
     subject_dir: SubjectDir = None,
     site: Site = None,
     specimen_dir: SpecimenDir = None,
-    specimens: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--specimen",
-            help="Specimen to diagnose, if the folder has several; repeatable. All by default.",
-            show_default=False,
-        ),
-    ] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder for results; results/diagnose-ID by default.")] = None,
-    library: Annotated[
-        Path | None,
-        typer.Option(
-            help="Folder of the legs' responses, shared by all diagnoses; ~/.cache/legfem/responses by default."
-        ),
-    ] = None,
-    correction: Annotated[
-        Path | None, typer.Option(help="3D correction for the cylinder's ends; legfem's own by default.")
-    ] = None,
-    prior: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="What is known of C10 of the muscle, as for identify: 'deep.C10=population.json' of a cohort.",
-            show_default=False,
-        ),
-    ] = None,
-    within: Annotated[
-        str | None,
-        typer.Option(
-            "--for",
-            "--within",
-            help="Time after which nothing more is solved, such as 30s: a provisional answer. As long as it takes by "
-            "default.",
-            show_default=False,
-        ),
-    ] = None,
+    specimens: Annotated[list[str] | None, typer.Option("--specimen")] = None,
+    out: Path | None = None,
+    library: Path | None = None,
+    correction: Path | None = None,
+    prior: list[str] | None = None,
+    within: Annotated[str | None, typer.Option("--for", "--within")] = None,
     jobs: Jobs = None,
-    seed: Annotated[
-        int, typer.Option(help="Seed of the random draws behind p-values; 0 by default.", show_default=False)
-    ] = 0,
+    seed: Annotated[int, typer.Option(show_default=False)] = 0,
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
@@ -69,6 +38,23 @@ def diagnose(
     With --specimen-dir each specimen of a folder (specimen.toml, recordings/*.csv) is diagnosed.
 
     Example: legfem diagnose --subject 3 --out results/diagnose-3
+
+    Parameters
+    ----------
+    specimens
+        Specimen to diagnose, if the folder has several; repeatable. All by default.
+    out
+        Folder for results; results/diagnose-ID by default.
+    library
+        Folder of the legs' responses, shared by all diagnoses; ~/.cache/legfem/responses by default.
+    correction
+        3D correction for the cylinder's ends; legfem's own by default.
+    prior
+        What is known of C10 of the muscle, as for identify: 'deep.C10=population.json' of a cohort.
+    within
+        Time after which nothing more is solved, such as 30s: a provisional answer. As long as it takes by default.
+    seed
+        Seed of the random draws behind p-values; 0 by default.
     """
     resume = "run the same command again to go on; solutions that are done are kept"
     with parallel_context(jobs, resume, quiet) as processes:

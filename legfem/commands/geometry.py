@@ -3,7 +3,7 @@
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import numpy as np
 import typer
@@ -21,28 +21,17 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_mar
 
 @app.command(cls=CheckedCommand)
 def convert(
-    cross_sections: Annotated[Path | None, typer.Option(help="CSV file: level_mm,part,loop,i,x_mm,y_mm.")] = None,
-    scan: Annotated[
-        Path | None, typer.Option(help="Label volume (NIfTI, NRRD, DICOM-SEG, folder of a DICOM series).")
-    ] = None,
-    label: Annotated[
-        list[str] | None, typer.Option(help="TISSUE=NUMBER of the scan; repeat it. superficial=1, deep=2, bone=3.")
-    ] = None,
-    surface: Annotated[
-        list[str] | None, typer.Option(help="PART=FILE (STL, PLY, OBJ, VTU); repeat it, for single muscles too.")
-    ] = None,
-    level: Annotated[
-        float | None, typer.Option(help="Level at which the section is cut (mm).", show_default=False)
-    ] = None,
-    out: Annotated[Path | None, typer.Option(help="Subject folder to make.", show_default=False)] = None,
+    cross_sections: Path | None = None,
+    scan: Path | None = None,
+    label: list[str] | None = None,
+    surface: list[str] | None = None,
+    level: float | None = None,
+    out: Path | None = None,
     subject_dir: SubjectDir = None,
     site: Site = None,
-    fascia_thickness: Annotated[float, typer.Option(help="Thickness of the fascia (mm).")] = 0.6,
-    aim: Annotated[
-        tuple[float, float] | None,
-        typer.Option(help="Point on the line of travel, mm; by default the one that faces it."),
-    ] = None,
-    direction: Annotated[float, typer.Option(help="Direction of travel, degrees from +x; 270 is along -y.")] = 270.0,
+    fascia_thickness: float = 0.6,
+    aim: tuple[float, float] | None = None,
+    direction: float = 270.0,
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
@@ -54,6 +43,27 @@ def convert(
 
     Example: legfem geometry --cross-sections cross_sections_5mm.csv --level 300
     --out my-leg
+
+    Parameters
+    ----------
+    cross_sections
+        CSV file: level_mm,part,loop,i,x_mm,y_mm.
+    scan
+        Label volume (NIfTI, NRRD, DICOM-SEG, folder of a DICOM series).
+    label
+        TISSUE=NUMBER of the scan; repeat it. superficial=1, deep=2, bone=3.
+    surface
+        PART=FILE (STL, PLY, OBJ, VTU); repeat it, for single muscles too.
+    level
+        Level at which the section is cut (mm).
+    out
+        Subject folder to make.
+    fascia_thickness
+        Thickness of the fascia (mm).
+    aim
+        Point on the line of travel, mm; by default the one that faces it.
+    direction
+        Direction of travel, degrees from +x; 270 is along -y.
     """
     with command_context("run the same command again", quiet):
         from legfem.geometry.contours import write_outlines

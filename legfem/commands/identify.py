@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir, finish, optional, passed
+from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir, finish, passed
 from legfem.common import command_line
 from legfem.common.errors import InputError, UnsolvedError
 
@@ -21,67 +21,20 @@ def run(
     subject_dir: SubjectDir = None,
     site: Site = None,
     specimen_dir: SpecimenDir = None,
-    leave_out: Annotated[
-        list[str] | None, optional("Recording, specimen or test to predict instead of fitting it; repeatable.")
-    ] = None,
-    law: Annotated[
-        Literal["neo-hookean", "reduced-polynomial", "yeoh", "exponential", "both"] | None,
-        optional(
-            "Strain energy of the deep tissue; both by default, with --identify the neo-Hookean one unless deep.C20 is "
-            "among the names or given; yeoh and exponential are for specimens."
-        ),
-    ] = None,
-    identify: Annotated[
-        list[str] | None,
-        optional(
-            "Full name of a parameter to identify, in place of the law's own: deep.C10, deep.C20, "
-            "deep.D1, superficial.C10, fascia.C10, instrument.gain, ..., with --model 3d "
-            "deep.fibre_ratio, of specimens LAYER.C10 and deep.fibre_ratio; may be given again."
-        ),
-    ] = None,
-    prior: Annotated[
-        list[str] | None,
-        optional(
-            "What is known of a parameter before the test: 'superficial.C10=2±1 kPa' (+- may be written for ±), or "
-            "'superficial.C10=2 x/ 1.5 kPa' for a factor, or 'superficial.C10=population' (also deep.C10) for that of "
-            "people's calves; one that isn't to be identified may deviate by it; may be given again."
-        ),
-    ] = None,
-    fix: Annotated[
-        list[str] | None, optional("Value to hold in place of the folder's: 'deep.D1=28 1/MPa'; may be given again.")
-    ] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder for results; results/identify-ID by default.")] = None,
+    leave_out: list[str] | None = None,
+    law: Literal["neo-hookean", "reduced-polynomial", "yeoh", "exponential", "both"] | None = None,
+    identify: list[str] | None = None,
+    prior: list[str] | None = None,
+    fix: list[str] | None = None,
+    out: Path | None = None,
     jobs: Jobs = None,
-    seed: Annotated[int, optional("Seed of the genetic algorithm; 1 by default.")] = 1,
-    depth: Annotated[float | None, typer.Option(help="Use the recordings down to this depth only, mm.")] = None,
-    correction: Annotated[
-        str,
-        optional(
-            "Of 3D effects: own (the leg's, from legfem's table), none, or a file; own by "
-            "default, none for recordings simulated in plane strain."
-        ),
-    ] = "auto",
-    model: Annotated[
-        Literal["2d", "3d"],
-        optional(
-            "2d (the default): a section in plane strain, corrected from a table; 3d: some full solves of the leg "
-            "itself confirm the correction and take the table's place (tens of minutes). With several [[site]], "
-            "deep.fibre_ratio, or what doesn't lie along the leg, the search goes on solves in 3D alone."
-        ),
-    ] = "2d",
-    weighting: Annotated[
-        Literal["paper", "covariance"] | None,
-        optional(
-            "covariance (the default): loading, hold and unloading of every trial, weighted by their errors; "
-            "paper: the plain sum of squares over the loading (Eq. 12)."
-        ),
-    ] = None,
-    c10_bounds: Annotated[
-        tuple[float, float] | None, optional("Bounds of the search for deep.C10 (kPa); 0.02 30 by default.")
-    ] = None,
-    c20_bounds: Annotated[
-        tuple[float, float] | None, optional("Bounds of the search for deep.C20 (kPa); 0 50 by default.")
-    ] = None,
+    seed: Annotated[int, typer.Option(show_default=False)] = 1,
+    depth: float | None = None,
+    correction: Annotated[str, typer.Option(show_default=False)] = "auto",
+    model: Annotated[Literal["2d", "3d"], typer.Option(show_default=False)] = "2d",
+    weighting: Literal["paper", "covariance"] | None = None,
+    c10_bounds: tuple[float, float] | None = None,
+    c20_bounds: tuple[float, float] | None = None,
     quiet: command_line.Quiet = False,
     as_json: command_line.AsJson = False,
 ) -> None:
@@ -94,6 +47,44 @@ def run(
     (specimen.toml, recordings/*.csv) together.
 
     Example: legfem identify --subject 3 --law both --out results/subject-3
+
+    Parameters
+    ----------
+    leave_out
+        Recording, specimen or test to predict instead of fitting it; repeatable.
+    law
+        Strain energy of the deep tissue; both by default, with --identify the neo-Hookean one unless deep.C20 is
+        among the names or given; yeoh and exponential are for specimens.
+    identify
+        Full name of a parameter to identify, in place of the law's own: deep.C10, deep.C20, deep.D1,
+        superficial.C10, fascia.C10, instrument.gain, ..., with --model 3d deep.fibre_ratio, of specimens LAYER.C10
+        and deep.fibre_ratio; may be given again.
+    prior
+        What is known of a parameter before the test: 'superficial.C10=2±1 kPa' (+- may be written for ±), or
+        'superficial.C10=2 x/ 1.5 kPa' for a factor, or 'superficial.C10=population' (also deep.C10) for that of
+        people's calves; one that isn't to be identified may deviate by it; may be given again.
+    fix
+        Value to hold in place of the folder's: 'deep.D1=28 1/MPa'; may be given again.
+    out
+        Folder for results; results/identify-ID by default.
+    seed
+        Seed of the genetic algorithm; 1 by default.
+    depth
+        Use the recordings down to this depth only, mm.
+    correction
+        Of 3D effects: own (the leg's, from legfem's table), none, or a file; own by default, none for recordings
+        simulated in plane strain.
+    model
+        2d (the default): a section in plane strain, corrected from a table; 3d: some full solves of the leg itself
+        confirm the correction and take the table's place (tens of minutes). With several [[site]],
+        deep.fibre_ratio, or what doesn't lie along the leg, the search goes on solves in 3D alone.
+    weighting
+        covariance (the default): loading, hold and unloading of every trial, weighted by their errors; paper: the
+        plain sum of squares over the loading (Eq. 12).
+    c10_bounds
+        Bounds of the search for deep.C10 (kPa); 0.02 30 by default.
+    c20_bounds
+        Bounds of the search for deep.C20 (kPa); 0 50 by default.
     """
     with _edge(model, jobs, quiet) as processes:
         from mpi4py import MPI

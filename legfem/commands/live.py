@@ -14,12 +14,12 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_mar
 
 @app.command(cls=CheckedCommand)
 def live(
-    folder: Annotated[Path, typer.Argument(help="A leg's folder, whose recordings/ an instrument fills.")],
+    folder: Path,
     site: Site = None,
-    out: Annotated[Path | None, typer.Option(help="Folder for results; results/live-ID by default.")] = None,
-    library: Annotated[Path | None, typer.Option(help="Folder of the legs' responses, as of diagnose.")] = None,
-    within: Annotated[str, typer.Option("--for", "--within", help="Time for an answer, after each trial.")] = "15s",
-    once: Annotated[bool, typer.Option("--once", help="End when what is there was answered.")] = False,
+    out: Path | None = None,
+    library: Path | None = None,
+    within: Annotated[str, typer.Option("--for", "--within")] = "15s",
+    once: Annotated[bool, typer.Option("--once")] = False,
     jobs: Jobs = None,
     quiet: Quiet = False,
     as_json: AsJson = False,
@@ -31,6 +31,19 @@ def live(
     when C10 is known well enough. Ctrl-C ends it; what is solved is kept.
 
     Example: legfem live path/to/folder
+
+    Parameters
+    ----------
+    folder
+        A leg's folder, whose recordings/ an instrument fills.
+    out
+        Folder for results; results/live-ID by default.
+    library
+        Folder of the legs' responses, as of diagnose.
+    within
+        Time for an answer, after each trial.
+    once
+        End when what is there was answered.
     """
     with parallel_context(jobs, quiet=quiet) as processes:
         from legfem.api.diagnosed import DIAGNOSIS, Diagnosed

@@ -19,21 +19,13 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_mar
 
 @app.command(cls=CheckedCommand)
 def export(
-    out: Annotated[Path, typer.Option(help="File: .msh, .xdmf, .vtu or .inp.", show_default=False)],
-    subject: Annotated[str | None, typer.Option(help="Mesh the section of one of legfem's subjects.")] = None,
-    subject_dir: Annotated[
-        Path | None, typer.Option(help="Folder of your own leg, with subject.toml or leg.toml.")
-    ] = None,
-    stocking: Annotated[
-        str | None, typer.Option(help="Mesh one of legfem's legs for stockings, bare and in 3D.")
-    ] = None,
-    idealised: Annotated[
-        bool, typer.Option("--idealised", help="A quarter of the 3D correction's reference leg.")
-    ] = False,
-    finer: Annotated[float, typer.Option(min=0.2, max=5.0, help="Factor by which elements are smaller.")] = 1.0,
-    extrude: Annotated[
-        float, typer.Option(min=0.0, max=1000.0, help="Extrude the section to a slab of this thickness (mm).")
-    ] = 0.0,
+    out: Annotated[Path, typer.Option()],
+    subject: str | None = None,
+    subject_dir: Path | None = None,
+    stocking: str | None = None,
+    idealised: Annotated[bool, typer.Option("--idealised")] = False,
+    finer: Annotated[float, typer.Option(min=0.2, max=5.0)] = 1.0,
+    extrude: Annotated[float, typer.Option(min=0.0, max=1000.0)] = 0.0,
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
@@ -43,6 +35,23 @@ def export(
     superficial tissue), end and the mirrors. Elements are of first order; lengths in mm.
 
     Example: legfem meshing --subject 3 --out leg.inp
+
+    Parameters
+    ----------
+    out
+        File: .msh, .xdmf, .vtu or .inp.
+    subject
+        Mesh the section of one of legfem's subjects.
+    subject_dir
+        Folder of your own leg, with subject.toml or leg.toml.
+    stocking
+        Mesh one of legfem's legs for stockings, bare and in 3D.
+    idealised
+        A quarter of the 3D correction's reference leg.
+    finer
+        Factor by which elements are smaller.
+    extrude
+        Extrude the section to a slab of this thickness (mm).
     """
     leave_to_first_rank()
     with command_context(quiet=quiet):

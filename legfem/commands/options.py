@@ -15,12 +15,6 @@ SpecimenDir = Annotated[Path | None, typer.Option(help="Folder of specimens in a
 Jobs = Annotated[int | None, typer.Option(help="Processes; all cores by default.")]
 
 
-def optional(text: str) -> Any:
-    """Return an option whose default its help names, where it has one."""
-    # typer escapes the brackets around defaults that it shows for rich even when it isn't used.
-    return typer.Option(help=text, show_default=False)
-
-
 def passed(context: typer.Context, *names: str) -> dict[str, Any]:
     """Return the options that the front door's function takes by the same names; it has the defaults of the others."""
     return {name: given for name in names if (given := context.params[name]) not in (None, [], ())}

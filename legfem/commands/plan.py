@@ -1,7 +1,6 @@
 """``legfem plan``."""
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
@@ -17,14 +16,12 @@ def plan(
     subject: Subject = None,
     subject_dir: SubjectDir = None,
     site: Site = None,
-    c10: Annotated[float, typer.Option(help="Expected C10 (kPa), 0.05 to 50.")] = 0.8,
-    c20: Annotated[float, typer.Option(help="Expected C20 (kPa), 0 to 50.")] = 0.0,
-    depth: Annotated[float, typer.Option(help="Depth to press to (mm), from 5.")] = 20.0,
-    rate: Annotated[float, typer.Option(help="Speed of pressing (mm/s), 0.01 to 50.")] = 0.5,
-    out: Annotated[Path | None, typer.Option(help="Folder for results; results/plan-ID by default.")] = None,
-    library: Annotated[
-        Path | None, typer.Option(help="Folder of the legs' responses, which diagnoses use too.")
-    ] = None,
+    c10: float = 0.8,
+    c20: float = 0.0,
+    depth: float = 20.0,
+    rate: float = 0.5,
+    out: Path | None = None,
+    library: Path | None = None,
     jobs: Jobs = None,
     quiet: Quiet = False,
     as_json: AsJson = False,
@@ -36,6 +33,21 @@ def plan(
     some minutes.
 
     Example: legfem plan --subject 3 --c10 0.7 --c20 0.8 --depth 20 --rate 0.4
+
+    Parameters
+    ----------
+    c10
+        Expected C10 (kPa), 0.05 to 50.
+    c20
+        Expected C20 (kPa), 0 to 50.
+    depth
+        Depth to press to (mm), from 5.
+    rate
+        Speed of pressing (mm/s), 0.01 to 50.
+    out
+        Folder for results; results/plan-ID by default.
+    library
+        Folder of the legs' responses, which diagnoses use too.
     """
     resume = "run the same command again to go on; solutions that are done are kept"
     with parallel_context(jobs, resume, quiet) as processes:

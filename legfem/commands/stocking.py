@@ -2,7 +2,6 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
@@ -15,10 +14,10 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_mar
 
 @app.command(cls=CheckedCommand)
 def stocking(
-    subject: Annotated[str | None, typer.Option(help="Id of one of legfem's own legs.")] = None,
-    subject_dir: Annotated[Path | None, typer.Option(help="Folder of your own leg, in place of --subject.")] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder for results; results/stocking-ID by default.")] = None,
-    cells: Annotated[int, typer.Option(help="About how many tetrahedra.")] = 15_000,
+    subject: str | None = None,
+    subject_dir: Path | None = None,
+    out: Path | None = None,
+    cells: int = 15_000,
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
@@ -29,6 +28,17 @@ def stocking(
     Under mpirun one solution is spread over the ranks.
 
     Example: legfem stocking --subject 1 --out results/leg-1
+
+    Parameters
+    ----------
+    subject
+        Id of one of legfem's own legs.
+    subject_dir
+        Folder of your own leg, in place of --subject.
+    out
+        Folder for results; results/stocking-ID by default.
+    cells
+        About how many tetrahedra.
     """
     with command_context("run the same command again to go on; equilibria are kept", quiet):
         from mpi4py import MPI

@@ -22,12 +22,9 @@ app = typer.Typer(
 
 @app.command(cls=command_line.CheckedCommand)
 def reproduce(
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the genetic algorithm.")] = 1,
-    corrected: Annotated[bool, typer.Option("--corrected", help="Also apply each leg's own 3D correction.")] = False,
-    weighting: Annotated[
-        Literal["paper", "covariance"],
-        typer.Option(help="Objective: the paper's unweighted sum (Eq. 12), or weighted with the covariance."),
-    ] = "paper",
+    seed: Annotated[int, typer.Option(min=0)] = 1,
+    corrected: Annotated[bool, typer.Option("--corrected")] = False,
+    weighting: Literal["paper", "covariance"] = "paper",
     out: Out = None,
     jobs: Jobs = None,
     quiet: command_line.Quiet = False,
@@ -36,6 +33,15 @@ def reproduce(
     """Tables 4 and 5 of the paper beside ours, from the four reconstructed subjects.
 
     Example: legfem study reproduce
+
+    Parameters
+    ----------
+    seed
+        Seed of the genetic algorithm.
+    corrected
+        Also apply each leg's own 3D correction.
+    weighting
+        Objective: the paper's unweighted sum (Eq. 12), or weighted with the covariance.
     """
     with command_line.study_context("reproduce", out, jobs, quiet=quiet) as (folder, processes):
         from legfem.study import reproduce as tables
@@ -47,27 +53,12 @@ def reproduce(
 
 @app.command(cls=command_line.CheckedCommand)
 def doe(
-    factors: Annotated[
-        list[Path] | None,
-        typer.Option(
-            help="TOML with factors and ranges; several may be given. The paper's ranges, then "
-            "those around the identified values, by default."
-        ),
-    ] = None,
-    subject: Annotated[str, typer.Option(help="Id of one of legfem's own subjects.")] = "3",
-    subject_dir: Annotated[Path | None, typer.Option(help="Folder of your own subject, in place of --subject.")] = None,
-    count: Annotated[
-        Literal["coefficients", "factors"],
-        typer.Option(
-            help="Degrees of freedom from the number of coefficients (right, and the paper's "
-            "tables) or of factors (p = 5, the paper's text)."
-        ),
-    ] = "coefficients",
-    factorial_only: Annotated[
-        bool,
-        typer.Option("--factorial-only", help="Leave out the numerical error, the Sobol indices and the information."),
-    ] = False,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the emulator's points.")] = 1,
+    factors: list[Path] | None = None,
+    subject: str = "3",
+    subject_dir: Path | None = None,
+    count: Literal["coefficients", "factors"] = "coefficients",
+    factorial_only: Annotated[bool, typer.Option("--factorial-only")] = False,
+    seed: Annotated[int, typer.Option(min=0)] = 1,
     out: Out = None,
     jobs: Jobs = None,
     quiet: command_line.Quiet = False,
@@ -79,6 +70,23 @@ def doe(
     mpirun the same command spreads them over the ranks.
 
     Example: legfem study doe --subject 3 --factorial-only --out results/doe
+
+    Parameters
+    ----------
+    factors
+        TOML with factors and ranges; several may be given. The paper's ranges, then those around the identified
+        values, by default.
+    subject
+        Id of one of legfem's own subjects.
+    subject_dir
+        Folder of your own subject, in place of --subject.
+    count
+        Degrees of freedom from the number of coefficients (right, and the paper's tables) or of factors (p = 5, the
+        paper's text).
+    factorial_only
+        Leave out the numerical error, the Sobol indices and the information.
+    seed
+        Seed of the emulator's points.
     """
     resume = "run the same command again to go on; simulations that are done are kept"
     with command_line.command_context(resume, quiet):
@@ -115,34 +123,21 @@ def doe(
 
 @app.command(cls=command_line.CheckedCommand)
 def correction(
-    subject_dir: Annotated[
-        Path | None,
-        typer.Option(
-            "--subject", help="Folder of a subject, whose own leg is solved in 3D and compared with the table."
-        ),
-    ] = None,
-    length: Annotated[float, typer.Option(min=1.0, max=1000.0, help="Length of the leg's segment (mm).")] = 120.0,
-    radius: Annotated[float, typer.Option(min=1.0, max=200.0, help="Radius of the leg (mm).")] = 57.0,
-    bone_radius: Annotated[float, typer.Option(min=1.0, max=100.0, help="Radius of the bone (mm).")] = 15.0,
-    bone_offset: Annotated[
-        float, typer.Option(help="Distance by which the bone is moved towards the cylinder (mm).")
-    ] = 0.0,
-    held: Annotated[bool, typer.Option("--held", help="Hold the end faces along the leg.")] = False,
-    cylinder_length: Annotated[float, typer.Option(min=1.0, max=500.0, help="Length of the cylinder (mm).")] = 50.0,
-    edge_radius: Annotated[
-        float, typer.Option(min=0.01, max=100.0, help="Rounding of the cylinder's end edges (mm).")
-    ] = 2.0,
-    c10_kpa: Annotated[float, typer.Option("--c10", min=1e-3, help="Reference C10 (kPa).")] = 2.0,
-    c20_kpa: Annotated[float, typer.Option("--c20", min=0.0, help="C20 of the subject's leg (kPa).")] = 0.0,
-    depth: Annotated[float, typer.Option(min=5.0, max=60.0, help="Depth to press to (mm).")] = 25.0,
-    finer: Annotated[
-        float, typer.Option(min=0.1, max=10.0, help="Factor by which the mesh's elements are smaller.")
-    ] = 1.0,
-    trends: Annotated[
-        bool, typer.Option("--trends", help="Also compute P for other lengths, stiffnesses and radii.")
-    ] = False,
-    legs: Annotated[bool, typer.Option("--legs", help="Also tabulate P for legs of other girth and bone.")] = False,
-    fields: Annotated[bool, typer.Option("--fields", help="Also write the 3D model's fields for ParaView.")] = False,
+    subject_dir: Annotated[Path | None, typer.Option("--subject")] = None,
+    length: Annotated[float, typer.Option(min=1.0, max=1000.0)] = 120.0,
+    radius: Annotated[float, typer.Option(min=1.0, max=200.0)] = 57.0,
+    bone_radius: Annotated[float, typer.Option(min=1.0, max=100.0)] = 15.0,
+    bone_offset: float = 0.0,
+    held: Annotated[bool, typer.Option("--held")] = False,
+    cylinder_length: Annotated[float, typer.Option(min=1.0, max=500.0)] = 50.0,
+    edge_radius: Annotated[float, typer.Option(min=0.01, max=100.0)] = 2.0,
+    c10_kpa: Annotated[float, typer.Option("--c10", min=0.001)] = 2.0,
+    c20_kpa: Annotated[float, typer.Option("--c20", min=0.0)] = 0.0,
+    depth: Annotated[float, typer.Option(min=5.0, max=60.0)] = 25.0,
+    finer: Annotated[float, typer.Option(min=0.1, max=10.0)] = 1.0,
+    trends: Annotated[bool, typer.Option("--trends")] = False,
+    legs: Annotated[bool, typer.Option("--legs")] = False,
+    fields: Annotated[bool, typer.Option("--fields")] = False,
     out: Out = None,
     jobs: Jobs = None,
     quiet: command_line.Quiet = False,
@@ -153,6 +148,39 @@ def correction(
     With --subject, P(d) of that leg itself beside the table's, of --c10, --c20 and --depth alone.
 
     Example: legfem study correction, or mpirun -n 4 legfem study correction
+
+    Parameters
+    ----------
+    subject_dir
+        Folder of a subject, whose own leg is solved in 3D and compared with the table.
+    length
+        Length of the leg's segment (mm).
+    radius
+        Radius of the leg (mm).
+    bone_radius
+        Radius of the bone (mm).
+    bone_offset
+        Distance by which the bone is moved towards the cylinder (mm).
+    held
+        Hold the end faces along the leg.
+    cylinder_length
+        Length of the cylinder (mm).
+    edge_radius
+        Rounding of the cylinder's end edges (mm).
+    c10_kpa
+        Reference C10 (kPa).
+    c20_kpa
+        C20 of the subject's leg (kPa).
+    depth
+        Depth to press to (mm).
+    finer
+        Factor by which the mesh's elements are smaller.
+    trends
+        Also compute P for other lengths, stiffnesses and radii.
+    legs
+        Also tabulate P for legs of other girth and bone.
+    fields
+        Also write the 3D model's fields for ParaView.
     """
     with command_line.command_context("run the same command again to go on; solved models are kept", quiet):
         from mpi4py import MPI

@@ -6,6 +6,7 @@ import io
 import logging
 import math
 import os
+import re
 import signal
 import sys
 import tempfile
@@ -31,7 +32,18 @@ INTERRUPTS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class CheckedCommand(TyperCommand):
-    """A command that refuses ``nan`` and ``inf``, which limits let pass and meshes don't, and empty texts."""
+    """A command that refuses ``nan`` and ``inf``, which limits let pass and meshes don't, and empty texts.
+
+    What its options are for stands in its function's docstring, under ``Parameters``.
+    """
+
+    def __init__(self, name: str | None, *, help: str | None = None, **given: Any) -> None:
+        told, _, parameters = (help or "").partition("Parameters\n----------\n")
+        super().__init__(name, help=told.rstrip(), **given)
+        said = dict(re.findall(r"^(\w+)\n((?: .*\n?)+)", parameters, re.MULTILINE))
+        option: Any
+        for option in self.params:
+            option.help = " ".join(said[option.name].split()) if option.name in said else option.help
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Check that no text is empty, which would be the folder that one is in; then read what was given."""
