@@ -190,6 +190,6 @@ def test_a_checkpoint_whose_numbers_were_changed_counts_as_absent(tmp_path):
     kept = Checkpoint(tmp_path, "key", MPI.COMM_SELF)
     kept.save({"u": np.arange(3.0)}, {"step": 2, "sizes": [0.1, 0.2]})
     head = json.loads((tmp_path / "last.json").read_text())
-    head["plain"]["sizes"] = "none"
+    head["kept"]["plain"]["sizes"] = "none"
     (tmp_path / "last.json").write_text(json.dumps(head))
     assert kept.load({"u": (3,)}) is None

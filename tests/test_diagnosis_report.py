@@ -273,6 +273,8 @@ def test_a_model_that_explains_a_part_is_not_said_to_fit(monkeypatch, missing, i
         "base_model": SimpleNamespace(fit=SimpleNamespace(free=())),
         "weighed": (20, 20),
     }
-    found = SimpleNamespace(withheld=False, verdict="named", models=[model], may_be_off=0.19, **given)
+    found = SimpleNamespace(
+        provisional=False, withheld=False, verdict="named", models=[model], may_be_off=0.19, **given
+    )
     worded = headline_of(answer_of(found))
     assert (worded.tone, worded.heading) == ("caution", heading)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from legfem.common.command_line import CheckedCommand
 from studies.cases import bars, layers, planted, reach, sealed_command, sites
 from studies.cases.machine import Kind, command_of
 from studies.command_line import new_app
@@ -20,7 +21,7 @@ KINDS: dict[str, Kind[Path, Any, Any]] = {
 app = new_app()
 for name, kind in KINDS.items():
     app.command(name)(command_of(name, kind))
-app.command("sealed")(sealed_command.sealed)
+app.command("sealed", cls=CheckedCommand)(sealed_command.sealed)
 app.command("picture")(sealed_command.picture)
 
 

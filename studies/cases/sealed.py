@@ -177,6 +177,8 @@ class Lab:
         is asked, which takes a fraction of the time.
     subsets
         Of channels, by which cases are diagnosed.
+    whole
+        Whether everything is solved beforehand, and not what an answer rests on alone.
     by_time
         Whether answers are recorded as time goes by, from nothing kept on, and not by a leg's library.
     """
@@ -186,6 +188,7 @@ class Lab:
     seed: int
     confirms: bool = False
     subsets: tuple[str, ...] = tuple(SUBSETS)
+    whole: bool = False
     by_time: bool = False
     _libraries: dict[str, tuple[Complete, SolvedResponses]] = field(default_factory=dict, repr=False)
     _middles: dict[int, float] = field(default_factory=dict, repr=False)
@@ -253,7 +256,8 @@ class Lab:
                 self._middles[case.leg] = rounded(diagnoser.identified(subject, progress).fit.values[DEEP_C10])
             middle = self._middles[case.leg]
             solve = partial(build_library, fine, coarse, observed, able, 1, progress, middle, STIFFENING[law])
-            self._libraries[key] = solve, fine
+            every = solve() if self.whole else None
+            self._libraries[key] = (solve if every is None else lambda _: every), fine
         return self._libraries[key]
 
     def diagnose(self, subject: Subject, complete: Complete, solved: SolvedResponses | None) -> Diagnosis:

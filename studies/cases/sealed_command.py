@@ -18,7 +18,7 @@ from studies.cases.machine import Kind
 from studies.cases.sealed import Lab, Said, said_each
 from studies.cases.sealed_case import SealedCase
 from studies.cases.sealed_draw import SUBSETS, channel_cases
-from studies.cases.sealed_page import by_time, cell_of, page
+from studies.cases.sealed_page import answers_by_time, cell_of, page
 from studies.cases.sealed_picture import COUNTED, counted, draw, read_counted, write_counted
 from studies.command_line import DONE_IS_KEPT, Jobs, Library, Out, Seed
 
@@ -26,7 +26,7 @@ MODULES = ("legfem.legs.diagnosis", "legfem.report.diagnosis_headline", "studies
 
 
 def _of_every_case(found: Sequence[Sequence[Said]]) -> str:
-    return by_time(found) + page([one for case in found for one in case if one.final])
+    return answers_by_time(found) + page([one for case in found for one in case if one.final])
 
 
 def _libraries(lab: Lab, waiting: Sequence[SealedCase], progress: Progress) -> None:
@@ -57,18 +57,12 @@ KIND = Kind(
 
 
 def sealed(
-    legs: Annotated[int, typer.Option(min=1, help="Legs; each costs a library of responses.")] = KIND.number,
-    most: Annotated[int, typer.Option(min=1, help="Cases of each leg, of those that there are.")] = 100,
-    channels: Annotated[
-        list[str] | None,
-        typer.Option(help=f"One of {', '.join(SUBSETS)}: what is diagnosed by; may be given again. All by default."),
-    ] = None,
-    confirm: Annotated[
-        bool, typer.Option("--confirm", help="Confirm by full solutions, as `legfem diagnose` does; takes far longer.")
-    ] = False,
-    as_time_goes_by: Annotated[
-        bool, typer.Option("--by-time", help="Record answers by force alone as time goes by, from nothing kept on.")
-    ] = False,
+    legs: Annotated[int, typer.Option(min=1)] = KIND.number,
+    most: Annotated[int, typer.Option(min=1)] = 100,
+    channels: list[str] | None = None,
+    confirm: Annotated[bool, typer.Option("--confirm")] = False,
+    whole: Annotated[bool, typer.Option("--whole")] = False,
+    by_time: Annotated[bool, typer.Option("--by-time")] = False,
     seed: Seed = 1,
     library: Library = None,
     out: Out = None,
@@ -77,15 +71,30 @@ def sealed(
     """Diagnose the same sealed recordings by force alone, with further channels, and with holds.
 
     Example: python -m studies.cases sealed --legs 5 --seed 1
+
+    Parameters
+    ----------
+    legs
+        Legs; each costs a library of responses.
+    most
+        Cases of each leg, of those that there are.
+    channels
+        What is diagnosed by, such as "force alone"; may be given again. All by default.
+    confirm
+        Confirm by full solutions, as `legfem diagnose` does; takes far longer.
+    whole
+        Solve all beforehand, not what answers rest on.
+    by_time
+        Record answers by force alone as time goes by, from nothing kept on.
     """
     with study_context("sealed", out, jobs, DONE_IS_KEPT) as (folder, processes), progress_on() as progress:
         if unknown := set(channels or ()) - set(SUBSETS):
             raise InputError("--channels", sorted(unknown)[0], "is not one of them", f"give {', '.join(SUBSETS)}")
         subsets = tuple(name for name in SUBSETS if not channels or name in channels)
-        lab = Lab(library or library_folder(), read_correction(REFERENCE), seed, confirm, subsets, as_time_goes_by)
+        lab = Lab(library or library_folder(), read_correction(REFERENCE), seed, confirm, subsets, whole, by_time)
         every = channel_cases(legs, seed)
         cases = [case for leg in range(legs) for case in [one for one in every if one.leg == leg][:most]]
-        found = KIND.count(cases, lab, folder, processes, progress, [seed, confirm, list(subsets), as_time_goes_by])
+        found = KIND.count(cases, lab, folder, processes, progress, [seed, confirm, list(subsets), whole, by_time])
         write_counted(folder, counted([one for case in found for one in case if one.final]))
 
 

@@ -17,7 +17,7 @@ def page(said: Sequence[Said]) -> str:
     return "\n".join([*_by_channels(said), "", *_by_kind(said), "", *_by_truth(said), "", *_cases(said)]) + "\n"
 
 
-def by_time(cases: Sequence[Sequence[Said]]) -> str:
+def answers_by_time(cases: Sequence[Sequence[Said]]) -> str:
     """Return what provisional answers said, the first ones of all cases first, beside what was said in the end."""
     if all(one.final for case in cases for one in case):
         return ""

@@ -14,15 +14,9 @@ import typer
 from legfem.common.command_line import command_context
 from legfem.common.documents import markdown_table
 from legfem.common.errors import InputError
+from legfem.experiments import leg_3d
 from legfem.experiments.indentation import IndentationTest
 from legfem.experiments.indenter_pose import Pose
-from legfem.experiments.leg_3d import (
-    IdealisedLegIndentation,
-    IdealisedLegSettings,
-    LegIndentation3D,
-    SolidLegSettings,
-    membrane_of,
-)
 from legfem.geometry.motion import without_layer
 from legfem.mechanics.materials import Hyperelastic, NeoHookean
 from legfem.mechanics.terms import Fascia
@@ -36,28 +30,28 @@ CONTACT = 4.5
 """Of the tetrahedra under the cylinder, mm."""
 
 
-def layer(thinner: float = 1.0, finer: float = 1.0, c10: float = 1.2) -> IdealisedLegIndentation:
+def layer(thinner: float = 1.0, finer: float = 1.0, c10: float = 1.2) -> leg_3d.IdealisedLegIndentation:
     """Return the leg by hexahedra; a thinner fascia is as much stiffer, about the same middle."""
     own = Planted(c10).tissues
     fascia = own["fascia"]
     tissues = {**own, "fascia": NeoHookean(fascia.C10 * thinner, fascia.D1 / thinner)}
     less = LEG.fascia * (1 - 1 / thinner)
     leg = replace(LEG, fascia=LEG.fascia - less, fat=LEG.fat + less / 2)
-    settings = replace(IdealisedLegSettings(), mesh=MESH.refined(finer))
-    return IdealisedLegIndentation(leg, CYLINDER, tissues, 3, settings)
+    settings = replace(leg_3d.IdealisedLegSettings(), mesh=MESH.refined(finer))
+    return leg_3d.IdealisedLegIndentation(leg, CYLINDER, tissues, 3, settings)
 
 
 def membrane(
     own_law: bool = True, taken_out: bool = True, finer: float = 1.0, fibula: bool = False
-) -> LegIndentation3D:
+) -> leg_3d.LegIndentation3D:
     """Return the leg by tetrahedra: by its fascia's own law, or incompressible, and so on."""
     shape = round_shape(120, 5, fibula)
     tissues = Planted().tissues
-    sheet = membrane_of(tissues["fascia"], LEG.fascia)
-    default = SolidLegSettings()
+    sheet = leg_3d.membrane_of(tissues["fascia"], LEG.fascia)
+    default = leg_3d.SolidLegSettings()
     settings = replace(default, mesh=default.mesh.refined(finer), contact_size=CONTACT)
     laws: dict[str, Hyperelastic] = {part: tissues[part] for part in ("deep", "superficial")}
-    return LegIndentation3D(
+    return leg_3d.LegIndentation3D(
         without_layer(shape, LEG.fascia) if taken_out else shape,
         CYLINDER,
         Pose((0.0, 0.0), 0.0, 90.0),

@@ -14,15 +14,9 @@ from legfem.common.command_line import command_context
 from legfem.common.documents import markdown_table
 from legfem.common.errors import InputError
 from legfem.common.units import kpa_to_mpa
+from legfem.experiments import leg_3d
 from legfem.experiments.indentation import IndentationTest
 from legfem.experiments.indenter_pose import Pose
-from legfem.experiments.leg_3d import (
-    IdealisedLegIndentation,
-    IdealisedLegSettings,
-    LegIndentation3D,
-    SolidLegSettings,
-    fibres_of,
-)
 from legfem.legs.finite_element_models import spatial_test
 from legfem.legs.loading import load_subject
 from legfem.legs.placement import spatial_leg
@@ -37,18 +31,18 @@ SHOWN = np.array([1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 15.0, 20.0, 25.0, 30.0])
 """mm."""
 
 
-def round_leg() -> LegIndentation3D:
+def round_leg() -> leg_3d.LegIndentation3D:
     """Return the study's small leg, round, without its fascia and fibula."""
     pose = Pose((0.0, 0.0), 0.0, 90.0)
-    return LegIndentation3D(round_shape(96, 9), CYLINDER, pose, _tissues(), Fascia())
+    return leg_3d.LegIndentation3D(round_shape(96, 9), CYLINDER, pose, _tissues(), Fascia())
 
 
-def hexahedra(deep: Hyperelastic) -> IdealisedLegIndentation:
+def hexahedra(deep: Hyperelastic) -> leg_3d.IdealisedLegIndentation:
     """Return the same leg by hexahedra, so fine around the leg that flat facets don't matter."""
     leg = replace(LEG, fascia=0.0)
     mesh = LegMeshSettings(contact_size=1, depth_size=5, edge_size=2, growth=0.4, far_size=15)
-    settings = replace(IdealisedLegSettings(), mesh=mesh)
-    return IdealisedLegIndentation(leg, CYLINDER, {**_tissues(), "deep": deep}, 3, settings)
+    settings = replace(leg_3d.IdealisedLegSettings(), mesh=mesh)
+    return leg_3d.IdealisedLegIndentation(leg, CYLINDER, {**_tissues(), "deep": deep}, 3, settings)
 
 
 def _tissues() -> dict[str, Hyperelastic]:
@@ -56,19 +50,19 @@ def _tissues() -> dict[str, Hyperelastic]:
     return {region: laws[region] for region in ("deep", "superficial")}
 
 
-def refined(test: LegIndentation3D, finer: float, contact: float) -> LegIndentation3D:
+def refined(test: leg_3d.LegIndentation3D, finer: float, contact: float) -> leg_3d.LegIndentation3D:
     """Return a test with all edges shorter by a factor, but those under the cylinder as given."""
     mesh = test.settings.mesh.refined(finer)
     return replace(test, settings=replace(test.settings, mesh=mesh, contact_size=contact))
 
 
-def stiffened(test: LegIndentation3D, c10: float, c20: float, fibres: float) -> LegIndentation3D:
+def stiffened(test: leg_3d.LegIndentation3D, c10: float, c20: float, fibres: float) -> leg_3d.LegIndentation3D:
     """Return a test with muscle of C10 and C20 (kPa), its fibres' ratio given."""
     c10, deep = kpa_to_mpa(c10), test.tissues["deep"]
     law: Hyperelastic = NeoHookean(c10, deep.D1)
     if c20:
         law = ReducedPolynomial(c10, deep.D1, kpa_to_mpa(c20))
-    own = () if fibres == 1 else (fibres_of(c10, fibres),)
+    own = () if fibres == 1 else (leg_3d.fibres_of(c10, fibres),)
     return replace(test, tissues={**test.tissues, "deep": law}, mechanisms=own)
 
 
@@ -80,7 +74,7 @@ def row(name: str, test: IndentationTest, depth: float) -> list[str]:
     seconds = time.process_time() - started
     report, balance = solved.report, test.system.balance()
     # The planes that the ends stay in, and mirror planes, take forces too.
-    whole = isinstance(test, LegIndentation3D)
+    whole = isinstance(test, leg_3d.LegIndentation3D)
     across = np.abs(balance.contact_force + balance.bone_reaction)[:2].max()
     off = across / np.abs(balance.contact_force).max()
     forces = [f"{solved.curve(d):.4f}" if d <= report.reached else "" for d in _shown(depth)]
@@ -117,7 +111,7 @@ def meshes(
     Example: python -m studies.leg3d.meshes --subject DIR --contact 8 --contact 6 --depth 10
     """
     with command_context():
-        factors, sizes = finer or [1.0], contact or [SolidLegSettings().contact_size]
+        factors, sizes = finer or [1.0], contact or [leg_3d.SolidLegSettings().contact_size]
         if min(*factors, *sizes) <= 0:
             raise InputError("meshes", "sizes", "one is not positive", "give 1, 6 mm or so")
         test = round_leg()

@@ -20,18 +20,9 @@ from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.inverse.population import TABLE, Population
 from legfem.report.style import DATA_COLOUR, FAINT, REGION_COLOURS, new_figure, panel, save, styled, title
 from studies.command_line import DONE_IS_KEPT, Jobs, Out, new_app
+from studies.people import prediction
 from studies.people.data import SITES, Indentations, read_indentations
 from studies.people.population import BOUNDARY_SD_MM, Drawn, draw_population
-from studies.people.prediction import (
-    GROUP,
-    Predicted,
-    constant_left_out,
-    least_share,
-    least_squares,
-    left_out,
-    mean_error,
-    predict_left_out,
-)
 from studies.people.probe import Losses, ProbeModel, ProbeResponse, points, solve_points, solved_for
 
 _TISSUES = (("superficial", "skin and fat"), ("deep", "muscle"))
@@ -60,7 +51,7 @@ def draw_stiffness(rows: Indentations, log_C10: FloatArray, site: str) -> Figure
 
 
 @styled
-def draw_predicted(rows: Indentations, compliance: FloatArray, predicted: Predicted) -> Figure:
+def draw_predicted(rows: Indentations, compliance: FloatArray, predicted: prediction.Predicted) -> Figure:
     """Draw compliance as measured against that of mechanics and of springs, all left out."""
     figure = new_figure(9, 4.6)
     title(
@@ -69,7 +60,7 @@ def draw_predicted(rows: Indentations, compliance: FloatArray, predicted: Predic
     left, right = figure.subplots(1, 2, sharex=True, sharey=True)
     _against(left, rows, compliance, predicted.best)
     panel(left, "A", "mechanics")
-    _against(right, rows, compliance, left_out(rows, compliance, least_squares))
+    _against(right, rows, compliance, prediction.left_out(rows, compliance, prediction.least_squares))
     panel(right, "B", "two linear springs by site")
     right.legend(fontsize=8, markerscale=1.5)
     return figure
@@ -104,7 +95,7 @@ class Found:
     """Root mean square at points it hasn't seen: of the force, relative; of the superficial
     strain over that of both."""
     drawn: Drawn
-    predicted: Predicted
+    predicted: prediction.Predicted
     errors: dict[str, FloatArray]
     """Mean absolute relative error of the compliance by site, of people left out, by method."""
 
@@ -125,13 +116,16 @@ def find(rows: Indentations, model: ProbeModel, folder: Path, jobs: int, seed: i
         used = losses.rows
         fits = []
         for with_thickness in (True, False):
-            progress.stage("the population, and people left out", -(-len(used.people) // GROUP))
+            progress.stage("the population, and people left out", -(-len(used.people) // prediction.GROUP))
             drawn = draw_population(
                 losses, KEPT, SWEEPS, np.random.default_rng(seed), thin=THIN, with_thickness=with_thickness
             )
             start = drawn.states[-1]
             fits.append(
-                (drawn, predict_left_out(losses, used.compliance, start, seed, progress.advance, with_thickness))
+                (
+                    drawn,
+                    prediction.predict_left_out(losses, used.compliance, start, seed, progress.advance, with_thickness),
+                )
             )
     (drawn, predicted), (_, alike) = fits
     compliance = used.compliance
@@ -139,9 +133,9 @@ def find(rows: Indentations, model: ProbeModel, folder: Path, jobs: int, seed: i
         "mechanics": predicted.best,
         "mechanics, stiffness alike at any thickness": alike.best,
         "mechanics, no site told either": alike.without_site,
-        "two springs": left_out(used, compliance, least_squares),
-        "two springs, least relative error": left_out(used, compliance, least_share),
-        "one number, no thickness": constant_left_out(used, compliance),
+        "two springs": prediction.left_out(used, compliance, prediction.least_squares),
+        "two springs, least relative error": prediction.left_out(used, compliance, prediction.least_share),
+        "one number, no thickness": prediction.constant_left_out(used, compliance),
     }
     return Found(
         model,
@@ -151,7 +145,7 @@ def find(rows: Indentations, model: ProbeModel, folder: Path, jobs: int, seed: i
         (float(np.sqrt(np.mean(force_error**2))), float(np.sqrt(np.mean(share_error**2)))),
         drawn,
         predicted,
-        {name: mean_error(used, compliance, made) for name, made in by_method.items()},
+        {name: prediction.mean_error(used, compliance, made) for name, made in by_method.items()},
     )
 
 
