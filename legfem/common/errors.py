@@ -7,9 +7,12 @@ import unicodedata
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from enum import StrEnum
+from functools import cache
 from numbers import Real
 from os import PathLike
 from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from legfem.common.wording import Argument, Door, Remedy
 
@@ -124,29 +127,55 @@ def naming(path: str | PathLike[str]) -> Iterator[None]:
         raise
 
 
-def check_positive(owner: object, *names: str, zero_allowed: bool = False) -> None:
-    """Check attributes of a parameter object, numbers or tuples of them; symbols of a discretised model pass.
+Kind = TypeVar("Kind")
 
-    Raises
-    ------
-    InputError
-        If one is a number that is negative, not finite, or zero where zero isn't allowed.
+
+class Least(StrEnum):
+    """What a number has to be, in the words of an error."""
+
+    POSITIVE = "more than zero"
+    ZERO = "zero or more"
+
+
+AboveZero = Annotated[Kind, Least.POSITIVE]
+"""Of a field of a `Checked` class, as ``AboveZero[float]``, or of a tuple of numbers."""
+ZeroOrMore = Annotated[Kind, Least.ZERO]
+
+
+class Checked:
+    """A dataclass that refuses what its annotations don't allow: numbers, and other choices than a ``Literal``'s.
+
+    Numbers, alone or in tuples, are `AboveZero` or `ZeroOrMore`, and finite. Symbols of a discretised model pass.
     """
-    values = ((name, getattr(owner, name)) for name in names)
-    every = ((name, one) for name, value in values for one in (value if isinstance(value, tuple) else (value,)))
-    for name, value in every:
-        if not isinstance(value, Real):
-            continue
-        number = float(value)
-        good = number >= 0 if zero_allowed else number > 0
-        if not (good and math.isfinite(number)):
-            bound = "zero or more" if zero_allowed else "more than zero"
-            raise InputError(
-                source=type(owner).__name__,
-                field=name,
-                problem=f"is {number:g}",
-                remedy=f"give a finite value of {bound}",
-            )
+
+    def __post_init__(self) -> None:
+        """Check every field.
+
+        Raises
+        ------
+        InputError
+            If one is something else than its annotation says.
+        """
+        owner: Any = type(self)
+        for name, kind in _annotations(owner).items():
+            given, choices = getattr(self, name, None), get_args(kind)
+            if get_origin(kind) is Literal and given not in choices:
+                raise InputError(owner.__name__, name, f"unknown kind {given!r}", f"choose {' or '.join(choices)}")
+            for least in getattr(kind, "__metadata__", ()):
+                for number in given if isinstance(given, tuple) else (given,):
+                    if isinstance(number, Real) and not _is_at_least(float(number), least):
+                        raise InputError(
+                            owner.__name__, name, f"is {float(number):g}", f"give a finite value of {least}"
+                        )
+
+
+@cache
+def _annotations(owner: Any) -> dict[str, Any]:
+    return get_type_hints(owner, include_extras=True)
+
+
+def _is_at_least(number: float, least: Least) -> bool:
+    return math.isfinite(number) and (number > 0 or (number == 0 and least is Least.ZERO))
 
 
 _log = logging.getLogger(__name__)

@@ -19,7 +19,7 @@ from mpi4py import MPI
 from legfem.channels.kinds import files_of
 from legfem.channels.log import ChannelReader
 from legfem.channels.seen import SeenSpecimen
-from legfem.common.errors import InputError, check_positive
+from legfem.common.errors import AboveZero, Checked, InputError
 from legfem.experiments.bodies import BallOnLayer, CylinderBetweenPlates, Faces
 from legfem.experiments.experiment import Picklable, Solved
 from legfem.experiments.indentation import Attempt, IndentationModel, IndentationRequest, IndentationTest, leg_model
@@ -40,7 +40,7 @@ from legfem.solve.settings import NewtonSettings, StepSettings
 
 
 @dataclass(frozen=True)
-class Layer:
+class Layer(Checked):
     """One of several tissues on each other, bonded.
 
     Parameters
@@ -56,13 +56,9 @@ class Layer:
     """
 
     name: str
-    thickness: float
+    thickness: AboveZero[float]
     law: Hyperelastic
     called: str = ""
-
-    def __post_init__(self) -> None:
-        """Check the thickness."""
-        check_positive(self, "thickness")
 
 
 @dataclass(frozen=True)

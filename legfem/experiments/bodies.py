@@ -2,12 +2,12 @@
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from legfem.common.errors import InputError, check_positive
+from legfem.common.errors import AboveZero, Checked, InputError
 from legfem.common.units import FloatArray
 
 Faces = Literal["rough", "frictionless"]
@@ -15,22 +15,7 @@ Base = Literal["bonded", "sliding"]
 
 
 @dataclass(frozen=True)
-class PositiveSizes:
-    """A body whose numbers are sizes, all above zero.
-
-    Raises
-    ------
-    InputError
-        For a number that isn't.
-    """
-
-    def __post_init__(self) -> None:
-        """Check the sizes."""
-        check_positive(self, *(one.name for one in fields(self)))
-
-
-@dataclass(frozen=True)
-class BallOnLayer(PositiveSizes):
+class BallOnLayer(Checked):
     """A rigid ball above a layer on a rigid base.
 
     Parameters
@@ -47,15 +32,15 @@ class BallOnLayer(PositiveSizes):
         Whether the layer sticks to its base; it doesn't lift off in either case.
     """
 
-    thickness: float
-    ball_radius: float = 5.0
-    layer_radius: float = 40.0
+    thickness: AboveZero[float]
+    ball_radius: AboveZero[float] = 5.0
+    layer_radius: AboveZero[float] = 40.0
     ball: Faces = "rough"
     base: Base = "bonded"
 
 
 @dataclass(frozen=True)
-class CylinderBetweenPlates(PositiveSizes):
+class CylinderBetweenPlates(Checked):
     """A cylinder compressed along its axis between two rigid plates.
 
     Parameters
@@ -67,13 +52,13 @@ class CylinderBetweenPlates(PositiveSizes):
         plates, it sticks too.
     """
 
-    radius: float = 25.0
-    height: float = 30.0
+    radius: AboveZero[float] = 25.0
+    height: AboveZero[float] = 30.0
     ends: Literal["bonded", "sliding"] = "sliding"
 
 
 @dataclass(frozen=True)
-class TwistedCylinder(PositiveSizes):
+class TwistedCylinder(Checked):
     """A cylinder between two plates that stick to its ends, one of which turns about its axis.
 
     Parameters
@@ -82,8 +67,8 @@ class TwistedCylinder(PositiveSizes):
         Radius of the cylinder and distance of the plates, mm.
     """
 
-    radius: float
-    height: float
+    radius: AboveZero[float]
+    height: AboveZero[float]
 
 
 def check_rounding(radius: float, edge: float) -> None:
@@ -99,7 +84,7 @@ def check_rounding(radius: float, edge: float) -> None:
 
 
 @dataclass(frozen=True)
-class PunchOnLayer(PositiveSizes):
+class PunchOnLayer(Checked):
     """A rigid flat punch above a layer on a rigid base.
 
     Parameters
@@ -118,10 +103,10 @@ class PunchOnLayer(PositiveSizes):
         Whether the layer sticks to its base; it doesn't lift off in either case.
     """
 
-    thickness: float
-    radius: float = 5.0
-    edge: float = 0.5
-    layer_radius: float = 40.0
+    thickness: AboveZero[float]
+    radius: AboveZero[float] = 5.0
+    edge: AboveZero[float] = 0.5
+    layer_radius: AboveZero[float] = 40.0
     punch: Faces = "rough"
     base: Base = "bonded"
 
@@ -139,7 +124,7 @@ class PunchOnLayer(PositiveSizes):
 
 
 @dataclass(frozen=True)
-class CupOnLayer(PositiveSizes):
+class CupOnLayer(Checked):
     """A suction cup on a layer on a rigid base.
 
     Parameters
@@ -158,10 +143,10 @@ class CupOnLayer(PositiveSizes):
         Whether the layer sticks to its base; it doesn't lift off in either case.
     """
 
-    thickness: float
-    opening_radius: float = 5.0
-    rim_width: float = 2.0
-    layer_radius: float = 40.0
+    thickness: AboveZero[float]
+    opening_radius: AboveZero[float] = 5.0
+    rim_width: AboveZero[float] = 2.0
+    layer_radius: AboveZero[float] = 40.0
     rim: Literal["bonded", "sliding"] = "bonded"
     base: Base = "bonded"
 
@@ -184,7 +169,7 @@ class CupOnLayer(PositiveSizes):
 
 
 @dataclass(frozen=True)
-class CylinderOnBlock(PositiveSizes):
+class CylinderOnBlock(Checked):
     """A rigid cylinder across a block on a rigid base.
 
     Parameters
@@ -201,10 +186,10 @@ class CylinderOnBlock(PositiveSizes):
         Whether the block sticks to its base; it doesn't lift off in either case.
     """
 
-    thickness: float
-    width: float
-    length: float
-    cylinder_radius: float = 15.0
+    thickness: AboveZero[float]
+    width: AboveZero[float]
+    length: AboveZero[float]
+    cylinder_radius: AboveZero[float] = 15.0
     cylinder: Faces = "rough"
     base: Base = "bonded"
 
@@ -218,7 +203,7 @@ class CylinderOnBlock(PositiveSizes):
 
 
 @dataclass(frozen=True)
-class HomogeneousBody(PositiveSizes, ABC):
+class HomogeneousBody(Checked, ABC):
     """Sizes of a specimen that is strained alike everywhere.
 
     Parameters
@@ -229,8 +214,8 @@ class HomogeneousBody(PositiveSizes, ABC):
         On which the force acts, undeformed (mm2).
     """
 
-    length: float
-    area: float
+    length: AboveZero[float]
+    area: AboveZero[float]
 
     free: ClassVar[tuple[int, ...]]
     """Axes along which nothing pulls: their stretches follow."""

@@ -9,12 +9,12 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
-from legfem.common.errors import InputError, check_positive
+from legfem.common.errors import AboveZero, Checked, InputError
 from legfem.common.units import FloatArray
 from legfem.fem.spaces import build_spaces
 from legfem.fem.system import System
 from legfem.mechanics.materials import Hyperelastic
-from legfem.mechanics.model import Formulation, LegModel, Term
+from legfem.mechanics.model import LegModel, Term
 from legfem.mechanics.terms import PressureStabilisation, SkinPressure, Tissue
 from legfem.meshing.grid import Support
 from legfem.meshing.structured import END, LegMesh
@@ -28,7 +28,7 @@ from legfem.solve.stepping import follow
 
 
 @dataclass(frozen=True)
-class CompressionSettings:
+class CompressionSettings(Checked):
     """Numerical settings of a compressed leg.
 
     Parameters
@@ -47,24 +47,15 @@ class CompressionSettings:
         Settings of the solvers.
     """
 
-    formulation: Formulation = "continuous"
+    formulation: Literal["continuous", "displacement"] = "continuous"
     degree: int = 1
     follower: bool = True
     ends: Literal["held", "free"] = "held"
-    stabilisation: float = 1.0
+    stabilisation: AboveZero[float] = 1.0
     newton: NewtonSettings = field(default_factory=lambda: NewtonSettings(relative_tolerance=1e-8))
     linear: LinearSettings = field(
         default_factory=lambda: LinearSettings(tolerance=1e-6, kept_iterations=15, direct_limit=100_000)
     )
-
-    def __post_init__(self) -> None:
-        """Check the choices."""
-        check_positive(self, "stabilisation")
-        for name, choices in (("ends", ("held", "free")), ("formulation", ("continuous", "displacement"))):
-            if getattr(self, name) not in choices:
-                raise InputError(
-                    "compression", name, f"unknown kind {getattr(self, name)!r}", f"choose {' or '.join(choices)}"
-                )
 
 
 @dataclass(frozen=True, eq=False)

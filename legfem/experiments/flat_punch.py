@@ -6,7 +6,7 @@ from typing import Any
 
 import ufl
 
-from legfem.common.errors import check_positive
+from legfem.common.errors import AboveZero, Checked
 from legfem.experiments.axisymmetric import Arrangement, AxisymmetricTest
 from legfem.experiments.bodies import PunchOnLayer, check_rounding
 from legfem.mechanics.contact import ContactSettings
@@ -18,7 +18,7 @@ Scalar = Any
 
 
 @dataclass(frozen=True)
-class RigidPunch:
+class RigidPunch(Checked):
     r"""A flat-ended cylinder that reaches upwards without end, in the meridional half plane.
 
     With :math:`a = r - (R - \rho)` and :math:`b = \rho - z` from the middle of the face, the signed
@@ -34,12 +34,12 @@ class RigidPunch:
         Radius :math:`\rho` of the rounding (mm).
     """
 
-    radius: Scalar
-    edge: Scalar
+    radius: AboveZero[Scalar]
+    edge: AboveZero[Scalar]
 
     def __post_init__(self) -> None:
         """Check the numbers, and that the face has a flat part."""
-        check_positive(self, "radius", "edge")
+        super().__post_init__()
         if isinstance(self.edge, Real) and isinstance(self.radius, Real):
             check_rounding(float(self.radius), float(self.edge))
 

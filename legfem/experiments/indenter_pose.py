@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from legfem.common.errors import AboveZero, Checked
 from legfem.common.units import FloatArray
-from legfem.experiments.bodies import PositiveSizes
 from legfem.mechanics.indenters import FiniteCylinder, RigidBall, RigidCylinder, RigidIndenter
 
 
@@ -52,10 +52,10 @@ _OUTLINE = 13
 """Points of an indenter's outline, along its axis."""
 
 
-class LegIndenter(PositiveSizes, ABC):
+class LegIndenter(Checked, ABC):
     """The sizes of a rigid indenter, and what it is in a pose."""
 
-    radius: float
+    radius: AboveZero[float]
 
     def axis(self, pose: Pose) -> FloatArray:
         """Return the unit vector of the axis of symmetry, (3,)."""
@@ -101,9 +101,9 @@ class Cylinder(LegIndenter):
         Radius of the rounding of the end edges (mm).
     """
 
-    radius: float = 15.0
-    length: float = 50.0
-    edge_radius: float = 2.0
+    radius: AboveZero[float] = 15.0
+    length: AboveZero[float] = 50.0
+    edge_radius: AboveZero[float] = 2.0
 
     def shape(self, dimension: int) -> RigidIndenter:
         """Return the signed distance in plane strain (2), or in 3D (3) along the third axis."""
@@ -171,7 +171,7 @@ class Ball(LegIndenter):
         Radius, mm.
     """
 
-    radius: float = 15.0
+    radius: AboveZero[float] = 15.0
 
     def placed(self, pose: Pose) -> RigidIndenter:
         """Return the signed distance from its surface."""

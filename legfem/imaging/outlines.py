@@ -16,7 +16,7 @@ from scipy import ndimage
 from scipy.linalg import solveh_banded
 from shapely import Polygon
 
-from legfem.common.errors import InputError, check_positive
+from legfem.common.errors import AboveZero, Checked, InputError, ZeroOrMore
 from legfem.common.units import FloatArray
 from legfem.geometry.contours import MUSCLE_HULL, check_girth, read_loops
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape, check_shape, corresponding_loops, shape_of_contours
@@ -210,7 +210,7 @@ _LEAST_LEG = 0.2  # likewise of skin: as large as that it is another leg
 
 
 @dataclass(frozen=True)
-class OutlineSettings:
+class OutlineSettings(Checked):
     """How outlines are taken from a volume.
 
     Parameters
@@ -231,18 +231,13 @@ class OutlineSettings:
         Points a contour.
     """
 
-    blur: float = 0.7
-    around: float = 25.0
-    along: float = 80.0
-    bone_around: float = 12.0
-    bone_along: float = 12.0
-    bridge: float = BRIDGE
-    n_points: int = 180
-
-    def __post_init__(self) -> None:
-        """Check the lengths."""
-        check_positive(self, "blur", "n_points", "bridge")
-        check_positive(self, "around", "along", "bone_around", "bone_along", zero_allowed=True)
+    blur: AboveZero[float] = 0.7
+    around: ZeroOrMore[float] = 25.0
+    along: ZeroOrMore[float] = 80.0
+    bone_around: ZeroOrMore[float] = 12.0
+    bone_along: ZeroOrMore[float] = 12.0
+    bridge: AboveZero[float] = BRIDGE
+    n_points: AboveZero[int] = 180
 
 
 def shape_of_volume(

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from legfem.common.errors import InputError, check_positive
+from legfem.common.errors import AboveZero, Checked, InputError
 from legfem.common.input_files import read_table
 from legfem.common.units import FloatArray
 from legfem.geometry.contours import check_section, read_contours
@@ -28,7 +28,7 @@ MOST_OVER_SHIN_MM = 6.0
 
 
 @dataclass(frozen=True)
-class Calf:
+class Calf(Checked):
     """Shape of one calf.
 
     Parameters
@@ -53,20 +53,20 @@ class Calf:
         On which side of the y axis the fibula lies.
     """
 
-    girth_mm: float
-    fat_mm: float
-    fascia_thickness_mm: float
-    aspect: float = 1.04
+    girth_mm: AboveZero[float]
+    fat_mm: AboveZero[float]
+    fascia_thickness_mm: AboveZero[float]
+    aspect: AboveZero[float] = 1.04
     bulge: float = 0.05
     asymmetry: float = 0.02
     fat_variation: float = 0.15
-    tibia_mm: float = 12.0
-    fibula_mm: float = 6.0
+    tibia_mm: AboveZero[float] = 12.0
+    fibula_mm: AboveZero[float] = 6.0
     side: int = 1
 
     def __post_init__(self) -> None:
         """Check the lengths and that the fascia is thinner than the fat."""
-        check_positive(self, "girth_mm", "fat_mm", "fascia_thickness_mm", "aspect", "tibia_mm", "fibula_mm")
+        super().__post_init__()
         if self.fascia_thickness_mm >= self.fat_mm:
             raise InputError("Calf", "fascia_thickness_mm", "is not below fat_mm", "give a thinner fascia")
 

@@ -7,11 +7,11 @@ acts along the gradient of the gap. All laws are per unit of the skin's referenc
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol, get_args
+from typing import Any, Literal, Protocol
 
 import ufl
 
-from legfem.common.errors import InputError, check_positive
+from legfem.common.errors import AboveZero, Checked, ZeroOrMore
 from legfem.mechanics.kinematics import Expr
 
 Scalar = Any
@@ -29,7 +29,7 @@ class PressureLaw(Protocol):
 
 
 @dataclass(frozen=True)
-class ExponentialPressure:
+class ExponentialPressure(Checked):
     r"""Abaqus' exponential pressure-overclosure law.
 
     .. math:: p = \frac{p_0}{e - 1}
@@ -47,12 +47,8 @@ class ExponentialPressure:
         Gap at which the pressure vanishes (mm).
     """
 
-    p0: Scalar
-    c0: Scalar
-
-    def __post_init__(self) -> None:
-        """Check that both numbers are positive."""
-        check_positive(self, "p0", "c0")
+    p0: AboveZero[Scalar]
+    c0: AboveZero[Scalar]
 
     @property
     def onset(self) -> Scalar:
@@ -70,7 +66,7 @@ class ExponentialPressure:
 
 
 @dataclass(frozen=True)
-class StiffPressure:
+class StiffPressure(Checked):
     r"""A linear penalty, rounded where it starts.
 
     .. math:: p = \begin{cases} 0 & h < -w \\ k (h + w)^2 / (4 w) & |h| \le w \\
@@ -84,12 +80,8 @@ class StiffPressure:
         :math:`w` (mm), half of the interval over which the stiffness grows from zero.
     """
 
-    stiffness: Scalar
-    width: Scalar
-
-    def __post_init__(self) -> None:
-        """Check that both numbers are positive."""
-        check_positive(self, "stiffness", "width")
+    stiffness: AboveZero[Scalar]
+    width: AboveZero[Scalar]
 
     @property
     def onset(self) -> Scalar:
@@ -120,7 +112,7 @@ class Frictionless:
 
 
 @dataclass(frozen=True)
-class Rough:
+class Rough(Checked):
     """No sliding: a point that touches stays where it touched, held by a stiff spring.
 
     Parameters
@@ -129,11 +121,7 @@ class Rough:
         Stiffness of the spring, MPa/mm.
     """
 
-    stiffness: Scalar
-
-    def __post_init__(self) -> None:
-        """Check the stiffness."""
-        check_positive(self, "stiffness")
+    stiffness: AboveZero[Scalar]
 
     def traction(self, slip: Expr, pressure: Expr) -> Expr:
         """Return ``stiffness * slip``, MPa."""
@@ -141,7 +129,7 @@ class Rough:
 
 
 @dataclass(frozen=True)
-class Coulomb:
+class Coulomb(Checked):
     r"""Coulomb friction: stick up to :math:`\mu p`, then slip (radial return of the anchor).
 
     Parameters
@@ -152,12 +140,8 @@ class Coulomb:
         Stiffness of the stick, MPa/mm.
     """
 
-    friction: Scalar
-    stiffness: Scalar
-
-    def __post_init__(self) -> None:
-        """Check both numbers."""
-        check_positive(self, "friction", "stiffness")
+    friction: AboveZero[Scalar]
+    stiffness: AboveZero[Scalar]
 
     def traction(self, slip: Expr, pressure: Expr) -> Expr:
         """Return the traction, limited by ``friction * pressure``."""
@@ -167,7 +151,7 @@ class Coulomb:
 
 
 @dataclass(frozen=True)
-class Tape:
+class Tape(Checked):
     r"""Tape that fails: the skin sticks up to a shear strength, then slips at that traction.
 
     With the trial traction :math:`k s` of the slip :math:`s` and the weakness :math:`w`,
@@ -184,13 +168,8 @@ class Tape:
         Stiffness of the stick, MPa/mm.
     """
 
-    weakness: Scalar
-    stiffness: Scalar
-
-    def __post_init__(self) -> None:
-        """Check both numbers."""
-        check_positive(self, "weakness", zero_allowed=True)
-        check_positive(self, "stiffness")
+    weakness: ZeroOrMore[Scalar]
+    stiffness: AboveZero[Scalar]
 
     def traction(self, slip: Expr, pressure: Expr) -> Expr:
         """Return the traction, limited by the strength."""
@@ -204,7 +183,7 @@ PENALTY_PARAMETERS = ("deep.C10", "deep.C20", "superficial.C10")
 
 
 @dataclass(frozen=True)
-class ContactSettings:
+class ContactSettings(Checked):
     r"""Laws of contact, their stiffness relative to the tissue's.
 
     Parameters
@@ -234,14 +213,6 @@ class ContactSettings:
     friction: float = 0.5
     weakness: float = 0.0
     stiffnesses: tuple[str, ...] = PENALTY_PARAMETERS
-
-    def __post_init__(self) -> None:
-        """Check the names of the laws."""
-        for field, known in (("normal", ("stiff", "exponential")), ("tangential", get_args(TangentialName))):
-            if getattr(self, field) not in known:
-                raise InputError(
-                    "contact", field, f"unknown law {getattr(self, field)!r}", f"choose one of {', '.join(known)}"
-                )
 
     def penalty(self, parameters: Mapping[str, float], radius: float) -> float:
         """Return the penalty (MPa/mm) for a leg's parameters and the indenter's radius (mm)."""

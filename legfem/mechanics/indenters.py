@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 import ufl
 
-from legfem.common.errors import InputError, check_positive
+from legfem.common.errors import AboveZero, Checked, InputError
 from legfem.mechanics.kinematics import Expr
 
 Scalar = Any
@@ -71,7 +71,7 @@ class RigidPlate:
 
 
 @dataclass(frozen=True)
-class FiniteCylinder:
+class FiniteCylinder(Checked):
     r"""A rigid cylinder with rounded end edges.
 
     With the distance :math:`s` from the axis and the place :math:`z` along it, :math:`a = s - (r - \rho)` and
@@ -93,16 +93,16 @@ class FiniteCylinder:
         Components of the axis' unit vector; along the third coordinate without them.
     """
 
-    radius: Scalar
-    half_length: Scalar
-    edge: Scalar
+    radius: AboveZero[Scalar]
+    half_length: AboveZero[Scalar]
+    edge: AboveZero[Scalar]
     axis_x: Scalar = 0.0
     axis_y: Scalar = 0.0
     axis_z: Scalar = 1.0
 
     def __post_init__(self) -> None:
         """Check the numbers, and that the rounding fits the cylinder."""
-        check_positive(self, "radius", "half_length", "edge")
+        super().__post_init__()
         numbers = (self.edge, self.radius, self.half_length)
         if all(isinstance(n, Real) for n in numbers) and self.edge >= min(numbers[1:]):
             raise InputError(

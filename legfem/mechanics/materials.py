@@ -19,21 +19,18 @@ from typing import Any, Self
 import numpy as np
 import ufl
 
-from legfem.common.errors import InputError, check_positive
+from legfem.common.errors import AboveZero, Checked, InputError, ZeroOrMore
 from legfem.mechanics.kinematics import Expr, isochoric_first_invariant, volume_ratio
 
 Scalar = Any
 
 
 @dataclass(frozen=True)
-class Hyperelastic:
+class Hyperelastic(Checked):
     """What all laws share: a compressibility ``D1`` (1/MPa) and the sum of the three parts."""
 
-    C10: Scalar
-    D1: Scalar
-
-    def __post_init__(self) -> None:
-        check_positive(self, "C10", "D1")
+    C10: AboveZero[Scalar]
+    D1: AboveZero[Scalar]
 
     def distortion_energy(self, F: Expr) -> Expr:
         r"""Return :math:`C_{10}(\bar I_1 - 3)` (MPa)."""
@@ -110,12 +107,11 @@ class ReducedPolynomial(Hyperelastic):
         If ``C10``, ``D1`` or ``D2`` is not positive, or ``C20`` is negative.
     """
 
-    C20: Scalar
+    C20: ZeroOrMore[Scalar]
     D2: Scalar = math.inf
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_positive(self, "C20", zero_allowed=True)
         if isinstance(self.D2, Real) and not float(self.D2) > 0:
             raise InputError(
                 source=type(self).__name__,
@@ -167,11 +163,7 @@ class Yeoh(_Stiffening):
         For impossible parameters; ``C30`` is zero or more.
     """
 
-    C30: Scalar = 0.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_positive(self, "C30", zero_allowed=True)
+    C30: ZeroOrMore[Scalar] = 0.0
 
     def distortion_energy(self, F: Expr) -> Expr:
         r"""Return :math:`\sum_i C_{i0}(\bar I_1 - 3)^i` (MPa)."""
@@ -205,13 +197,8 @@ class ExponentialStiffening(_Stiffening):
         For impossible parameters; ``stiffening`` is zero or more, ``exponent`` more than zero.
     """
 
-    stiffening: Scalar = 0.0
-    exponent: Scalar = 1.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_positive(self, "stiffening", zero_allowed=True)
-        check_positive(self, "exponent")
+    stiffening: ZeroOrMore[Scalar] = 0.0
+    exponent: AboveZero[Scalar] = 1.0
 
     def distortion_energy(self, F: Expr) -> Expr:
         """Return the reduced polynomial's and the exponential term (MPa)."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from functools import reduce
 from typing import Any, ClassVar, Literal, Protocol, runtime_checkable
 
+from legfem.common.errors import Checked
 from legfem.mechanics.kinematics import (
     Expr,
     deformation_gradient,
@@ -61,7 +62,7 @@ class Memoryless:
         return {}
 
 
-class NumberedTerm:
+class NumberedTerm(Checked):
     """A term whose parameters are fields, named ``<name>.<field>``."""
 
     numbers: ClassVar[tuple[str, ...]]

@@ -1,24 +1,25 @@
 """Structured grids: boxes of unit cells with graded nodes and tagged sides."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, Self
+from typing import Any, Self, get_type_hints
 
 import numpy as np
 from dolfinx import mesh as dolfinx_mesh
 from mpi4py import MPI
 
+from legfem.common.errors import Checked
 from legfem.common.units import FloatArray
 
 
 @dataclass(frozen=True)
-class ElementSizes:
+class ElementSizes(Checked):
     """Sizes of a mesh's elements: the fields that are numbers with a fraction."""
 
     def refined(self, factor: float) -> Self:
         """Return settings with all sizes divided by ``factor``."""
-        sizes = (one.name for one in fields(self) if one.type is float)
+        sizes = (name for name, kind in get_type_hints(type(self)).items() if kind is float)
         return replace(self, **{name: getattr(self, name) / factor for name in sizes})
 
 

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 from shapely import Polygon, contains_xy, prepare
 
-from legfem.common.errors import InputError, check_positive
+from legfem.common.errors import AboveZero, Checked, InputError
 from legfem.common.units import FloatArray
 from legfem.common.wording import Argument
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape, perimeter
@@ -124,7 +124,7 @@ class FineStrip:
 
 
 @dataclass(frozen=True)
-class SolidMeshSettings:
+class SolidMeshSettings(Checked):
     """How fine the mesh of a leg's segment is; lengths in mm.
 
     Parameters
@@ -151,21 +151,15 @@ class SolidMeshSettings:
         corners on them.
     """
 
-    skin_size: float = 5.0
-    inside_size: float = 7.0
-    bone_size: float = 4.0
-    layer_elements: float = 0.8
-    turn_elements: float = 12.0
-    growth: float = 0.25
-    clearance: float = 0.5
+    skin_size: AboveZero[float] = 5.0
+    inside_size: AboveZero[float] = 7.0
+    bone_size: AboveZero[float] = 4.0
+    layer_elements: AboveZero[float] = 0.8
+    turn_elements: AboveZero[float] = 12.0
+    growth: AboveZero[float] = 0.25
+    clearance: AboveZero[float] = 0.5
     strip: FineStrip | None = None
     enclosing: bool = False
-
-    def __post_init__(self) -> None:
-        """Check the sizes."""
-        check_positive(
-            self, "skin_size", "inside_size", "bone_size", "layer_elements", "turn_elements", "growth", "clearance"
-        )
 
     def refined(self, factor: float) -> "SolidMeshSettings":
         """Return settings with all edges ``factor`` times shorter."""

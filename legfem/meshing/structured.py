@@ -22,7 +22,7 @@ import numpy as np
 from dolfinx import mesh as dolfinx_mesh
 from mpi4py import MPI
 
-from legfem.common.errors import InputError, check_positive
+from legfem.common.errors import AboveZero, Checked, InputError, ZeroOrMore
 from legfem.common.units import FloatArray
 from legfem.meshing.gmsh_mesh import MeshQuality
 from legfem.meshing.grid import ElementSizes, Support, TaggedMesh, spaced, tagged, unit_cells
@@ -34,7 +34,7 @@ Cells = Literal["hexahedra", "tetrahedra"]
 
 
 @dataclass(frozen=True)
-class IdealisedLeg:
+class IdealisedLeg(Checked):
     """A round leg about a round bone.
 
     Parameters
@@ -52,20 +52,17 @@ class IdealisedLeg:
         Whether the end faces may move along the leg.
     """
 
-    radius: float = 57.0
-    bone_radius: float = 15.0
-    length: float = 120.0
+    radius: AboveZero[float] = 57.0
+    bone_radius: AboveZero[float] = 15.0
+    length: AboveZero[float] = 120.0
     bone_offset: float = 0.0
-    fat: float = 0.0
-    fascia: float = 0.0
+    fat: ZeroOrMore[float] = 0.0
+    fascia: ZeroOrMore[float] = 0.0
     ends: Literal["free", "held"] = "free"
 
     def __post_init__(self) -> None:
         """Check that the bone lies within the leg and its layers."""
-        check_positive(self, "radius", "bone_radius", "length")
-        check_positive(self, "fat", "fascia", zero_allowed=True)
-        if self.ends not in ("free", "held"):
-            raise InputError("leg", "ends", f"unknown kind {self.ends!r}", "choose free or held")
+        super().__post_init__()
         inner = self.radius - self.fat - self.fascia
         if abs(self.bone_offset) + self.bone_radius >= 0.98 * inner:
             raise InputError(
@@ -119,19 +116,13 @@ class LegMeshSettings(ElementSizes):
         Degree of the displacement on these cells.
     """
 
-    contact_size: float = 3.0
-    depth_size: float = 5.0
-    edge_size: float = 2.5
-    growth: float = 0.3
-    far_size: float = 15.0
+    contact_size: AboveZero[float] = 3.0
+    depth_size: AboveZero[float] = 5.0
+    edge_size: AboveZero[float] = 2.5
+    growth: AboveZero[float] = 0.3
+    far_size: AboveZero[float] = 15.0
     cells: Cells = "hexahedra"
     degree: int = 2
-
-    def __post_init__(self) -> None:
-        """Check the sizes and names."""
-        check_positive(self, "contact_size", "depth_size", "edge_size", "growth", "far_size")
-        if self.cells not in ("hexahedra", "tetrahedra"):
-            raise InputError("mesh", "cells", f"unknown kind {self.cells!r}", "choose hexahedra or tetrahedra")
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,14 +238,9 @@ class MeridianMeshSettings(ElementSizes):
         Greatest size (mm).
     """
 
-    size: float
-    growth: float = 0.3
-    far_size: float = 6.0
-
-    def __post_init__(self) -> None:
-        """Check the sizes."""
-        check_positive(self, "size", "far_size")
-        check_positive(self, "growth", zero_allowed=True)
+    size: AboveZero[float]
+    growth: ZeroOrMore[float] = 0.3
+    far_size: AboveZero[float] = 6.0
 
 
 def mesh_meridian(

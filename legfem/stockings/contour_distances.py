@@ -21,7 +21,7 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from legfem.common.errors import check_positive
+from legfem.common.errors import AboveZero, Checked, ZeroOrMore
 from legfem.common.units import FloatArray
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.motion import rigidly_moved
@@ -30,7 +30,7 @@ from legfem.geometry.slices import CONTOURS, SliceSet, slice_distances
 
 
 @dataclass(frozen=True)
-class ContourAccuracy:
+class ContourAccuracy(Checked):
     """Errors of the contours that are compared.
 
     Parameters
@@ -55,20 +55,15 @@ class ContourAccuracy:
         Standard deviation of its rotation about x, y and z (rad).
     """
 
-    sd: float = 0.2
-    correlation: float = 8.0
-    around: float = 0.0
-    along: float = 0.0
-    model_sd: float = 0.03
-    pressure_sd: float = 0.01
+    sd: AboveZero[float] = 0.2
+    correlation: AboveZero[float] = 8.0
+    around: ZeroOrMore[float] = 0.0
+    along: ZeroOrMore[float] = 0.0
+    model_sd: AboveZero[float] = 0.03
+    pressure_sd: AboveZero[float] = 0.01
     shift_sd: tuple[float, float, float] = (0.05, 0.05, 0.5)
     turn_sd: tuple[float, float, float] = (0.002, 0.002, 0.002)
-    tension_sd: float = 0.0
-
-    def __post_init__(self) -> None:
-        """Check the numbers."""
-        check_positive(self, "sd", "correlation", "model_sd", "pressure_sd")
-        check_positive(self, "around", "along", "tension_sd", zero_allowed=True)
+    tension_sd: ZeroOrMore[float] = 0.0
 
     @property
     def smoothed_sd(self) -> float:

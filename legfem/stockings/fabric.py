@@ -28,13 +28,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from legfem.common.errors import InputError, check_positive
+from legfem.common.errors import AboveZero, Checked, InputError
 from legfem.common.units import FloatArray, frozen_array, mmhg_to_mpa
 from legfem.geometry.leg_shape import SKIN, LegShape
 
 
 @dataclass(frozen=True, eq=False)
-class Stocking:
+class Stocking(Checked):
     """A knitted tube.
 
     Parameters
@@ -54,14 +54,14 @@ class Stocking:
         For a value that isn't positive, or levels that do not increase.
     """
 
-    stiffness: float
+    stiffness: AboveZero[float]
     levels: FloatArray
     unstretched: FloatArray
-    bending_length: float = 15.0
+    bending_length: AboveZero[float] = 15.0
 
     def __post_init__(self) -> None:
         """Copy and check the values."""
-        check_positive(self, "stiffness", "bending_length")
+        super().__post_init__()
         for name in ("levels", "unstretched"):
             object.__setattr__(self, name, frozen_array(np.atleast_1d(getattr(self, name))))
         if self.levels.shape != self.unstretched.shape:

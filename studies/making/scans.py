@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from legfem.common.errors import InputError, check_positive
+from legfem.common.errors import AboveZero, Checked, InputError, ZeroOrMore
 from legfem.common.units import FloatArray
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.motion import RigidTransform, rigidly_moved
@@ -71,7 +71,7 @@ PAPER_SPACING = (0.93, 0.93, 1.0)
 
 
 @dataclass(frozen=True)
-class SegmentationNoise:
+class SegmentationNoise(Checked):
     """How a segmentation errs.
 
     Parameters
@@ -84,14 +84,9 @@ class SegmentationNoise:
         Of the covered share of a voxel.
     """
 
-    boundary_sd: float = 0.3
-    correlation_length: float = 5.0
-    voxel_sd: float = 0.15
-
-    def __post_init__(self) -> None:
-        """Check the sizes."""
-        check_positive(self, "boundary_sd", "voxel_sd", zero_allowed=True)
-        check_positive(self, "correlation_length")
+    boundary_sd: ZeroOrMore[float] = 0.3
+    correlation_length: AboveZero[float] = 5.0
+    voxel_sd: ZeroOrMore[float] = 0.15
 
 
 @dataclass(frozen=True)

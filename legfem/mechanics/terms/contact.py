@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Literal
 
 import ufl
 
-from legfem.common.errors import check_positive
+from legfem.common.errors import AboveZero
 from legfem.mechanics.contact import PressureLaw, TangentialLaw
 from legfem.mechanics.indenters import RigidIndenter
 from legfem.mechanics.kinematics import Expr
@@ -177,16 +177,12 @@ class BoneSprings(RegionTerm, Memoryless):
         :math:`k_x, k_y` (N/mm).
     """
 
-    area: float
-    length: float
-    x: float = HELD
-    y: float = HELD
+    area: AboveZero[float]
+    length: AboveZero[float]
+    x: AboveZero[float] = HELD
+    y: AboveZero[float] = HELD
     effect = "springs"
     numbers = ("x", "y")
-
-    def __post_init__(self) -> None:
-        """Check the numbers."""
-        check_positive(self, "area", "length", "x", "y")
 
     def residual(self, body: Body, history: Mapping[str, Any]) -> Expr:
         """Return the springs' virtual work, that of the rigid bone, and no pressure in it."""

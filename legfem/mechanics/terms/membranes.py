@@ -10,7 +10,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dolfinx_mesh
 
-from legfem.common.errors import InputError, check_positive
+from legfem.common.errors import AboveZero, InputError, ZeroOrMore
 from legfem.common.units import FloatArray, frozen_array
 from legfem.mechanics.kinematics import Expr
 from legfem.mechanics.model import Body, Memoryless, NumberedTerm, RegionTerm, Skin
@@ -39,15 +39,11 @@ class Fascia(NumberedTerm, Memoryless):
         c, dimensionless; 0 is incompressible, J = 1.
     """
 
-    stiffness: float = 0.0
-    compressibility: float = 0.0
+    stiffness: ZeroOrMore[float] = 0.0
+    compressibility: ZeroOrMore[float] = 0.0
     name = "fascia.membrane"
     domain: ClassVar[Literal["body"]] = "body"
     numbers = ("stiffness", "compressibility")
-
-    def __post_init__(self) -> None:
-        """Check the numbers."""
-        check_positive(self, "stiffness", "compressibility", zero_allowed=True)
 
     def residual(self, body: Body, history: Mapping[str, Any]) -> Expr:
         """Return the variation of the membrane's energy."""
@@ -199,14 +195,10 @@ class Dermis(NumberedTerm, Memoryless):
         :math:`k` (N/mm).
     """
 
-    stiffness: float = 0.0
+    stiffness: ZeroOrMore[float] = 0.0
     name = "dermis"
     domain: ClassVar[Literal["skin"]] = "skin"
     numbers = ("stiffness",)
-
-    def __post_init__(self) -> None:
-        """Check the stiffness."""
-        check_positive(self, "stiffness", zero_allowed=True)
 
     def energy_density(self, skin: Skin) -> Expr:
         """Return the energy a reference area (N/mm)."""
@@ -243,16 +235,11 @@ class SlidingFace(NumberedTerm, Memoryless):
         k_n (MPa/mm), so large that the face stays closed.
     """
 
-    shear: float = 0.0
-    normal: float = CLOSED
+    shear: ZeroOrMore[float] = 0.0
+    normal: AboveZero[float] = CLOSED
     name = "sliding"
     domain: ClassVar[Literal["face"]] = "face"
     numbers = ("shear", "normal")
-
-    def __post_init__(self) -> None:
-        """Check the numbers."""
-        check_positive(self, "normal")
-        check_positive(self, "shear", zero_allowed=True)
 
     def residual(self, domain: Any, history: Mapping[str, Any]) -> Any:
         """Return nothing: points far from each other meet, which a form can't say; see `legfem.fem.sliding`."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import ufl
 
-from legfem.common.errors import InputError, check_positive
+from legfem.common.errors import AboveZero, InputError, ZeroOrMore
 from legfem.common.units import FloatArray
 from legfem.mechanics.kinematics import Expr, isochoric_first_invariant
 from legfem.mechanics.materials import Hyperelastic
@@ -47,15 +47,15 @@ class Fibres(EnergyTerm):
         Direction of the fibres; of unit length.
     """
 
-    shear: float = 0.0
-    extension: float = 0.0
+    shear: ZeroOrMore[float] = 0.0
+    extension: ZeroOrMore[float] = 0.0
     axis: tuple[float, float, float] = ALONG_THE_LEG
     effect = "fibres"
     numbers = ("shear", "extension")
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        check_positive(self, "shear", "extension", zero_allowed=True)
+        super().__post_init__()
         if not np.isclose(np.linalg.norm(self.axis), 1.0):
             raise InputError("Fibres", "axis", f"{self.axis} is not of unit length", "normalise it")
 
@@ -135,16 +135,11 @@ class Contraction(EnergyTerm):
         :math:`r` (s), from the onset to the full contraction.
     """
 
-    stiffness: float = 0.0
+    stiffness: ZeroOrMore[float] = 0.0
     onset: float = 0.0
-    rise: float = 1.0
+    rise: AboveZero[float] = 1.0
     effect = "contraction"
     numbers = ("stiffness", "onset", "rise")
-
-    def __post_init__(self) -> None:
-        """Check the numbers."""
-        check_positive(self, "stiffness", zero_allowed=True)
-        check_positive(self, "rise")
 
     def energy_density(self, body: Body, F: Expr) -> Expr:
         """Return the added energy (MPa) at a deformation gradient."""
@@ -184,13 +179,9 @@ class StiffnessGradient(EnergyTerm):
     law: Hyperelastic
     level: float
     gradient: float = 0.0
-    length: float = 100.0
+    length: AboveZero[float] = 100.0
     effect = "stiffness_gradient"
     numbers = ("gradient", "level", "length")
-
-    def __post_init__(self) -> None:
-        """Check the length."""
-        check_positive(self, "length")
 
     def energy_density(self, body: Body, F: Expr) -> Expr:
         """Return what is added to the energy (MPa) at a deformation gradient."""
@@ -224,12 +215,8 @@ class UnevenStiffness(EnergyTerm):
 
     law: Hyperelastic
     points: tuple[tuple[float, ...], ...]
-    radii: tuple[float, ...]
+    radii: AboveZero[tuple[float, ...]]
     effect = "uneven_stiffness"
-
-    def __post_init__(self) -> None:
-        """Check the radii."""
-        check_positive(self, "radii")
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -275,13 +262,9 @@ class StiffLump(EnergyTerm):
     excess: float = 0.0
     depth: float = 0.0
     side: float = 0.0
-    radius: float = 1.0
+    radius: AboveZero[float] = 1.0
     effect = "stiff_lump"
     numbers = ("excess", "depth", "side", "radius")
-
-    def __post_init__(self) -> None:
-        """Check the radius."""
-        check_positive(self, "radius")
 
     def energy_density(self, body: Body, F: Expr) -> Expr:
         """Return what is added to the energy (MPa) at a deformation gradient."""

@@ -7,7 +7,7 @@ from typing import Any
 
 import ufl
 
-from legfem.common.errors import InputError, check_positive
+from legfem.common.errors import AboveZero, InputError, ZeroOrMore
 from legfem.mechanics.kinematics import Expr, nominal_stress, volume_ratio
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.model import Body, RegionTerm
@@ -49,15 +49,10 @@ class Viscoelasticity(RegionTerm):
     """
 
     law: Hyperelastic
-    ratio: float = 0.0
-    relaxation_time: float = 10.0
+    ratio: ZeroOrMore[float] = 0.0
+    relaxation_time: AboveZero[float] = 10.0
     branch: str = ""
     numbers = ("ratio", "relaxation_time")
-
-    def __post_init__(self) -> None:
-        """Check the numbers."""
-        check_positive(self, "ratio", zero_allowed=True)
-        check_positive(self, "relaxation_time")
 
     @property
     def name(self) -> str:
@@ -141,14 +136,14 @@ class Drainage(RegionTerm):
     """
 
     law: Hyperelastic
-    permeability: float = 0.0
-    skeleton: float = 0.0
+    permeability: ZeroOrMore[float] = 0.0
+    skeleton: ZeroOrMore[float] = 0.0
     effect = "drainage"
     numbers = ("permeability", "skeleton")
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        check_positive(self, "permeability", "skeleton", zero_allowed=True)
+        super().__post_init__()
         if self.skeleton >= 1:
             raise InputError("Drainage", "skeleton", f"is {self.skeleton:g}", "give a share of less than one")
 

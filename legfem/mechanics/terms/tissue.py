@@ -8,7 +8,7 @@ from typing import Any
 
 import ufl
 
-from legfem.common.errors import InputError, check_positive
+from legfem.common.errors import InputError, ZeroOrMore
 from legfem.mechanics.kinematics import Expr, nominal_stress, volume_ratio
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.model import Body, Memoryless, RegionTerm
@@ -145,13 +145,9 @@ class PressureStabilisation(PressureTerm):
     """
 
     law: Hyperelastic
-    strength: float = 1.0
+    strength: ZeroOrMore[float] = 1.0
     effect = "stabilisation"
     numbers = ("strength",)
-
-    def __post_init__(self) -> None:
-        """Check the factor."""
-        check_positive(self, "strength", zero_allowed=True)
 
     def work_density(self, body: Body, pressure: Expr) -> Expr:
         """Return the penalty a reference volume (MPa)."""
