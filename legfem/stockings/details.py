@@ -9,9 +9,11 @@ import numpy as np
 from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.geometry.leg_shape import fat_thickness_around
 from legfem.geometry.slices import CONTOURS
+from legfem.imaging.registration import Registration
 from legfem.inverse.answer import Answer, Finding, Tone
 from legfem.inverse.catalogue import key_of
 from legfem.inverse.fit import Fit, KindDetails, answer_of
+from legfem.stockings.contour_distances import ContourMisfit
 from legfem.stockings.discrepancy import ModelDiscrepancy
 from legfem.stockings.equilibrium import Equilibrium, LegModel3D
 from legfem.stockings.fabric import StockingLoad, stocking_load
@@ -91,18 +93,18 @@ class StockingDetails(KindDetails):
 
     def members(self, fit: Any) -> dict[str, Any]:
         """Stiffness that the pressures are of, the best fit, fabric, pressures, and the state as worn."""
-        worn = self.equilibrium
+        worn, scanned = self.equilibrium, self.leg.registration
         return {
             "stiffness_of_the_pressures": {
                 "given": self.leg.known,
                 **{key_of(name): {"value": mpa_to_kpa(c10), "unit": "kPa"} for name, c10 in self.parameters.items()},
             },
-            "best_fit": _best_fit(self.best),
-            "contours": _contours(self),
-            "mismatch": _discrepancy(self),
-            "registration": _registration(self),
+            "best_fit": None if self.best is None else _best_fit(self.best),
+            "contours": None if self.best is None else _contours(self.leg, self.best.misfit),
+            "mismatch": None if self.discrepancy is None else _discrepancy(self.discrepancy),
+            "registration": None if scanned is None else _registration(scanned),
             "stocking": _stocking(self),
-            "pressures": _pressures(self),
+            "pressures": None if self.pressures is None else _pressures(self, self.pressures),
             "makers_levels": [_level(one) for one in self.at_levels],
             "sensors": [_sensor(one) for one in self.sensors],
             "fat": _fat(self),
@@ -159,27 +161,20 @@ class StockingDetails(KindDetails):
         return pressures_at_levels(self.pressure_along, self.leg.makers, self.leg.bare)
 
 
-def _best_fit(best: ScanFit | None) -> dict[str, Any] | None:
-    if best is None:
-        return None
-    tension = best.tension
+def _best_fit(best: ScanFit) -> dict[str, Any]:
+    found = best.tension
+    tension = None if found is None else {"value": found.value, "standard_error": found.sd, "unit": "1"}
     return {
         "rms_distance_mm": best.rms,
         "weighted_misfit": best.weighted_misfit,
         "rigid_motion": {"shift_mm": best.rigid[:3].tolist(), "turn_rad": best.rigid[3:].tolist()},
-        "tension_error": None
-        if tension is None
-        else {"value": tension.value, "standard_error": tension.sd, "unit": "1"},
+        "tension_error": tension,
         "log_covariance": best.log_covariance.tolist(),
     }
 
 
-def _contours(details: StockingDetails) -> dict[str, Any] | None:
-    accuracy = details.leg.accuracy
-    if details.best is None:
-        return None
-    misfit = details.best.misfit
-    bare = misfit.distances(details.leg.bare)
+def _contours(leg: StockingLeg, misfit: ContourMisfit) -> dict[str, Any]:
+    accuracy, bare = leg.accuracy, misfit.distances(leg.bare)
     return {
         "levels_mm": misfit.target.levels.tolist(),
         "expected_rms_distance_mm": accuracy.expected_rms,
@@ -195,10 +190,7 @@ def _contours(details: StockingDetails) -> dict[str, Any] | None:
     }
 
 
-def _discrepancy(details: StockingDetails) -> dict[str, Any] | None:
-    found = details.discrepancy
-    if found is None:
-        return None
+def _discrepancy(found: ModelDiscrepancy) -> dict[str, Any]:
     after = found.parameters_after
     return {
         "verdict": found.verdict,
@@ -211,10 +203,7 @@ def _discrepancy(details: StockingDetails) -> dict[str, Any] | None:
     }
 
 
-def _registration(details: StockingDetails) -> dict[str, Any] | None:
-    found = details.leg.registration
-    if found is None:
-        return None
+def _registration(found: Registration) -> dict[str, Any]:
     return {
         "rotation": found.transform.rotation.tolist(),
         "translation_mm": found.transform.translation.tolist(),
@@ -256,10 +245,7 @@ def _level(one: LevelPressure) -> dict[str, Any]:
     }
 
 
-def _pressures(details: StockingDetails) -> dict[str, Any] | None:
-    found = details.pressures
-    if found is None:
-        return None
+def _pressures(details: StockingDetails, found: TissuePressures) -> dict[str, Any]:
     posture = details.leg.posture
     scanned = None if details.scan_load is None else mpa_to_kpa(details.scan_load.mean_pressure)
     return {
@@ -278,11 +264,9 @@ def _pressures(details: StockingDetails) -> dict[str, Any] | None:
                 "pressure_kPa": mpa_to_kpa(pressure),
                 "standard_error_kPa": mpa_to_kpa(sd),
                 "share_of_mean_interface": pressure / found.mean_interface,
-                "inside_minus_tissue_kPa": {}
-                if posture is None
-                else {
+                "inside_minus_tissue_kPa": {
                     name: mpa_to_kpa(inside - pressure)
-                    for name, inside in posture.inside(float(vein.position[2])).items()
+                    for name, inside in (posture.inside(float(vein.position[2])).items() if posture else ())
                 },
             }
             for vein, pressure, sd in zip(details.leg.veins, found.at_veins, found.at_veins_sd, strict=True)
@@ -306,14 +290,10 @@ def _fat(details: StockingDetails) -> dict[str, Any]:
     shape, fat = details.leg.bare, details.fat
     middle = int(np.argmin(np.abs(shape.levels - np.median(details.leg.slices))))
     thickness = fat_thickness_around(shape)
-    pressed = (
-        {}
-        if fat is None
-        else {
-            "rank_correlation_of_greatest_pressure_with_thickness": fat.rank_correlation(fat.greatest, fat.thickness),
-            "rank_correlation_of_greatest_pressure_with_interface": fat.rank_correlation(fat.greatest, fat.interface),
-        }
-    )
+    pressed = {}
+    if fat is not None:
+        for name, other in (("thickness", fat.thickness), ("interface", fat.interface)):
+            pressed[f"rank_correlation_of_greatest_pressure_with_{name}"] = fat.rank_correlation(fat.greatest, other)
     return {
         "level_mm": float(shape.levels[middle]),
         "mean_thickness_mm": float(thickness[middle].mean()),

@@ -1,19 +1,21 @@
 """A study's numbers: its tables and their chapters, what to measure by them, and ``result.json``."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from legfem.common.documents import Cells, row_cells, versions_of
 from legfem.common.units import FloatArray
 from legfem.report import page as web
 from legfem.report.curves import Curves, Line
-from legfem.study.doe.design import in_words, label_of
+from legfem.study.doe.design import Definition, in_words, label_of
 from legfem.study.doe.figures import STAGE_COLOURS
 from legfem.study.doe.information import IDENTIFIED, IDENTIFIED_WITHIN, Information
-from legfem.study.doe.study import StudyResult
+from legfem.study.doe.runs import NumericalError
+from legfem.study.doe.study import SobolIndices, StudyResult
 from legfem.study.doe.surface import LEVEL, MetricAnalysis
 
 UNITS_NOTE = "Sums of squares in (N/mm²)² for slopes and (N/mm³)² for curvatures."
@@ -57,56 +59,35 @@ def _effects_row(a: MetricAnalysis) -> dict[str, str]:
     }
 
 
-def numerics_cells(result: StudyResult) -> Cells | None:
-    """Numerical errors of the metrics beside the effects; None where none was computed."""
-    found = result.numerics
-    if found is None:
-        return None
-    rows = []
+def _numerics_rows(result: StudyResult, found: NumericalError) -> Iterator[dict[str, str]]:
+    """Yield the numerical errors of each metric beside the effects."""
     for k, metric in enumerate(found.metrics):
         bound = found.bound(result.table, metric)
         tests = next((a.tests[1:] for a in result.analyses if a.metric == metric), ())
         below = sum(t.significant and abs(t.value) < bound for t in tests)
         errors = zip(found.runs, found.relative[:, k], strict=True)
-        rows.append(
-            {"metric": metric.label}
-            | {f"run {number}": f"{value:+.2%}" for number, value in errors}
-            | {
-                "bound on a coefficient": f"{bound:.1e}",
-                "of the largest": f"{bound / max(abs(t.value) for t in tests):.2%}" if tests else "-",
-                "significant ones below it": f"{below}" if tests else "-",
-            }
-        )
-    return row_cells(rows)
-
-
-def sobol_cells(result: StudyResult) -> Cells | None:
-    """First-order and total indices, and the emulator's error; None without them."""
-    if not result.sobol:
-        return None
-    labels = [f.label for f in result.definition.factors]
-    return row_cells(
-        {"metric": s.metric.label}
-        | {name: f"{one:.3f}, {all_:.3f}" for name, one, all_ in zip(labels, s.first, s.total, strict=True)}
-        | {
-            "sum of first": f"{s.first.sum():.3f}",
-            "emulator's rms error / sd": f"{s.error.relative:.2%} ({s.error.points} runs)",
+        yield {
+            "metric": metric.label,
+            **{f"run {number}": f"{value:+.2%}" for number, value in errors},
+            "bound on a coefficient": f"{bound:.1e}",
+            "of the largest": f"{bound / max(abs(t.value) for t in tests):.2%}" if tests else "-",
+            "significant ones below it": f"{below}" if tests else "-",
         }
-        for s in result.sobol
-    )
 
 
-def information_cells(result: StudyResult) -> Cells | None:
-    """95 % half-widths by depth, and the least depth from which each parameter is identified to 50 %.
+def _sobol_row(labels: Sequence[str], s: SobolIndices) -> dict[str, str]:
+    """First-order and total indices, and the emulator's error."""
+    return {
+        "metric": s.metric.label,
+        **{name: f"{one:.3f}, {all_:.3f}" for name, one, all_ in zip(labels, s.first, s.total, strict=True)},
+        "sum of first": f"{s.first.sum():.3f}",
+        "emulator's rms error / sd": f"{s.error.relative:.2%} ({s.error.points} runs)",
+    }
 
-    None where no information was computed.
-    """
-    found = result.information
-    if found is None:
-        return None
-    depths = result.definition.ends
+
+def _information_rows(found: Information, depths: Sequence[float]) -> Iterator[dict[str, str]]:
+    """Yield 95 % half-widths by depth, and the least depth from which each parameter is identified to 50 %."""
     pair = [name for name in IDENTIFIED if name in found.names]
-    rows = []
     for k, name in enumerate(found.names):
         told = found.told_from(name, within_ranges=True)
         sds = {
@@ -115,15 +96,12 @@ def information_cells(result: StudyResult) -> Cells | None:
             "others within their ranges": [found.relative_sd(d, within_ranges=True)[k] for d in depths],
             "all unknown": [found.relative_sd(d)[k] for d in depths],
         }
-        rows.append(
-            {"parameter": label_of(name)}
-            | {
-                column: ", ".join(f"{1.96 * sd:.1%}" if 1.96 * sd < 10 else "> 1000 %" for sd in values) or "-"
-                for column, values in sds.items()
-            }
-            | {"others within ranges: determined from": "never" if told is None else f"{told:g} mm"}
-        )
-    return row_cells(rows)
+        halves = {
+            column: ", ".join(f"{1.96 * sd:.1%}" if 1.96 * sd < 10 else "> 1000 %" for sd in values) or "-"
+            for column, values in sds.items()
+        }
+        known = "never" if told is None else f"{told:g} mm"
+        yield {"parameter": label_of(name), **halves, "others within ranges: determined from": known}
 
 
 def versions() -> dict[str, str]:
@@ -153,9 +131,9 @@ def study_document(result: StudyResult, seed: int, wall_s: float) -> dict[str, A
         "significance_level": LEVEL,
         "metrics": [_metric(analysis) for analysis in result.analyses],
         "not_analysed": [{"metric": m.name, "why": why} for m, why in result.not_analysed],
-        "numerical_error": _numerics(result),
+        "numerical_error": None if result.numerics is None else _numerics(result.numerics, result.table),
         "sobol": _sobol(result),
-        "information": _information(result),
+        "information": None if result.information is None else _information(result.information, definition),
     }
 
 
@@ -178,17 +156,14 @@ def _metric(a: MetricAnalysis) -> dict[str, Any]:
     }
 
 
-def _numerics(result: StudyResult) -> dict[str, Any] | None:
-    found = result.numerics
-    if found is None:
-        return None
+def _numerics(found: NumericalError, table: pd.DataFrame) -> dict[str, Any]:
     metrics = {
         metric.name: {
             "unit": metric.unit,
             "default": found.default[:, k],
             "refined": found.refined[:, k],
             "relative_error": found.relative[:, k],
-            "bound_on_a_coefficient": found.bound(result.table, metric),
+            "bound_on_a_coefficient": found.bound(table, metric),
         }
         for k, metric in enumerate(found.metrics)
     }
@@ -210,13 +185,10 @@ def _sobol(result: StudyResult) -> list[dict[str, Any]]:
     ]
 
 
-def _information(result: StudyResult) -> dict[str, Any] | None:
-    found, depths = result.information, result.definition.ends
-    if found is None:
-        return None
-    spread, vectors = found.directions(result.definition.depth)
+def _information(found: Information, definition: Definition) -> dict[str, Any]:
+    spread, vectors = found.directions(definition.depth)
     sds = {
-        name: {f"{depth:g} mm": found.relative_sd(depth, within_ranges=within) for depth in depths}
+        name: {f"{depth:g} mm": found.relative_sd(depth, within_ranges=within) for depth in definition.ends}
         for name, within in (("relative_sd_all_unknown", False), ("relative_sd_others_within_ranges", True))
     }
     return {
@@ -240,34 +212,33 @@ def _by(names: Sequence[str], values: FloatArray) -> dict[str, float]:
 def number_chapters(result: StudyResult) -> list[web.Chapter]:
     """Return the analysis of variance, the paper's beside it, numerical errors, Sobol indices."""
     chapters = [web.Chapter("Analysis of variance", _variance(result))]
-    if numerics := numerics_cells(result):
+    if result.numerics is not None:
         note = (
             "Errors of the default settings, from a mesh 1.5 times finer with steps of at most 0.5 mm, extrapolated as "
             "for first order: at the softest corner, the stiffest and the centre. The bound on a coefficient is the "
             "largest of these relative errors times the mean size of the metric."
         )
-        table = web.WebTable("Numerical errors, and how much they can change a coefficient", *numerics)
+        caption = "Numerical errors, and how much they can change a coefficient"
+        table = web.WebTable.of(caption, _numerics_rows(result, result.numerics))
         chapters.append(web.Chapter("Numerical error of the metrics", [table, web.Prose(note)]))
-    if sobol := sobol_cells(result):
+    if result.sobol:
         note = (
             "Shares of the variance with the factors uniform in their coded ranges, on an emulator trained on the runs "
             "above and a Latin hypercube. Its error is at simulations that it has not seen."
         )
-        table = web.WebTable("First order, total", *sobol)
+        labels = [f.label for f in result.definition.factors]
+        table = web.WebTable.of("First order, total", (_sobol_row(labels, s) for s in result.sobol))
         chapters.append(web.Chapter("Sobol indices", [table, web.Prose(note)]))
     return chapters
 
 
 def _variance(result: StudyResult) -> list[web.Block]:
+    effects = "Effects without an error estimate (Lenth), curvature at the centre, normality"
     return [
         web.Bullets(result.run_notes()),
         web.Prose(f"{UNITS_NOTE} R² predicted is that of runs that were not used in the fit. {_counting(result)}"),
         web.WebTable("Analysis of variance of each metric", *anova_cells(result)),
-        web.WebTable(
-            "Effects without an error estimate (Lenth), curvature at the centre, normality",
-            *row_cells(map(_effects_row, result.analyses)),
-            folded=True,
-        ),
+        web.WebTable.of(effects, map(_effects_row, result.analyses), folded=True),
         web.Prose(
             "The runs are deterministic, so the error in the t tests is the surface's lack of fit. Lenth's pseudo "
             "standard error (PSE) is estimated from the small contrasts; a contrast beyond its simultaneous margin "
@@ -356,10 +327,11 @@ def _ranked_biases(result: StudyResult) -> list[tuple[str, list[float]]]:
 
 def information_blocks(result: StudyResult) -> list[web.Block]:
     """Return what a curve to each depth tells of the parameters; nothing where it isn't known."""
-    found, cells = result.information, information_cells(result)
-    if found is None or cells is None:
+    found, definition = result.information, result.definition
+    if found is None:
         return []
-    depth, instrument = result.definition.depth, result.subject.instrument
+    depth, instrument = definition.depth, result.subject.instrument
+    caption = "Smallest possible 95 % half-widths of the parameters, by depth"
     point = ", ".join(f"{label_of(name)} {value:.4g}" for name, value in zip(found.names, found.nominal, strict=True))
     directions = []
     for sd, vector in zip(*(one.T for one in found.directions(depth)), strict=True):
@@ -371,7 +343,7 @@ def information_blocks(result: StudyResult) -> list[web.Block]:
         for assumed, (first, second) in found.biases(depth).items()
     ]
     return [
-        web.WebTable("Smallest possible 95 % half-widths of the parameters, by depth", *cells),
+        web.WebTable.of(caption, _information_rows(found, definition.ends)),
         _half_widths(found),
         web.Prose(
             "The half-widths are relative to the value. No unbiased estimate can have smaller ones at "
