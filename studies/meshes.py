@@ -13,12 +13,12 @@ from typing import Annotated, Any
 import gmsh
 import typer
 
-from legfem.commands.meshing import MadeMesh, idealised_mesh, section_mesh, stocking_mesh
+from legfem.commands.meshing import idealised_mesh, section_mesh, stocking_mesh
 from legfem.common.command_line import check_out_folder, command_context, leave_to_first_rank
-from legfem.common.documents import json_types, versions_of, write_atomically, write_document
+from legfem.common.documents import versions_of, write_atomically, write_document
 from legfem.common.progress import progress_on
 from legfem.legs.schema import SUBJECTS
-from legfem.meshing.exchange import write_mesh
+from legfem.meshing.exchange import NamedMesh, write_mesh
 from legfem.meshing.gmsh_mesh import MeshQuality, element_quality, gmsh_model
 from legfem.stockings.loading import LEGS
 from studies.command_line import new_app
@@ -29,8 +29,8 @@ INTRODUCTION = """# Reference meshes
 
 Written by `python -m studies.meshes` ({versions}). Lengths in mm, elements of first order.
 Regions and surfaces are physical groups with names; geometrical entities, by which FEBio Studio
-parts a mesh, are numbered alike. `meshes.json` holds every mesh's definition, the command that
-makes it, and its checksum. Any leg goes to .msh, .xdmf, .vtu or .inp by
+parts a mesh, are numbered alike. `meshes.json` holds the command that makes every mesh,
+and its checksum. Any leg goes to .msh, .xdmf, .vtu, .inp or .feb by
 `legfem meshing` (`--help`). The sections are reconstructed and the leg of the stockings
 is simulated: nobody's anatomy.
 
@@ -79,9 +79,9 @@ class Reference:
         finer = "" if self.finer == 1.0 else f" --finer {self.finer:g}"
         return f"legfem meshing {which}{finer} --out {self.name}.msh"
 
-    def make(self) -> MadeMesh:
+    def make(self) -> NamedMesh:
         """Make the mesh."""
-        makers: dict[str, Callable[..., MadeMesh]] = {
+        makers: dict[str, Callable[..., NamedMesh]] = {
             "idealised": idealised_mesh,
             "subject": partial(section_mesh, SUBJECTS.folder / self.id),
             "stocking": partial(stocking_mesh, LEGS.folder / self.id),
@@ -102,8 +102,7 @@ app = new_app()
 
 def make(reference: Reference, folder: Path) -> dict[str, Any]:
     """Write one mesh into a folder; return its entry in the manifest."""
-    made = reference.make()
-    mesh = made.mesh
+    mesh = reference.make()
     (path,) = write_mesh(mesh, folder / f"{reference.name}.msh")
     quality = quality_of_file(path)
     unit = "mm2" if mesh.dimension == 2 else "mm3"
@@ -113,7 +112,6 @@ def make(reference: Reference, folder: Path) -> dict[str, Any]:
         "title": reference.title,
         "sha256": checksum(path),
         "command": reference.command,
-        "definition": json_types(made.definition),
         "nodes": len(mesh.points),
         "elements": mesh.cells.kind,
         "surfaces": sorted(mesh.surfaces),

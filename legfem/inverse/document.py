@@ -30,7 +30,8 @@ def fit_document(fits: Sequence[Fit[Any]]) -> dict[str, Any]:
         "subject": first.subject.id,
         "title": first.subject.title,
         "origin": first.subject.origin,
-        "answer": first.details.chosen(fits).answer.document(),
+        "answer": (chosen := first.details.chosen(fits)).answer.document(),
+        "chosen": chosen.law,
         "laws": {fit.law: _law(fit) for fit in fits},
         "versions": dict(first.versions),
     }

@@ -108,6 +108,8 @@ class StoredResult:
     laws: Mapping[str, StoredModel]
     """Of a diagnosis one, with what it adds to the base model."""
     versions: Mapping[str, str]
+    chosen: str = ""
+    """Law that the recordings ask for, of several."""
     notices: tuple[Known, ...] = ()
     """Of a diagnosis."""
     verdict: str = ""

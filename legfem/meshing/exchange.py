@@ -8,13 +8,16 @@
 .vtu
     For ParaView: tags, and a field of 0 and 1 for every name.
 .inp
-    For Abaqus, CalculiX and FEBio Studio: element sets, node sets and surfaces.
+    For Abaqus, CalculiX and FEBio Studio: element sets, node sets and surfaces, and materials if any are given.
+.feb
+    For FEBio 4: parts with their materials, and surfaces whose normals point outwards.
 """
 
 import math
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +28,8 @@ from numpy.typing import NDArray
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.common.wording import Argument
+from legfem.common.wording import Argument, Remedy
+from legfem.meshing.materials import TissueCard
 from legfem.meshing.section import BONE, HULL, SKIN
 from legfem.meshing.structured import END, MIRROR_X, MIRROR_Z
 
@@ -72,6 +76,8 @@ class NamedMesh:
         On the surfaces, by kind.
     regions, surfaces : mapping
         Tag by name.
+    materials : mapping
+        Law by region; of all regions, or of none.
     """
 
     points: FloatArray
@@ -79,6 +85,7 @@ class NamedMesh:
     facets: tuple[Elements, ...]
     regions: Mapping[str, int]
     surfaces: Mapping[str, int]
+    materials: Mapping[str, TissueCard] = field(default_factory=dict)
 
     @property
     def dimension(self) -> int:
@@ -172,7 +179,7 @@ _FACES = {
 }
 
 
-def _lines(mesh: NamedMesh) -> Iterator[str]:
+def _abaqus(mesh: NamedMesh) -> Iterator[str]:
     kind = mesh.cells.kind
     yield "*HEADING"
     yield "a leg by legfem; lengths in mm"
@@ -185,27 +192,31 @@ def _lines(mesh: NamedMesh) -> Iterator[str]:
         for cell in np.flatnonzero(mesh.cells.tags == tag):
             yield ", ".join(map(str, [cell + 1, *(mesh.cells.nodes[cell] + 1)]))
     for name, tag in mesh.surfaces.items():
-        yield from _surface(mesh, name, tag)
+        cells, sides, facets = _sides(mesh, tag)
+        yield f"*NSET, NSET={name}"
+        yield from _wrapped(np.unique(np.concatenate(facets)) + 1)
+        for side in np.unique(sides):
+            yield f"*ELSET, ELSET={name}_S{side + 1}"
+            yield from _wrapped(np.sort(cells[sides == side]) + 1)
+        yield f"*SURFACE, TYPE=ELEMENT, NAME={name}"
+        yield from (f"{name}_S{side + 1}, S{side + 1}" for side in np.unique(sides))
+    for region, card in mesh.materials.items():
+        yield from card.abaqus(region)
 
 
-def _surface(mesh: NamedMesh, name: str, tag: int) -> Iterator[str]:
-    facets = [face for block in mesh.facets for face in block.nodes[block.tags == tag]]
-    yield f"*NSET, NSET={name}"
-    yield from _wrapped(np.unique(np.concatenate(facets)) + 1)
-    sought = {tuple(sorted(face)) for face in facets}
-    members: dict[int, list[int]] = {}
+def _sides(mesh: NamedMesh, tag: int) -> tuple[NDArray[np.int64], NDArray[np.int64], list[NDArray[np.int64]]]:
+    """Return the cells of a surface, which of their faces lie on it, and those faces' nodes, normals inwards."""
+    sought = {frozenset(map(int, face)) for block in mesh.facets for face in block.nodes[block.tags == tag]}
+    found, facets = [], []
     # A surface between two regions is of the last one's elements alone.
     for cell in np.argsort(-mesh.cells.tags, kind="stable"):
-        for side, corners in enumerate(_FACES[mesh.cells.kind], start=1):
-            face = tuple(sorted(mesh.cells.nodes[cell, corners]))
-            if face in sought:
-                sought.remove(face)
-                members.setdefault(side, []).append(int(cell) + 1)
-    for side in sorted(members):
-        yield f"*ELSET, ELSET={name}_S{side}"
-        yield from _wrapped(sorted(members[side]))
-    yield f"*SURFACE, TYPE=ELEMENT, NAME={name}"
-    yield from (f"{name}_S{side}, S{side}" for side in sorted(members))
+        for side, corners in enumerate(_FACES[mesh.cells.kind]):
+            face = mesh.cells.nodes[cell, corners]
+            if (nodes := frozenset(map(int, face))) in sought:
+                sought.remove(nodes)
+                found.append((cell, side))
+                facets.append(face)
+    return *np.array(found).T, facets
 
 
 def _wrapped(numbers: Iterable[int]) -> Iterator[str]:
@@ -228,6 +239,9 @@ def write_mesh(mesh: NamedMesh, path: Path) -> tuple[Path, ...]:
         If no format has that ending.
     """
     write = format_of(path)
+    if path.suffix == ".feb" and not (mesh.dimension == 3 and mesh.materials):
+        remedy = Remedy("give ", Argument("results"), ", and ", Argument("extrude"), " for a section")
+        raise InputError(Argument("out"), str(path), "is a model in 3D with its materials", remedy)
     path.parent.mkdir(parents=True, exist_ok=True)
     # There whole, or not at all: some formats are of several files that name each other.
     with tempfile.TemporaryDirectory(dir=path.parent, prefix=".mesh.") as folder:
@@ -287,15 +301,44 @@ def _write_xdmf(mesh: NamedMesh, path: Path) -> None:
         made.write(file, "xdmf", compression=None)
 
 
-def _write_inp(mesh: NamedMesh, path: Path) -> None:
-    path.write_text("\n".join(_lines(mesh)) + "\n", encoding="ascii")
+_FEBIO = {"tetra": "tet4", "wedge": "penta6", "hexahedron": "hex8", 3: "tri3", 4: "quad4"}
+
+
+def _febio(mesh: NamedMesh) -> Iterator[str]:
+    def numbered(tag: str, rows: FloatArray | NDArray[np.int64], numbers: Iterable[int] | None = None) -> Iterator[str]:
+        for number, row in zip(numbers or range(1, len(rows) + 1), rows, strict=True):
+            yield f'<{tag} id="{number}">{",".join(f"{value:.10g}" for value in row)}</{tag}>'
+
+    yield '<?xml version="1.0" encoding="ISO-8859-1"?>\n<febio_spec version="4.0">\n<Module type="solid"/>\n<Material>'
+    yield from (card.febio(region, k) for k, (region, card) in enumerate(mesh.materials.items(), start=1))
+    yield '</Material>\n<Mesh>\n<Nodes name="all">'
+    yield from numbered("node", mesh.points)
+    yield "</Nodes>"
+    for name, tag in mesh.regions.items():
+        cells = np.flatnonzero(mesh.cells.tags == tag)
+        yield f'<Elements type="{_FEBIO[mesh.cells.kind]}" name="{name}">'
+        yield from numbered("elem", mesh.cells.nodes[cells] + 1, list(cells + 1))
+        yield "</Elements>"
+    for name, tag in mesh.surfaces.items():
+        faces = np.array(_sides(mesh, tag)[2])[:, ::-1] + 1
+        yield f'<Surface name="{name}">'
+        yield from numbered(_FEBIO[faces.shape[1]], faces)
+        yield "</Surface>"
+    yield "</Mesh>\n<MeshDomains>"
+    yield from (f'<SolidDomain name="{name}" mat="{name}"/>' for name in mesh.regions)
+    yield "</MeshDomains>\n</febio_spec>"
+
+
+def _write_lines(lines: Callable[[NamedMesh], Iterator[str]], mesh: NamedMesh, path: Path) -> None:
+    path.write_text("\n".join(lines(mesh)) + "\n", encoding="ascii")
 
 
 _FORMATS: dict[str, Callable[[NamedMesh, Path], None]] = {
     ".msh": _write_msh,
     ".xdmf": _write_xdmf,
     ".vtu": _write_vtu,
-    ".inp": _write_inp,
+    ".inp": partial(_write_lines, _abaqus),
+    ".feb": partial(_write_lines, _febio),
 }
 
 
