@@ -149,6 +149,12 @@ class LabFile(FileTable):
     recordings: RecordingsEntry | None = None
 
 
+def lab_of(folder: Path) -> Path | None:
+    """Return the nearest ``lab.toml``, in a folder or the two above it."""
+    nearest = (folder, *folder.absolute().parents[:2])
+    return next((one for above in nearest if (one := above / LAB).is_file()), None)
+
+
 def with_lab(toml: Path, content: Mapping[str, Any], tables: Collection[str]) -> dict[str, Any]:
     """Return a folder's file with what the nearest ``lab.toml`` adds to some of its tables.
 
@@ -160,8 +166,7 @@ def with_lab(toml: Path, content: Mapping[str, Any], tables: Collection[str]) ->
         If the lab's file can't be read, or has keys that it can't have.
     """
     whole = dict(content)
-    path = next((one for folder in toml.absolute().parents[:3] if (one := folder / LAB).is_file()), None)
-    if path is None:
+    if (path := lab_of(toml.parent)) is None:
         return whole
     shared = read_toml(path, "a lab's folder")
     checked(path, shared, LabFile)

@@ -7,6 +7,7 @@ that kind's type.
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -37,6 +38,8 @@ class Identity:
     title: str
     origin: Origin
     """``measured``, ``reconstructed`` or ``simulated``."""
+    directory: Path | None = None
+    """Folder that was given."""
 
 
 @dataclass(frozen=True)

@@ -171,7 +171,7 @@ class Diagnoser:
             subject.tissues["deep"].law,
             library,
             with_correction(mechanisms(), self.correction),
-            Identity(subject.id, subject.title, subject.origin),
+            Identity(subject.id, subject.title, subject.origin, subject.directory),
             "leg",
             identified,
             accuracy_of(subject),

@@ -168,7 +168,7 @@ class LegProblem:
         stations = tuple(one.fitted(curve, best.values) for one, curve in pairs)
         result = Fit(
             kind="leg",
-            subject=Identity(self.leg.id, self.leg.title, self.leg.origin),
+            subject=Identity(self.leg.id, self.leg.title, self.leg.origin, self.leg.directory),
             law=law.name,
             estimates=MappingProxyType(estimates(optimum)),
             correlations=optimum.correlations,

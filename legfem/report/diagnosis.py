@@ -118,7 +118,7 @@ def diagnosis_web_page(
             web.Chapter("What to do next", next_blocks(found, plan)),
             web.Chapter("Noise and accuracy", [web.Prose(_noise(found))]),
         ],
-        web.Repeat(command, versions()),
+        web.Repeat(command, versions(), {"seed": f"{found.seed}"}, subject.directory),
         None if leg else DataKind(f"{subject.origin} data"),
         " for the person who recorded and described the test",
     )

@@ -384,6 +384,8 @@ class Repeat:
     versions: Mapping[str, str]
     numbers: Mapping[str, str] = field(default_factory=dict)
     """Seed and the like, as people write them."""
+    inputs: Path | None = None
+    """Folder that was given."""
 
 
 @dataclass(frozen=True)

@@ -128,7 +128,7 @@ def plan_web_page(
             web.Chapter("What to do next", [web.Bullets(steps)]),
             web.Chapter("What was not weighed", [web.Bullets(_NOT_WEIGHED)]),
         ],
-        web.Repeat(command, versions),
+        web.Repeat(command, versions, inputs=subject.directory),
         DataKind("simulated data", f"no test has been made yet; section of the leg: {subject.origin}"),
     )
 

@@ -18,6 +18,7 @@ from markupsafe import Markup
 from legfem.common.documents import legfem_build, literal
 from legfem.inverse.catalogue import key_of
 from legfem.report import page as web
+from legfem.report.crate import CRATE, write_crate
 from legfem.report.folder import REPORT, ReportFile
 
 if TYPE_CHECKING:
@@ -223,14 +224,14 @@ def write_tables(page: web.WebPage, folder: Path, estimates: "pd.DataFrame | Non
     return ReportFile([csv, workbook], shows)
 
 
-PAGE_FILES = (REPORT, web.PAGE, MARKDOWN, CSV, WORKBOOK)
+PAGE_FILES = (REPORT, web.PAGE, MARKDOWN, CSV, WORKBOOK, CRATE)
 """Files that `write_page` writes."""
 
 
 def write_page(
     page: web.WebPage, folder: Path, explore: str, files: Sequence[ReportFile], estimates: "pd.DataFrame | None" = None
 ) -> None:
-    """Write ``report.html``, ``report.txt``, ``report.md``, ``numbers.csv`` and ``numbers.xlsx``.
+    """Write ``report.html``, ``report.txt``, ``report.md``, ``numbers.csv``, ``numbers.xlsx`` and the crate.
 
     Parameters
     ----------
@@ -250,4 +251,5 @@ def write_page(
     tables = write_tables(page, folder, estimates)
     markdown = ReportFile([Path(MARKDOWN)], "the same as Markdown")
     every = [web.listed(explore), markdown, *(one for one in files if one.paths), tables]
-    (folder / REPORT).write_text(plain_page(page, every), encoding="utf-8")
+    made_from = write_crate(page, folder, [*every, ReportFile([Path(REPORT)], "the same as text")])
+    (folder / REPORT).write_text(plain_page(page, [*every, made_from]), encoding="utf-8")

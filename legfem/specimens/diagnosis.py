@@ -136,7 +136,7 @@ def diagnose_specimens(
     for name in names or every:
         started = time.perf_counter()
         title = folder.title if len(every) == 1 else f"{folder.title}: {name}"
-        whose = Identity(name, title, folder.origin)
+        whose = Identity(name, title, folder.origin, folder.directory)
         own = folder.test_of(every[name][0])
         found = DiagnosedSpecimen(name, None, test=every[name][0].test)
         try:

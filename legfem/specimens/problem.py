@@ -156,7 +156,7 @@ class SpecimenProblem:
         values = self.forward.models[0].with_compressibility(best.values)
         result = Fit(
             kind="specimens",
-            subject=Identity(self.folder.id, self.folder.title, self.folder.origin),
+            subject=Identity(self.folder.id, self.folder.title, self.folder.origin, self.folder.directory),
             law=law.name,
             estimates=MappingProxyType(known),
             correlations=optimum.correlations,

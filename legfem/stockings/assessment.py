@@ -91,7 +91,7 @@ def assessed(details: StockingDetails, log: SearchLog, settings: Mapping[str, An
     return noticed(
         Fit(
             kind=KIND,
-            subject=Identity(leg.id, leg.title, leg.origin),
+            subject=Identity(leg.id, leg.title, leg.origin, leg.directory),
             law=LAW,
             values=given,
             assumed=given,

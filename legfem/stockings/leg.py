@@ -12,11 +12,13 @@ sensor's own error :math:`e_i`.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
 import shapely
 
+from legfem.common.drawing import Pictured
 from legfem.common.errors import Doubt
 from legfem.common.units import FloatArray
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
@@ -236,8 +238,8 @@ class Posture:
         return standing if self.lying is None else {**standing, "lying": self.lying}
 
 
-@dataclass(frozen=True, eq=False)
-class StockingLeg:
+@dataclass(frozen=True, eq=False, repr=False)
+class StockingLeg(Pictured):
     """What is given of one leg; mm, MPa.
 
     Parameters
@@ -276,6 +278,8 @@ class StockingLeg:
         What is unlikely in all this.
     makers : MakersLevels
         Where makers give its pressure, and the limits of its class.
+    directory : Path, optional
+        Folder that it was read from.
     """
 
     id: str
@@ -297,3 +301,4 @@ class StockingLeg:
     elastography: tuple[ShearModulus, ...] = ()
     doubts: tuple[Doubt, ...] = ()
     makers: MakersLevels = NOTHING_STATED
+    directory: Path | None = None

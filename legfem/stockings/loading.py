@@ -128,6 +128,7 @@ def load_leg(directory: Path, progress: Progress | None = None) -> StockingLeg:
         None if posture is None else Posture(posture.heart_mm, lying),
         tuple(map(ShearModulus.of, given.elastography)),
         makers=_makers(given.stocking),
+        directory=directory,
     )
     return replace(leg, doubts=tuple(doubts_about_leg(leg, toml)))
 

@@ -116,6 +116,8 @@ def page_of(
         sentences_of((chosen, *fits)),
         kind.known(fits),
         kind.chapters(fits, pressed, note),
-        Repeat(command, chosen.versions, {"seed": f"{chosen.log.seed}"} if kind.seeded else {}),
+        Repeat(
+            command, chosen.versions, {"seed": f"{chosen.log.seed}"} if kind.seeded else {}, chosen.subject.directory
+        ),
         kind.simulated if chosen.subject.origin == "simulated" else None,
     )
