@@ -4,6 +4,7 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -267,32 +268,27 @@ def _directions(path: Path, recording: Recording) -> tuple[int, int, str]:
 
 def refuse_other_table(path: Path, sheets: Sequence[Sheet]) -> None:
     """Refuse tables of which none has a recording's quantities: readings beside a force, or something else."""
+    refused = partial(InputError, path, "columns")
     columns = [column for sheet in sheets for column in sheet.columns]
     kind = next((kind for column in columns if (kind := channel_of(column))), None)
     has = {quantity: [c for c in columns if may_be(c, quantity) and not channel_of(c)] for quantity in QUANTITIES}
     # A machine that calls its only force axial moves, too.
     pressing = kind in _PRESSING and has["displacement"]
     if kind is not None and has["time"] and not has["force"] and not pressing:
-        raise InputError(
-            path,
-            "columns",
+        raise refused(
             f"contains {len(columns[0].values)} readings of {kind.name} and no force: it goes with a recording",
             f"give in subject.toml, beside the recordings: [channels.{kind.name}] file = {json.dumps(path.name)} "
             "(or a file a trial, with {trial} for the trial's name)",
         )
     strained = next((pair for sheet in sheets if (pair := stretch_and_stress(sheet, timed=True))), None)
     if strained is not None and has["time"] and not has["displacement"] and not has["force"]:
-        raise InputError(
-            path,
-            "columns",
+        raise refused(
             f"contains strain ('{strained[0].name}') and stress ('{strained[1].name}') over time and no force",
             "export displacement in mm and force in N, which are strain times length and stress times area",
         )
     pressures = [c for c in columns if c.quantity == "pressure"]
     if pressures and has["time"] and has["displacement"] and not has["force"]:
-        raise InputError(
-            path,
-            "columns",
+        raise refused(
             f"contains a pressure ('{pressures[0].name}' in {pressures[0].unit}) and no force",
             Remedy(
                 "of a suction cup describe the test in specimen.toml, in the table [suction], beside recordings/, and ",
@@ -308,29 +304,24 @@ def refuse_other_table(path: Path, sheets: Sequence[Sheet]) -> None:
         raise _without_names(path, nameless)
     if not any(has.values()):
         few = ", ".join(f"'{c.name}'" for c in columns[:6]) + (", ..." if len(columns) > 6 else "")
-        raise InputError(
-            path,
-            "columns",
+        raise refused(
             f"is not a recording: none of its columns ({few}) has a name or unit of time, displacement or force",
             Remedy("if three of them are, name them: ", look_command(path, dict.fromkeys(QUANTITIES, "NAME:UNIT"))),
         )
 
 
 def _without_names(path: Path, sheet: Sheet) -> InputError:
+    refused = partial(InputError, path, "columns")
     count, first = len(sheet.columns), sheet.columns[0].values
     if len(first) < FEWEST_ROWS and count > _MOST_IN_A_ROW:
-        return InputError(
-            path,
-            "columns",
+        return refused(
             f"its numbers are in rows of {count}, not in columns",
             "turn the table round: in a spreadsheet, Paste Special, Transpose",
         )
     to_zero = first[0] < 0 and abs(first[-1]) < 0.01 * abs(first[0])
     height = to_zero and np.ptp(np.diff(first)) < 0.01 * np.ptp(first)
     odd = "; the first goes up to 0 in equal steps, as a microscope's height does and no time" if height else ""
-    return InputError(
-        path,
-        "columns",
+    return refused(
         f"its {count} columns have no names{odd}",
         Remedy(
             "write a line of names above the numbers, such as time_s,displacement_mm,force_N, or name them by their "

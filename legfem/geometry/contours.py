@@ -8,6 +8,7 @@ absent where every part has one.
 import difflib
 import re
 from collections.abc import Mapping
+from functools import partial
 from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -191,20 +192,17 @@ def check_section(section: LegSection, source: str | Path) -> None:
 
 
 def _check_contour(path: Path, part: str, points: FloatArray) -> None:
+    refused = partial(InputError, path, part)
     if len(points) == 0:
-        raise InputError(path, part, "the part is missing", f"add rows '{part},x,y' around it")
+        raise refused("the part is missing", f"add rows '{part},x,y' around it")
     if len(points) < MINIMAL_POINTS:
-        raise InputError(
-            path, part, f"{len(points)} points are too few", f"give at least {MINIMAL_POINTS} around the part"
-        )
+        raise refused(f"{len(points)} points are too few", f"give at least {MINIMAL_POINTS} around the part")
     spacing = np.linalg.norm(np.diff(points, axis=0), axis=1)
     gap = float(np.linalg.norm(points[-1] - points[0]))
     # The largest spacing counts too: contours drawn by hand are sparse where they are straight.
     allowed = max(OPEN_GAP_IN_SPACINGS * float(np.median(spacing)), 1.5 * float(spacing.max()))
     if gap > allowed:
-        raise InputError(
-            path,
-            part,
+        raise refused(
             f"the contour is open ({gap:.1f} mm from its last point to its first, points are "
             f"{np.median(spacing):.1f} mm apart)",
             "add the missing points; the last must stand next to the first",
@@ -295,25 +293,19 @@ def check_nested(
 
 
 def _check_fascia(section: LegSection, polygons: dict[str, Polygon], source: str | Path) -> None:
-    field, thickness = "fascia_thickness_mm", section.fascia_thickness
+    refused, thickness = partial(InputError, source, "fascia_thickness_mm"), section.fascia_thickness
     if not thickness > 0:
-        raise InputError(
-            source, field, f"{thickness:g} mm is not positive", "give the fascia's thickness in mm (0.2-1.0 is usual)"
-        )
+        raise refused(f"{thickness:g} mm is not positive", "give the fascia's thickness in mm (0.2-1.0 is usual)")
     thinnest = minimal_fat_thickness(section)
     if thickness >= thinnest:
-        raise InputError(
-            source,
-            field,
+        raise refused(
             f"the fascia ({thickness:g} mm) is thicker than the fat at its thinnest ({thinnest:.2f} mm)",
             "reduce the thickness or move the fascia inwards there",
         )
     for bone in ("tibia", "fibula"):
         room = polygons["fascia"].exterior.distance(polygons[bone])
         if thickness >= room:
-            raise InputError(
-                source,
-                field,
+            raise refused(
                 f"the fascia's inner face ({thickness:g} mm inwards) meets the {bone} ({room:.2f} mm away)",
                 f"reduce the thickness or leave room between fascia and {bone}",
             )

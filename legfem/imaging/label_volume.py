@@ -5,6 +5,7 @@ Coordinates are those of DICOM, in mm: x to the patient's left, y to the back, z
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,14 +41,12 @@ def _resampled(array: NDArray[np.integer], affine: FloatArray, source: str) -> t
     InputError
         If the grid is sheared, or nowhere holds the leg's whole section.
     """
+    refused = partial(InputError, source, "affine")
     spacing = np.linalg.norm(affine[:3, :3], axis=0)
     cosines = affine[:3, :3] / spacing
     if np.abs(cosines.T @ cosines - np.eye(3)).max() > _SHEAR:
-        raise InputError(
-            source,
-            "affine",
-            "the grid is sheared: its axes aren't square to each other",
-            "resample the volume along the scanner's axes",
+        raise refused(
+            "the grid is sheared: its axes aren't square to each other", "resample the volume along the scanner's axes"
         )
     ends = np.array(np.meshgrid(*([0, n - 1] for n in array.shape), indexing="ij")).reshape(3, -1)
     corners = affine[:3, :3] @ ends + affine[:3, 3:]
@@ -75,11 +74,8 @@ def _resampled(array: NDArray[np.integer], affine: FloatArray, source: str) -> t
     runs = [run for run in runs_of(whole) if whole[run[0]]]
     first, last = max(runs, key=lambda run: run[1] - run[0], default=(0, 0))
     if last - first < 2:
-        raise InputError(
-            source,
-            "affine",
-            "the grid is oblique, and no level contains the leg's whole section",
-            "scan or label more of the leg",
+        raise refused(
+            "the grid is oblique, and no level contains the leg's whole section", "scan or label more of the leg"
         )
     straight = np.diag([*spacing, 1.0])
     straight[:3, 3] = origin
@@ -124,26 +120,18 @@ class LabelVolume:
             raise InputError(self.source, "shape", f"is {self.labels.ndim}-dimensional", "give one volume")
         if not (self.spacing > 0).all():
             raise InputError(self.source, "spacing", "is not positive", "correct the header")
+        refused = partial(InputError, self.source, "labels")
         present = np.bincount(self.labels.ravel(), minlength=4)
         for name, label in TISSUES.items():
             if not present[label]:
-                raise InputError(
-                    self.source,
-                    "labels",
-                    f"no voxel is labelled {label} ({name})",
-                    "segment fat and skin: without them the leg's surface isn't known"
-                    if label == SUPERFICIAL
-                    else "segment it, or say which label it has",
-                )
+                skin = "segment fat and skin: without them the leg's surface isn't known"
+                remedy = skin if label == SUPERFICIAL else "segment it, or say which label it has"
+                raise refused(f"no voxel is labelled {label} ({name})", remedy)
         if len(present) > 4 and present[4:].any():
             other = 4 + int(np.argmax(present[4:] > 0))
-            raise InputError(
-                self.source,
-                "labels",
-                f"{present[other]} voxels are labelled {other}, which is "
-                "none of " + ", ".join(f"{v} ({k})" for k, v in TISSUES.items()),
-                "say which tissue it is",
-            )
+            known = ", ".join(f"{v} ({k})" for k, v in TISSUES.items())
+            problem = f"{present[other]} voxels are labelled {other}, which is none of {known}"
+            raise refused(problem, "say which tissue it is")
 
     @property
     def affine(self) -> FloatArray:
@@ -181,28 +169,25 @@ def volume_of_array(
         If a label is missing or unknown, or the grid is sheared.
     """
     array, affine = _along_axes(array, np.asarray(affine, dtype=np.float64), source)
+    refused = partial(InputError, source, "labels")
     if meaning is None:
         if array.min(initial=0) < 0 or array.max(initial=0) > 255:
-            raise InputError(
-                source,
-                "labels",
+            raise refused(
                 f"range from {array.min()} to {array.max()}",
                 "give a label volume, not an image; 0 background, 1 superficial, 2 deep, 3 bone",
             )
         labels = array.astype(np.uint8)
     else:
         if unknown := [name for name in meaning if name not in TISSUES]:
-            raise InputError(source, "labels", f"unknown tissue '{unknown[0]}'", f"tissues are {', '.join(TISSUES)}")
+            raise refused(f"unknown tissue '{unknown[0]}'", f"tissues are {', '.join(TISSUES)}")
         if unsaid := [name for name in TISSUES if name not in meaning]:
-            raise InputError(source, "labels", f"{unsaid[0]} has no label given", "give one")
+            raise refused(f"{unsaid[0]} has no label given", "give one")
         labels = np.full(array.shape, 255, dtype=np.uint8)
         labels[array == 0] = BACKGROUND
         for name, given in meaning.items():
             labels[np.isin(array, given)] = TISSUES[name]
         if (labels == 255).any():
-            raise InputError(
-                source, "labels", f"{array[labels == 255][0]} has no meaning given", "say which tissue it is"
-            )
+            raise refused(f"{array[labels == 255][0]} has no meaning given", "say which tissue it is")
     return LabelVolume(labels, np.diag(affine)[:3], affine[:3, 3], source)
 
 
@@ -259,24 +244,20 @@ def check_anatomy(volume: LabelVolume) -> None:
     InputError
         If another label than the fat's touches the air most, or there is more bone than muscle.
     """
+    refused = partial(InputError, volume.source, "labels")
     air = volume.labels == BACKGROUND
     at_air = volume.labels[ndimage.binary_dilation(air, _IN_PLANE) & ~air]
     names = {label: name for name, label in TISSUES.items()}
     outermost = names[int(np.argmax(np.bincount(at_air, minlength=4)[1:])) + 1]
     if outermost != "superficial":
-        raise InputError(
-            volume.source,
-            "labels",
+        raise refused(
             f"what is labelled {outermost} lies outermost, where fat is",
             f"exchange superficial and {outermost} under [labels]",
         )
     bone, deep = (int((volume.labels == label).sum()) for label in (BONE, DEEP))
     if bone > deep:
-        raise InputError(
-            volume.source,
-            "labels",
-            f"there is more bone ({bone} voxels) than muscle ({deep})",
-            "exchange deep and bone under [labels]",
+        raise refused(
+            f"there is more bone ({bone} voxels) than muscle ({deep})", "exchange deep and bone under [labels]"
         )
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -119,19 +120,16 @@ def _dask(scheduler: str | None) -> Iterator[Engine]:
         if scheduler.endswith(".toml"):
             cluster, expected = _queued(Path(scheduler), stack)
             address = {"address": cluster}
+        refused = partial(InputError, Argument("scheduler"), scheduler)
         try:
             client = stack.enter_context(Client(**address, timeout=_PATIENCE))
         except (OSError, ValueError) as error:
             said = " ".join(str(error).split())[:120]
-            raise InputError(
-                Argument("scheduler"), scheduler, f"doesn't answer ({said})", "check the address"
-            ) from None
+            raise refused(f"doesn't answer ({said})", "check the address") from None
         threads = client.nthreads()
         if not expected and (not threads or max(threads.values()) > 1):
             problem = "has workers of several threads, in which PETSc can't run" if threads else "has no workers"
-            raise InputError(
-                Argument("scheduler"), scheduler, problem, "start workers with dask worker ADDRESS --nthreads 1"
-            )
+            raise refused(problem, "start workers with dask worker ADDRESS --nthreads 1")
         workers = expected or len(threads)
         place = f", on {workers} workers{' when their jobs begin' * bool(expected)}, shown at {client.dashboard_link}"
         yield Engine(workers, lambda: client.get_executor(pure=False), (KilledWorker,), place)

@@ -20,6 +20,7 @@ of the nodes' normal loads :math:`q_n` (N per mm of the cylinder) at :math:`s_n`
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from math import comb
 from typing import TYPE_CHECKING, ClassVar
@@ -291,24 +292,17 @@ class ContactPressures(FramesFile[Site]):
     def of_frames(self, frames: Sequence[Frames], site: Site) -> Sequence[Sequence[Read]]:
         """Return the sensels' pressures; a sensel reaches half-way to its neighbours."""
         angles = np.unique(np.concatenate([one.columns[:, 0] for one in frames]))
+        refused = partial(InputError, "frames", "angle_deg")
         if len(angles) < 2:
-            raise InputError(
-                "frames", "angle_deg", f"{len(angles)} sensel", "give the pressures of two sensels at least"
-            )
-        if np.abs(angles).max() > 90.0:
-            raise InputError(
-                "frames",
-                "angle_deg",
-                f"is up to {np.abs(angles).max():.0f}: the skin touches within 90 degrees of the line of travel",
+            raise refused(f"{len(angles)} sensel", "give the pressures of two sensels at least")
+        widest = np.abs(angles).max()
+        if widest > 90.0:
+            raise refused(
+                f"is up to {widest:.0f}: the skin touches within 90 degrees of the line of travel",
                 "give the angle of a sensel's middle from the face's deepest point, to the left of the travel",
             )
-        if np.abs(angles).max() <= _NARROWEST_DEG:
-            raise InputError(
-                "frames",
-                "angle_deg",
-                f"is within ± {np.abs(angles).max():.3g}, as it would be in radians",
-                "give it in degrees",
-            )
+        if widest <= _NARROWEST_DEG:
+            raise refused(f"is within ± {widest:.3g}, as it would be in radians", "give it in degrees")
         between = 0.5 * (angles[1:] + angles[:-1])
         ends = np.concatenate([[2 * angles[0] - between[0]], between, [2 * angles[-1] - between[-1]]])
         ends = np.deg2rad(ends) * site.indenter.radius

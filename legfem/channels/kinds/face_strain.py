@@ -14,6 +14,7 @@ left of that is of second order.
 """
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -98,13 +99,12 @@ class FaceStrains(FramesFile[Sequence[Face]]):
 
 def _read(frames: Frames, face: Face) -> Read:
     x, y = frames.columns[:, :2].T
+    refused = partial(InputError, "frames", "x_mm, y_mm")
     outside = np.abs(y) > _OUTSIDE * face.half_height
     if face.half_width is not None:
         outside |= np.abs(x) > _OUTSIDE * face.half_width
     if outside.mean() > _MOST_OUTSIDE:
-        raise InputError(
-            "frames",
-            "x_mm, y_mm",
+        raise refused(
             f"{outside.sum()} of {len(outside)} points lie outside the specimen's face",
             "count x from the axis and y from the middle of the height, in mm, where points were before the test",
         )
@@ -114,9 +114,7 @@ def _read(frames: Frames, face: Face) -> Read:
         for place, value in _strains(frames.columns[(frames.time == time) & ~outside], face.half_height)
     ]
     if not found:
-        raise InputError(
-            "frames",
-            "x_mm, y_mm",
+        raise refused(
             f"no frame has {_LEAST_POINTS} points that reach from the middle to {HEIGHTS[1]:g} of half the height, "
             "above and below",
             "track points all over the face, and count y from the middle of the height",

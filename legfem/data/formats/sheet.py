@@ -175,21 +175,15 @@ def sheet_of_rows(
     nameless = titles is None and not any(names_something(text_of(cell)) for row in rows[:start] for cell in row)
     if nameless:
         titles = [f"column {c + 1}" for c in range(width)]
+    problem = ""
     if titles is None:
-        raise InputError(
-            path,
-            f"{where}line {start + 1}",
-            f"there is no row with the names of the {len(columns)} columns above the numbers",
-            "write a row of names with units, such as Time (s), above the numbers",
-        )
-    if width_of(titles) > width and not all(text_of(cell_at(titles, c)) for c in columns):
-        raise InputError(
-            path,
-            f"{where}line {start + 1}",
-            f"{width_of(titles)} names, the first of them empty, are above {width} columns: it isn't clear which "
-            "belongs to which",
-            "write a row of names with units, such as Time (s), above the numbers",
-        )
+        problem = f"there is no row with the names of the {len(columns)} columns above the numbers"
+    elif width_of(titles) > width and not all(text_of(cell_at(titles, c)) for c in columns):
+        unclear = "it isn't clear which belongs to which"
+        problem = f"{width_of(titles)} names, the first of them empty, are above {width} columns: {unclear}"
+    if titles is None or problem:
+        remedy = "write a row of names with units, such as Time (s), above the numbers"
+        raise InputError(path, f"{where}line {start + 1}", problem, remedy)
     found = []
     for k, c in enumerate(columns):
         column, unit = name_and_unit(text_of(cell_at(titles, c)))
