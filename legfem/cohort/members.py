@@ -7,6 +7,7 @@ import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
+from functools import partial
 from io import StringIO
 from pathlib import Path
 from typing import Literal
@@ -104,14 +105,13 @@ def find_members(folder: Path, task: Task, layout: str = "", table: Path | None 
     InputError
         If there are none, or the table can't be read or names one twice.
     """
+    refused = partial(InputError, folder, "cohort")
     if not folder.is_dir():
-        raise InputError(folder, "cohort", "not found", "give the folder that contains the subjects' folders")
+        raise refused("not found", "give the folder that contains the subjects' folders")
     found = _folders(folder, task, layout)
     there = [path for name in TABLES if (path := folder / name).is_file()]
     if table is None and len(there) > 1:
-        raise InputError(
-            folder, "cohort", "both cohort.csv and cohort.xlsx are there", Remedy("name one by ", Argument("table"))
-        )
+        raise refused("both cohort.csv and cohort.xlsx are there", Remedy("name one by ", Argument("table")))
     table = table or next(iter(there), None)
     if table is not None:
         return _of_table(folder, table, found, FILES[task])
@@ -125,12 +125,8 @@ def find_members(folder: Path, task: Task, layout: str = "", table: Path | None 
     if not found:
         files = " or ".join(FILES[task])
         where = f"matches {layout!r} and" if layout else "below it"
-        raise InputError(
-            folder,
-            "cohort",
-            f"no folder {where} contains {files}",
-            Remedy("check the path, ", Argument("layout"), " and ", Argument("do")),
-        )
+        remedy = Remedy("check the path, ", Argument("layout"), " and ", Argument("do"))
+        raise refused(f"no folder {where} contains {files}", remedy)
     return Members(folder, tuple(Member(name, path, name) for name, path in found.items()), notes=tuple(unread))
 
 
@@ -169,21 +165,19 @@ def _of_table(folder: Path, table: Path, found: Mapping[str, Path], files: Seque
     for name in _NUMBERS:
         for line, value in _plain(cells[name]).items() if name in cells else ():
             text = cells[name][line]
+            refused = partial(InputError, table, f"{name}, line {line}")
             if text and pd.isna(value):
-                raise InputError(table, f"{name}, line {line}", f"'{text}' is not a number", "write the number alone")
+                raise refused(f"'{text}' is not a number", "write the number alone")
             if value <= 0:
-                raise InputError(
-                    table, f"{name}, line {line}", f"is {text}", "write a number above 0, or leave it empty"
-                )
+                raise refused(f"is {text}", "write a number above 0, or leave it empty")
     for place, (line, row) in enumerate(cells.iterrows()):
         given = {name: text for name in cells if name != "folder" and (text := str(row[name]))}
+        refused = partial(InputError, table, f"{column}, line {line}")
         if not row[column]:
-            raise InputError(table, f"{column}, line {line}", "is empty", "name a folder, or remove the row")
+            raise refused("is empty", "name a folder, or remove the row")
         path = spelt.get(_composed(row[column]), folder / row[column]).resolve()
         if path in seen:
-            raise InputError(
-                table, f"{column}, line {line}", f"'{row[column]}' is in line {seen[path]} too", "remove one"
-            )
+            raise refused(f"'{row[column]}' is in line {seen[path]} too", "remove one")
         seen[path] = int(line)
         known: dict[str, str | float] = {
             name: numbers[name][place] if name in numbers else text for name, text in given.items()
@@ -198,9 +192,8 @@ def _of_table(folder: Path, table: Path, found: Mapping[str, Path], files: Seque
         )
     if all(one.problem for one in members):
         example = next((f", as {name}" for name in found), "")
-        raise InputError(
-            table, column, f"none of {len(members)} folders is there", f"write paths as seen from {folder}{example}"
-        )
+        remedy = f"write paths as seen from {folder}{example}"
+        raise InputError(table, column, f"none of {len(members)} folders is there", remedy)
     left = [name for name, path in found.items() if path.resolve() not in seen]
     shown = ", ".join(left[:5]) + (", …" if len(left) > 5 else "")
     notes = [f"Not in {table.name}, and so left out: {shown} ({len(left)})."] if left else []
@@ -260,12 +253,8 @@ def _cells(table: Path) -> pd.DataFrame:
     header, cells = cells.iloc[0], cells.iloc[1:]
     for number, name in enumerate(header):
         if not name and (cells[number] != "").any():
-            raise InputError(
-                table,
-                "header",
-                f"column {number + 1} has no name",
-                "name it, or remove it; the first row is the header",
-            )
+            remedy = "name it, or remove it; the first row is the header"
+            raise InputError(table, "header", f"column {number + 1} has no name", remedy)
     cells = cells[[number for number, name in enumerate(header) if name]]
     lower = [name.lower() if name.lower() in _KNOWN else name for name in header if name]
     if twice := sorted({name for name in lower if lower.count(name) > 1}):

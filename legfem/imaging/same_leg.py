@@ -6,6 +6,7 @@ course, or bones that don't come to lie on the first's, or fits better as its mi
 """
 
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -39,6 +40,7 @@ _DOUBTED = 1.6
 0.85 where the error is a wave of some centimetres."""
 _FITS_BETTER = 0.6
 """Share of the distance that a mirror image leaves where that is the leg."""
+_ONE_LEG = "give two scans of one leg, the same way up and to one scale"
 
 
 def check_scans_differ(bare: LegShape, compressed: LegShape, toml: Path) -> None:
@@ -56,12 +58,8 @@ def check_scans_differ(bare: LegShape, compressed: LegShape, toml: Path) -> None
         for part, xy in bare.contours.items()
     )
     if same:
-        raise InputError(
-            toml,
-            "compressed",
-            "is the same scan as [bare]",
-            "give the scan of the leg in its stocking, or leave [compressed] out",
-        )
+        remedy = "give the scan of the leg in its stocking, or leave [compressed] out"
+        raise InputError(toml, "compressed", "is the same scan as [bare]", remedy)
 
 
 def registered(bare: LegShape, compressed: LegShape, sd: float, toml: Path) -> Registration:
@@ -86,6 +84,7 @@ def registered(bare: LegShape, compressed: LegShape, sd: float, toml: Path) -> R
     InputError
         If the second fits as a mirror image, or its bones stay too far from the first's.
     """
+    refused = partial(InputError, toml, "compressed")
     try:
         found = register_shapes(compressed, bare)
     except InputError as error:
@@ -96,14 +95,9 @@ def registered(bare: LegShape, compressed: LegShape, sd: float, toml: Path) -> R
     for cause, change, remedy in _OTHERWISE:
         left = _residual(change(_thinned(compressed)), _thinned(bare))
         if left < _FITS_BETTER * found.residual:
-            raise InputError(toml, "compressed", f"is {cause}: {apart}, and {left:.2f} mm once that is undone", remedy)
+            raise refused(f"is {cause}: {apart}, and {left:.2f} mm once that is undone", remedy)
     if found.residual > max(_NOT_ONE_LEG, _IN_STATED * sd):
-        raise InputError(
-            toml,
-            "compressed",
-            f"is not the leg of [bare]: {apart}",
-            "give two scans of one leg, the same way up and to one scale, or state accuracy.contour_sd_mm",
-        )
+        raise refused(f"is not the leg of [bare]: {apart}", f"{_ONE_LEG}, or state accuracy.contour_sd_mm")
     return found
 
 
@@ -127,30 +121,23 @@ def doubts_about_second_scan(bare: LegShape, compressed: LegShape, toml: Path) -
     InputError
         For what can't be one leg.
     """
+    refused, doubt = partial(InputError, toml, "compressed"), partial(Doubt, str(toml), "compressed")
     bones = np.log(_areas(compressed, "tibia") / _areas(bare, "tibia"))
     if np.sqrt(np.mean(bones**2)) > _BONE:
         low, high = (100 * float(np.exp(f(bones))) for f in (np.min, np.max))
         spread = f"{low:.0f} to {high:.0f} %" if high - low > 1 else f"{high:.0f} %"
-        raise InputError(
-            toml,
-            "compressed",
-            f"is not the leg of [bare]: its shinbone's section is {spread} of that in the bare scan",
-            "give two scans of one leg, the same way up and to one scale",
-        )
+        problem = f"is not the leg of [bare]: its shinbone's section is {spread} of that in the bare scan"
+        raise refused(problem, _ONE_LEG)
     ratio = float(np.mean(perimeter(compressed) / perimeter(bare)))
     if ratio > _THICKER:
-        thicker = Doubt(
-            str(toml),
-            "compressed",
+        thicker = doubt(
             f"the leg is {100 * (ratio - 1):.2g} % thicker in its stocking than without",
             "are the scans of [bare] and [compressed] exchanged?",
         )
         yield from thicker.refused_if(ratio > _THICKER_BY_FAR)
     muscle = float(np.mean(_areas(compressed, HULL) / _areas(bare, HULL))) - 1
     if ratio < _THINNER or abs(muscle) > _MUSCLE:
-        yield Doubt(
-            str(toml),
-            "compressed",
+        yield doubt(
             f"the leg is {100 * (1 - ratio):.2g} % thinner in its stocking than without, and its muscle's section "
             f"{100 * muscle:+.2g} %: stockings take 1 to 4 % off the girth, and muscle keeps its volume",
             "check that both scans are of one leg, at one scale",

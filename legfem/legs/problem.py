@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from types import MappingProxyType
 
 import numpy as np
@@ -334,20 +335,14 @@ def weighting_of(law: IdentifiedLaw, asked: Weighting | None, channels: bool = F
     InputError
         If the plain sum is asked for and there are priors, or channels beside the force.
     """
+    refused = partial(InputError, Argument("weighting"), "paper")
     if channels and asked == "paper":
-        raise InputError(
-            Argument("weighting"),
-            "paper",
+        raise refused(
             "has no errors by which newtons and millimetres could be weighed against each other",
             "leave it out, or take the channels out of the recordings",
         )
     if asked == "paper" and len(law.priors):
-        raise InputError(
-            Argument("weighting"),
-            "paper",
-            "has no errors that a prior could be weighed against",
-            "leave it out, or give covariance",
-        )
+        raise refused("has no errors that a prior could be weighed against", "leave it out, or give covariance")
     return asked or "covariance"
 
 

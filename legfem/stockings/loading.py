@@ -5,6 +5,7 @@ What is impossible is an error that names file, field and remedy; what is unlike
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -171,12 +172,8 @@ def _segment(toml: Path, given: LegFile, shapes: Sequence[LegShape]) -> list[Leg
     asked = given.segment
     for name, value in (("from_mm", asked.from_mm), ("to_mm", asked.to_mm)):
         if value is not None and not low - 1e-6 <= value <= high + 1e-6:
-            raise InputError(
-                toml,
-                f"segment.{name}",
-                f"{value:g} mm is not in what the scans share, {low:.4g} to {high:.4g} mm",
-                "choose a level within it",
-            )
+            problem = f"{value:g} mm is not in what the scans share, {low:.4g} to {high:.4g} mm"
+            raise InputError(toml, f"segment.{name}", problem, "choose a level within it")
     low = low if asked.from_mm is None else max(low, asked.from_mm)
     high = high if asked.to_mm is None else min(high, asked.to_mm)
     _check_length(toml, given, "segment", high - low)
@@ -231,23 +228,18 @@ def _accuracy(given: LegFile, registration: Registration | None) -> ContourAccur
 def _sensors(toml: Path, given: LegFile, bare: LegShape) -> tuple[Sensor, ...]:
     found = []
     for entry in given.sensor:
-        field, position = f"sensor {entry.name}", np.array(entry.position_mm)
+        refused = partial(InputError, toml, f"sensor {entry.name}, position_mm")
+        position = np.array(entry.position_mm)
         if not bare.levels[0] <= position[2] <= bare.levels[-1]:
-            raise InputError(
-                toml,
-                f"{field}, position_mm",
+            raise refused(
                 f"z = {position[2]:g} mm is not in the part of the leg that is modelled, "
                 f"{bare.levels[0]:.4g} to {bare.levels[-1]:.4g} mm",
                 "model more, or leave it out",
             )
         away = off_skin(bare, position)
         if away > _OFF_SKIN:
-            raise InputError(
-                toml,
-                f"{field}, position_mm",
-                f"lies {away:.0f} mm off the bare leg's skin",
-                "give a point of the skin in the bare scan's coordinates, mm",
-            )
+            remedy = "give a point of the skin in the bare scan's coordinates, mm"
+            raise refused(f"lies {away:.0f} mm off the bare leg's skin", remedy)
         pressure = mmhg_to_mpa(entry.pressure_mmHg)
         if entry.instrument is None:
             assert entry.sd_mmHg is not None
@@ -327,13 +319,12 @@ def doubts_about_leg(leg: StockingLeg, toml: Path) -> Iterator[Doubt]:
 
 
 def _stocking_doubts(bare: LegShape, stocking: Stocking, toml: Path) -> Iterator[Doubt]:
+    doubt = partial(Doubt, str(toml), "stocking.unstretched")
     low, high = float(bare.levels[0]), float(bare.levels[-1])
     first, last = float(stocking.levels[0]), float(stocking.levels[-1])
     if len(stocking.levels) > 1:
         beyond = max(first - low, high - last)
-        found = Doubt(
-            str(toml),
-            "stocking.unstretched",
+        found = doubt(
             f"the table of {first:g} to {last:g} mm leaves {beyond:.0f} mm of the leg's {low:.4g} to {high:.4g} mm out",
             "give perimeters at the levels of the scan, in its coordinates and in mm, or restrict [segment]",
         )
@@ -344,9 +335,7 @@ def _stocking_doubts(bare: LegShape, stocking: Stocking, toml: Path) -> Iterator
     load = stocking_load(bare, stocking)
     slack = bare.levels[load.strain <= 0]
     if 0 < len(slack) < len(bare.levels):
-        yield Doubt(
-            str(toml),
-            "stocking.unstretched",
+        yield doubt(
             f"the fabric is wider than the leg at {len(slack)} of {len(bare.levels)} levels, the first {slack[0]:g} mm",
             "check the perimeters there: whole, unstretched, in mm",
         )
