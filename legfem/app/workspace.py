@@ -20,8 +20,7 @@ from pathlib import Path
 
 from legfem.common.documents import legfem_version
 from legfem.common.errors import InputError
-from legfem.common.input_files import FileTable, read_text
-from legfem.data.folder import LAB
+from legfem.common.input_files import LAB, FileTable, read_text
 from legfem.data.formats import READERS
 from legfem.legs.schema import SubjectFile
 from legfem.specimens.schema import SpecimenFile

@@ -24,6 +24,16 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+LAB = "lab.toml"
+"""What a lab's folders have alike: in a folder itself, or in one of the two above it."""
+
+
+def lab_of(folder: Path) -> Path | None:
+    """Return the nearest ``lab.toml``, in a folder or the two above it."""
+    nearest = (folder, *folder.absolute().parents[:2])
+    return next((one for above in nearest if (one := above / LAB).is_file()), None)
+
+
 def read_text(path: Path, missing: str | Remedy, remedy: str | Remedy) -> str:
     """Return a file's text, without a byte order mark.
 

@@ -9,7 +9,17 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from legfem.common.errors import MISSING, InputError
-from legfem.common.input_files import FileTable, NotNegative, Positive, Text, check_one_of, checked, read_toml, trouble
+from legfem.common.input_files import (
+    FileTable,
+    NotNegative,
+    Positive,
+    Text,
+    check_one_of,
+    checked,
+    lab_of,
+    read_toml,
+    trouble,
+)
 from legfem.common.wording import Argument, Remedy
 from legfem.data.noise import Instrument
 from legfem.data.recording import SourceColumn, SourceColumns
@@ -115,10 +125,6 @@ class RecordingsEntry(FileTable):
         return SourceColumns(time, displacement, force, self.sheet)
 
 
-LAB = "lab.toml"
-"""What a lab's folders have alike: in a folder itself, or in one of the two above it."""
-
-
 class LabIndenterEntry(FileTable):
     """``[indenter]`` of a lab."""
 
@@ -147,12 +153,6 @@ class LabFile(FileTable):
     instrument: InstrumentEntry | None = None
     accuracy: AccuracyEntry | None = None
     recordings: RecordingsEntry | None = None
-
-
-def lab_of(folder: Path) -> Path | None:
-    """Return the nearest ``lab.toml``, in a folder or the two above it."""
-    nearest = (folder, *folder.absolute().parents[:2])
-    return next((one for above in nearest if (one := above / LAB).is_file()), None)
 
 
 def with_lab(toml: Path, content: Mapping[str, Any], tables: Collection[str]) -> dict[str, Any]:

@@ -30,10 +30,11 @@ from ufl.corealg.map_dag import map_expr_dag
 from ufl.corealg.multifunction import MultiFunction
 from ufl.domain import extract_unique_domain
 
+from legfem.common.contents import Contents
 from legfem.common.documents import write_atomically
 from legfem.common.errors import naming
 from legfem.common.units import FloatArray
-from legfem.jobs.store import Contents, key_of
+from legfem.jobs.store import key_of
 
 FLAGS = ("-O1", "-march=native", "-ffast-math", "-fno-finite-math-only")
 """For gcc. ``-O3`` takes it several times as long, and shortens solves by about a twentieth."""

@@ -25,28 +25,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
+from legfem.common.contents import Contents
 from legfem.common.documents import package_version, write_atomically
 from legfem.common.progress import Progress
 from legfem.jobs.pool import Workers
 
 if TYPE_CHECKING:
     from mpi4py import MPI
-
-
-@dataclass(frozen=True)
-class Contents:
-    """Stands for what is in a file, or in all files of a folder, wherever that lies."""
-
-    path: Path
-
-    def digest(self) -> list[list[str]]:
-        """Return names and hashes of the files; a missing one has none."""
-        files = [self.path] if self.path.is_file() else sorted(self.path.rglob("*"))
-        return [
-            [file.relative_to(self.path).as_posix(), hashlib.sha256(file.read_bytes()).hexdigest()]
-            for file in files
-            if file.is_file()
-        ]
 
 
 def key_of(*given: object) -> str:

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+from legfem.common.contents import Contents
 from legfem.common.documents import write_document
-from legfem.data.folder import lab_of
-from legfem.jobs.store import Contents
+from legfem.common.input_files import lab_of
 from legfem.report.folder import ReportFile
 from legfem.report.page import WebPage
 

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import qmc
 
+from legfem.common.contents import Contents
 from legfem.common.documents import markdown_table
 from legfem.common.errors import UnsolvedError
 from legfem.common.units import kpa_to_mpa
@@ -21,7 +22,6 @@ from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainS
 from legfem.inverse.fit import Fit
 from legfem.inverse.outcome import JointForward
 from legfem.inverse.settings import IdentificationSettings, SearchRequest
-from legfem.jobs.store import Contents
 from legfem.legs.details import LegDetails
 from legfem.legs.finite_element_models import plane_strain_test
 from legfem.legs.forward import PlaneStrainForward

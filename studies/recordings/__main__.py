@@ -9,11 +9,12 @@ from typing import Annotated
 import typer
 
 from legfem.common.command_line import study_context
+from legfem.common.contents import Contents
 from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
 from legfem.inverse.catalogue import LawName
 from legfem.jobs.pool import Workers
-from legfem.jobs.store import Contents, Store, finish
+from legfem.jobs.store import Store, finish
 from legfem.specimens.laws import laws_named
 from studies.command_line import DONE_IS_KEPT, Jobs, Out, new_app, write_results
 from studies.recordings.fitting import Fitted, fitted, page

@@ -11,11 +11,12 @@ from pathlib import Path
 
 from mpi4py import MPI
 
+from legfem.common.contents import Contents
 from legfem.common.documents import json_types, markdown_table, write_atomically, write_document
 from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
 from legfem.jobs.pool import Workers
-from legfem.jobs.store import Contents, Store, finish, key_of
+from legfem.jobs.store import Store, finish, key_of
 from studies.making.shapes import parametric_leg, read_legs
 from studies.stockings import command as page
 from studies.stockings.claims import Correlation, Pressures, Variant, correlations, sized_state, solve_variant, variants
