@@ -189,9 +189,7 @@ def corrected(folder: Path) -> WebPage:
 def specimens(folder: Path, p_value: float = 0.4) -> list[Fit[SpecimenDetails]]:
     """Bars whose forces are met to a per cent by a law of 5 kPa."""
     given = load_specimen(write_bars(folder / "bars", ReducedPolynomial(5e-3, 1.0, 3e-3, np.inf)))
-    found = Estimate(
-        parameter_of("deep.C10", {}), 5e-3, 1e-4, (4.8e-3, 5.2e-3), "identifiable", "its interval is narrow"
-    )
+    found = Estimate(parameter_of("deep.C10", {}), 5e-3, 1e-4, (4.8e-3, 5.2e-3), "identifiable")
     goodness = Goodness(30.0, 28, p_value)
     tests = tuple(
         RecordingFit(

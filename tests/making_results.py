@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import tempfile
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -79,11 +80,11 @@ def result(
             standard_error=float(sd),
             ci95=(float(value - 1.9 * sd), float(value + 2.1 * sd)),
             identifiability="identifiable",
-            why="its interval is narrow",
             moves={"superficial.C10": -0.012, "fascia.C10": -0.034, "force_N": 0.14, "displacement_mm": -0.19},
         )
         for name, value, sd in zip(NAMES, optimum, error, strict=False)
     }
+    parameters = {name: replace(one, identifiability=one.verdict(True)) for name, one in parameters.items()}
     rng = np.random.default_rng(1)
     two = law == "reduced-polynomial"
     best = optimum if two else np.array([optimum[0], 0.0])

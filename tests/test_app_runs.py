@@ -25,13 +25,13 @@ from legfem.app.outcomes import RunResult, answers_of, as_csv, as_xlsx, relative
 from legfem.app.runs import ACTIONS, Run, RunState, rename_input
 from legfem.common.documents import write_document
 from legfem.common.errors import InputError
+from legfem.common.numbers import number
 from legfem.common.progress import Lines, Reached, reached
 from legfem.inverse.document import fit_document
 from legfem.inverse.fit import Computed
 from legfem.legs.loading import load_subject
 from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_document import document
-from legfem.report.words import number
 
 
 @pytest.fixture
@@ -204,9 +204,10 @@ def test_both_laws_of_an_identification_are_compared(workspace):
         shown = one.estimates["deep.C10"].shown
         low, high = shown.ci95
         digits = [number(value, (high - low) / 4) for value in (shown.value, low, high)]
-        assert row.c10 == "{} ({} to {}) kPa".format(*digits)
+        assert row.c10 == "{} kPa ({} to {})".format(*digits)
         assert bool(row.c20) == ("deep.C20" in one.estimates)
-        assert (row.law, row.verdict) == (one.law, one.identifiability[0])
+        each = [f"{symbol} of the muscle identifiable" for symbol in ("C10", "C20")[: len(one.estimates)]]
+        assert (row.law, row.verdict) == (one.law, ", ".join(each))
 
 
 @pytest.mark.parametrize(("status", "next_state"), [(0, RunState.DONE), (3, RunState.WAITING)])
@@ -235,7 +236,7 @@ def test_a_diagnosis_is_compared_by_its_verdict_and_what_it_makes_of_c10(workspa
     (row,) = answers_of(run)
     low, high = found.shown_interval("deep.C10")
     ends = [number(end, (high - low) / 4) for end in (low, high)]
-    assert f"({ends[0]} to {ends[1]}) kPa" in row.c10
+    assert f" kPa ({ends[0]} to {ends[1]})" in row.c10
     assert row.verdict == f"named: {found.models[0].names[0]}"
     page = diagnosis_web_page(found, subject, ())
     assert sentence_of(run) == f"{page.headline.heading.rstrip('.')}. {page.headline.sentence}"
@@ -248,7 +249,7 @@ def test_what_was_computed_with_a_fit_stands_beside_its_parameters(workspace):
     fit = replace(result("neo-hookean"), computed={"pressure_on_skin": pressure})
     write_document(run.results / "result.json", fit_document([fit]))
     (row,) = answers_of(run)
-    assert row.verdict == f"{fit.identifiability[0]}, mean pressure on the skin 21 mmHg"
+    assert row.verdict == f"C10 of the muscle {fit.identifiability}, mean pressure on the skin 21 mmHg"
     rows = list(csv.DictReader(io.StringIO(as_csv([row]).decode("utf-8-sig"))))
     assert [one["parameter"] for one in rows] == ["c10_deep", "pressure_on_skin"]
     assert [rows[1][key] for key in ("value", "low", "high", "unit")] == ["21.3", "20.3", "22.3", "mmHg"]

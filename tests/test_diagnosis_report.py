@@ -13,7 +13,7 @@ from making_diagnosed import diagnosed, diagnosed_anew, diagnosed_of
 from making_diagnosis import problem_of, ramps
 from matplotlib.image import imread
 
-from legfem.common.units import percent
+from legfem.common.numbers import number, percent, probability
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.location import runs
 from legfem.inverse.verdict import answer_of
@@ -26,7 +26,6 @@ from legfem.report.diagnosis_curves import leading, matched, model_name, places_
 from legfem.report.diagnosis_document import document
 from legfem.report.diagnosis_sentences import next_experiments, verdict_sentence
 from legfem.report.render import PAGE_FILES, plain_page
-from legfem.report.words import number, probability
 
 ASKED = ("fascia-stiffness", "force-drift", "support-compliance", "contact-onset")
 TWINS = ("fascia-stiffness", "prestress", "force-drift")
@@ -64,8 +63,7 @@ def flat(text: str) -> str:
 def test_page_states_verdict_origin_and_open_questions(found, subject, verdict):
     page = text_of(found[verdict], subject)
     text = flat(page)
-    assert f"Verdict: {verdict.upper()}" in text
-    assert verdict_sentence(found[verdict]) in text
+    assert f"Verdict: {verdict.upper()}" in text and verdict_sentence(found[verdict]) in text
     assert text.index("*** SIMULATED DATA ***") < text.index("Verdict")
     assert "A constant factor on the force" in text, "a gain can't be told from the stiffness"
     assert "there is no 3D correction for this leg" in text
@@ -104,11 +102,9 @@ def test_page_of_a_name_gives_its_size_its_evidence_and_the_stiffness_before_and
 
 def test_ambiguous_page_prefers_no_candidate(found, subject):
     page = flat(text_of(found["ambiguous"], subject))
-    assert "It leaves out one of these" in page
+    assert "left out one of these" in page and "this test cannot determine which of these" in page
     names = [model_name(model) for model in found["ambiguous"].models]
     assert set(names) == {"prestress", "fascia stiffness"}
-    assert f"{'; '.join(names)}: together they have 90 % of the probability" in page
-    assert "cannot determine which of them it is" in page
     assert found["ambiguous"].models[0].probability < 0.9
 
 
@@ -140,7 +136,7 @@ def test_consistent_page_claims_no_proof_shows_no_change_and_gives_upper_limits(
     limits = found["consistent"].limits
     assert {limit.name for limit in limits} == set(ASKED)
     for limit in limits:
-        assert f"{limit.low:.3g} to {limit.high:.3g}" in page
+        assert f"{number(limit.low)} to {number(limit.high)}" in flat(page)
 
 
 def test_parameters_that_are_at_a_bound_or_unseen_are_flagged(found):

@@ -8,8 +8,9 @@ from making_identification import identify, pressed_leg
 
 from legfem.inverse.comparison import total_of
 from legfem.inverse.correction import TabulatedCorrection
-from legfem.inverse.estimates import main_source, reasons, shares_of_error
-from legfem.inverse.intervals import Estimated
+from legfem.inverse.estimates import Estimate, main_source, shares_of_error
+from legfem.inverse.fit import value_of
+from legfem.report.estimates import known_text
 from legfem.report.kinds import page_of
 from legfem.specimens.course import relaxation_parameters
 
@@ -60,4 +61,5 @@ def test_advice_is_what_narrows_the_interval(tmp_path, noise, ends_sd, said, uns
 
 def test_the_interval_of_a_number_without_a_unit_has_none():
     ratio = relaxation_parameters()[0]
-    assert reasons(Estimated(ratio, 2.0, 0.1, (1.8, 2.2))).startswith("95 % interval 1.8 to 2.2, ")
+    known = Estimate(ratio, 2.0, 0.1, (1.8, 2.2), "identifiable")
+    assert known_text(value_of(known)) == "2.00 (1.80 to 2.20)"

@@ -12,7 +12,7 @@ from test_observations import observed as recorded
 from legfem.data import Instrument
 from legfem.inverse.accuracy import Cause
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
-from legfem.inverse.errors import COMMON_GAIN_SD, ErrorModel, NuisanceEffect, error_model
+from legfem.inverse.errors import COMMON_GAIN_SD, NuisanceEffect, error_model
 from legfem.inverse.intervals import NUMERICAL_ERROR
 from legfem.inverse.trial_noise import USUAL_AT_REST, estimate_noise, trial_covariance
 from legfem.solve.protocol import Protocol
@@ -163,19 +163,3 @@ def test_a_common_relative_error_does_not_draw_a_fit_below_all_data(monkeypatch)
 
     assert scale(seen.force) < 1.0, "shares of the recorded force draw it below both trials"
     assert 1.0 < scale(1.075 * curve) < 1.15
-
-
-def test_effective_samples_are_all_of_independent_errors_and_few_of_slow_ones(seen):
-    observed, force = seen
-    count = len(force)
-    white = ErrorModel(
-        NOISE,
-        0.04 * np.eye(count),
-        np.zeros((count, 0)),
-        np.zeros((count, 3)),
-        np.zeros((count, 3)),
-        np.full(count, 0.2),
-        of_model=np.zeros((count, count)),
-    )
-    assert white.effective_samples == pytest.approx(count)
-    assert error_model(observed, NOISE, force).effective_samples < 0.7 * count

@@ -62,4 +62,4 @@ def test_beside_a_law_that_misses_by_far_a_stiffness_is_as_open_as_its_parts_lea
     one = fitted(tmp_path, foam, 6.0, "neo-hookean").estimates[DEEP_C10]
     assert one.identifiability == "not identifiable"
     assert one.ci95[1] > 4 * one.value
-    assert "the first third of the depth by itself gives" in one.why
+    assert "the first third of the depth by itself gives" in one.departure.text

@@ -11,15 +11,7 @@ from scipy.optimize import differential_evolution
 from scipy.stats import t as student_t
 
 from legfem.inverse.emulator import Emulator
-from legfem.inverse.intervals import (
-    Estimated,
-    bound_of,
-    cut_height,
-    effective_degrees,
-    profile_interval,
-    quantile,
-    verdict_on,
-)
+from legfem.inverse.intervals import Estimated, bound_of, cut_height, effective_degrees, profile_interval, quantile
 from legfem.inverse.least_squares import gauss_newton_step, inverse_in_units, least_residual, sandwich
 from legfem.inverse.parameter import Domain, Parameter, Prior, Priors
 from legfem.inverse.settings import Genetic, Minimum
@@ -150,10 +142,14 @@ def test_emulator_meets_its_samples_and_their_slopes(p: int) -> None:
 
 
 def test_words_follow_the_width_the_bound_the_model_and_the_prior() -> None:
-    assert verdict_on(0.1, "", True) == "identifiable"
-    assert verdict_on(0.1, "", False) == verdict_on(0.11, "", True) == "weakly identifiable"
-    assert verdict_on(0.51, "", True) == verdict_on(0.01, "upper", True) == "not identifiable"
-    assert verdict_on(math.nan, "", True) == "not identifiable"
+    def verdict(half: float, model_fits: bool, value: float = 1.0) -> str:
+        parameter = Parameter("deep.C10", "MPa", (1e-3, 2.0), scale="log")
+        return Estimated(parameter, value, half / 2, (value - half, value + half)).verdict(model_fits)
+
+    assert verdict(0.099, True) == "identifiable"
+    assert verdict(0.099, False) == verdict(0.11, True) == "weakly identifiable"
+    assert verdict(0.51, True) == verdict(0.01, True, 2.0) == verdict(0.9, True) == "not identifiable"
+    assert verdict(math.nan, True) == "not identifiable"
     stiff = Parameter("a", "MPa", (0.01, 9.0), Prior(2.0, 0.1), scale="log")
     assert Estimated(stiff, 2.0, 0.05, (1.9, 2.1)).verdict(True) == "identifiable"
     only_prior = Estimated(stiff, 2.0, 0.099, (1.8, 2.2))

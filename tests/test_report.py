@@ -12,6 +12,7 @@ from making import write_subject
 from making_results import measured_curve, result
 from matplotlib.image import imread
 
+from legfem.common.numbers import number
 from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.inverse.elastography import FibreRatio
 from legfem.legs.details import AppliedCorrection
@@ -26,7 +27,6 @@ from legfem.report.notices import sentence_of
 from legfem.report.render import brief, plain_page
 from legfem.report.results import write_report
 from legfem.report.style import save
-from legfem.report.words import number
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +59,6 @@ def test_report_states_values_errors_and_units(both, subject):
     assert found.cost.definition in text
     assert f"factorisations: neo-Hookean: {both[0].log.factorisations}; reduced" in text
     assert "full solves: 7; failed: 0; reused from earlier runs: 2; converged: yes; time (s): 12.3" in text
-    assert "identifiable: its interval is narrow" in text
     assert f"C10 +1.000 {found.correlation('deep.C10', 'deep.C20'):+.3f}" in text
     assert "superficial neo-Hookean 2 assumed 22.5" in text, "what was held is there"
     (site,) = found.tests
@@ -104,8 +103,8 @@ def test_origin_of_the_data_comes_first(both, subject, origin):
 def test_terminal_is_told_how_the_laws_compare(both, subject):
     text = " ".join(brief(page_of(both)).split())
     ratio = both[0].cost.value / both[1].cost.value
-    assert f"its cost is smaller by a factor of {ratio:.3g}" in text
-    assert "The neo-Hookean law does not fit within the noise" in text
+    assert f"its cost is smaller by a factor of {number(ratio)}" in text
+    assert "it does not fit within the noise" in text
     assert "The reduced polynomial law fits within the noise (p = 0.3)" in text
     assert "Its additional parameter is needed" in text
     assert text.count("Poisson") == 1, "a warning of both laws is given once"
@@ -122,6 +121,7 @@ def test_comparison_does_not_praise_a_parameter_that_the_data_do_not_need(both):
 def test_report_survives_numbers_that_are_missing(both, subject):
     found = both[1]
     unmoved = replace(found.estimates["deep.C20"], value=0.0, moves={"superficial.C10": math.nan})
+    unmoved = replace(unmoved, ci95=(0.0, unmoved.ci95[1]), identifiability="not identifiable")
     bare = replace(
         found,
         estimates={**found.estimates, "deep.C20": unmoved},

@@ -207,8 +207,9 @@ def test_page_gives_stiffness_with_intervals_and_how_it_was_searched_for(result,
     for known, tissue in zip(
         result.estimates.values(), ("deep tissue (muscle)", "superficial tissue (fat)"), strict=True
     ):
-        shown = f"{value_text(known)} (95 % {interval_text(known)}); estimated, both scans; {known.identifiability}"
-        assert f"C10 of the {tissue}: {shown}" in text and known.why in text
+        interval = "" if known.undetermined else f" (95 % {interval_text(known)})"
+        shown = f"{value_text(known)}{interval}; estimated, both scans; {known.identifiability}"
+        assert f"C10 of the {tissue}: {shown}" in text
     assert f"full solves: {result.log.forward_solves}" in text
     assert f"Errors of the contours alone would cause {result.details.leg.accuracy.expected_rms:.3f} mm" in text
 
@@ -246,7 +247,7 @@ def test_an_open_interval_is_said_in_words_and_null(searched):
     assert "(95 % at least 1.5); estimated, both scans; not identifiable" in words_on(other)
     assert "C10 of the superficial tissue (fat) cannot be determined" in words_on(other)
     found = document(other)["parameters"]["c10_superficial"]
-    assert found["ci95"] == [pytest.approx(1.5), None] and "at least 1.5 kPa" in found["why"]
+    assert found["ci95"] == [pytest.approx(1.5), None]
 
 
 def test_intervals_are_the_profile_s(result):
@@ -271,7 +272,6 @@ def test_a_stiffness_at_a_bound_is_not_known(searched):
     at_bound = replace(found, best=replace(found.best, point=np.array([found.best.point[0], 0.1])))
     muscle, fat = widened(searched, 0.05, found=at_bound).estimates.values()
     assert (muscle.identifiability, fat.identifiability, fat.at_bound) == ("identifiable", "not identifiable", "upper")
-    assert "upper bound" in fat.why
 
 
 def test_scans_that_add_nothing_to_what_was_known_do_not_identify(searched):
@@ -281,7 +281,6 @@ def test_scans_that_add_nothing_to_what_was_known_do_not_identify(searched):
     known = compared(fit, best, replace(found, search=replace(found.search, law=law)), []).estimates
     fat = known["superficial.C10"]
     assert fat.error_over_prior > ADDS_NOTHING and fat.identifiability == "not identifiable"
-    assert "both scans add nothing to its prior" in fat.why
     assert known["deep.C10"].error_over_prior == 0.0
 
 

@@ -160,12 +160,12 @@ def test_partly_held_ends_resist_by_the_mean_of_both() -> None:
 def test_what_is_unknown_is_said_with_its_cost_and_its_remedy() -> None:
     def weighed(name: str, probability: float, value: float) -> Weighed:
         parameter = Parameter("deep.C10", "MPa", (1e-4, 1.0), scale="log")
-        known = Estimate(parameter, value, 0.02 * value, (0.96 * value, 1.04 * value), "identifiable", "")
+        known = Estimate(parameter, value, 0.02 * value, (0.96 * value, 1.04 * value), "identifiable")
         return Weighed(name, f"ends of kind {name}", probability, {"deep.C10": known})
 
     text = alternatives_text([weighed("a", 0.9, 1e-3), weighed("b", 0.1, 1.3e-3)], "Film it")
-    assert "ends of kind a (90 %), ends of kind b (10 %)" in text
-    assert "it would be 30 % higher with ends of kind b" in text and "± 4.0 %" in text and text.endswith("Film it.")
+    assert "ends of kind a (90 %: C10 1.00 kPa), ends of kind b (10 %: C10 1.30 kPa)" in text
+    assert text.endswith("The interval weighs them by these chances. Film it.")
 
 
 @pytest.mark.parametrize(

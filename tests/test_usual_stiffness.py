@@ -41,7 +41,7 @@ def leg() -> Subject:
 def _estimate(kpa: float, error: float = 0.1, name: str = "deep.C10") -> dict[str, Estimate]:
     parameter, value = parameter_of(name, {name: 1e-3}), 1e-3 * kpa
     interval = (value * np.exp(-2 * error), value * np.exp(2 * error))
-    return {name: Estimate(parameter, value, error * value, interval, "identifiable", "", {}, {})}
+    return {name: Estimate(parameter, value, error * value, interval, "identifiable", {}, {})}
 
 
 def _told(leg: Subject, kpa: float, error: float = 0.1) -> list[str]:

@@ -18,6 +18,7 @@ from reading_page import read
 from test_diagnosis_report import CASES
 
 from legfem.common.errors import Doubt
+from legfem.common.numbers import number
 from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.fem.fields import FieldReader, fields_of
 from legfem.inverse.averaging import POWER
@@ -35,7 +36,6 @@ from legfem.report.estimates import QUESTION, high_or_low
 from legfem.report.kinds import page_of
 from legfem.report.pressed_section import Film, State, pressed_section
 from legfem.report.render import rendered
-from legfem.report.words import number
 
 MOST_BYTES = 700_000
 DEPTH = 4.0

@@ -15,6 +15,7 @@ from legfem.api.diagnosed import Diagnosed
 from legfem.api.loading import Given, folder_of
 from legfem.common.deadline import Deadline
 from legfem.common.errors import InputError, UnsolvedError, doubt_lines
+from legfem.common.numbers import number
 from legfem.data.quality import WORST_GRADE, quality_of
 from legfem.data.watched import STALLED_S, FileState, Stamp, Watched, changes, is_cut, looked, stamps_of
 from legfem.inverse.catalogue import DEEP_C10
@@ -28,7 +29,6 @@ from legfem.legs.subject import Subject
 from legfem.report.answers import headline_of
 from legfem.report.diagnosis_sentences import next_experiments
 from legfem.report.instrument_file import contact_text
-from legfem.report.words import number
 
 LOOK_S = 0.5
 """Between two looks at the folder."""

@@ -10,9 +10,12 @@ from typing import TYPE_CHECKING
 from legfem.app.runs import Run, read_json
 from legfem.common.documents import literal
 from legfem.common.errors import InputError
+from legfem.common.numbers import is_determined, number
+from legfem.inverse.answer import Value
+from legfem.inverse.catalogue import called
 from legfem.inverse.stored import StoredEstimate, StoredModel, StoredResult, read_result
 from legfem.report.answers import first_lines, headline_of
-from legfem.report.words import number
+from legfem.report.estimates import known_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -67,9 +70,9 @@ class RunResult:
             return ""
         low, high = known.ci95
         if math.isnan(low) or math.isnan(high):
-            return f"{known.value:.3g} {known.unit}"
-        shown = (number(one, (high - low) / 4) for one in (known.value, low, high))
-        return "{} ({} to {}) {}".format(*shown, known.unit)
+            return f"{number(known.value)} {known.unit}"
+        ends = known.ci95 if is_determined(known.value, known.ci95) else None
+        return known_text(Value(ends, known.unit, known.value, (high - low) / 4))
 
 
 def relative_difference(one: tuple[float, float, float], other: tuple[float, float, float]) -> str:
@@ -110,10 +113,9 @@ def _verdict(found: StoredResult, law: StoredModel) -> str:
         causes = dict.fromkeys(name for one in found.answer.causes for name in one.mechanisms)
         joined = (" or " if found.verdict == "ambiguous" else ", ").join(causes)
         return f"{found.verdict}: {joined}" if causes else found.verdict
-    c10 = law.parameters.get("c10_deep")
-    known = law.identifiability or ("" if c10 is None else c10.identifiability)
-    first = [f"{one.name} {one.value:.0f} {one.unit}" for one in list(law.computed.values())[:1]]
-    return ", ".join(filter(None, [known, *first]))
+    each = [f"{called(key)} {one.identifiability}" for key, one in law.parameters.items() if one.role == "identified"]
+    first = [f"{one.name} {number(one.value)} {one.unit}" for one in list(law.computed.values())[:1]]
+    return ", ".join([*each, *first])
 
 
 def sentence_of(run: Run) -> str:

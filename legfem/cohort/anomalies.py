@@ -9,6 +9,7 @@ import numpy as np
 
 from legfem.cohort.members import Member
 from legfem.cohort.rows import Row, cohort_model, measured
+from legfem.common.numbers import fit_probability
 from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import called
 
@@ -28,7 +29,7 @@ def drifts(known: Mapping[str, Member], rows: Sequence[Row]) -> Iterator[str]:
         days = f"{date.fromordinal(step.before)} and {date.fromordinal(step.after)}"
         yield (
             f"{where}C10 changes by {size:+.1f} % ({low:+.1f} to {high:+.1f} %) {whose} between {days} "
-            f"(p = {step.p_value:.2g}). Was the rig's force, displacement or zero calibrated anew, or changed?"
+            f"({fit_probability(step.p_value)}). Was the rig's force, displacement or zero calibrated anew, or changed?"
         )
 
 

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 from typer.core import TyperCommand
 
-from legfem.common.errors import InputError, UnsolvedError, missing_module
+from legfem.common.errors import ContradictionError, InputError, UnsolvedError, missing_module
 from legfem.common.wording import Argument
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ def ignore_broken_pipes() -> None:
         os.environ["PETSC_OPTIONS"] = f"{given} {_OPTION}".strip()
 
 
-BAD_INPUT, INTERRUPTED, FAILED = 2, 130, 1
+BAD_INPUT, INTERRUPTED, FAILED, FAULT = 2, 130, 1, 3
 
 
 @contextmanager
@@ -100,6 +100,8 @@ def command_context(resume: str = "run the same command again to go on", quiet: 
         _end(str(error), BAD_INPUT)
     except UnsolvedError as error:
         _end(f"nothing was solved: {' '.join(str(error).split())}", FAILED)
+    except ContradictionError as error:
+        _end(f"a fault of legfem, please report it: {error}; nothing is written, and all solves are kept", FAULT)
     except ModuleNotFoundError as error:
         _end(missing_module(error), FAILED)
     except KeyboardInterrupt:

@@ -86,6 +86,13 @@ class UnsolvedError(Exception):
     """
 
 
+class ContradictionError(Exception):
+    """What a result says contradicts itself: a fault of legfem's.
+
+    Commands print its message as one line and exit with status 3; what was solved is kept.
+    """
+
+
 EXTRAS = {
     "app": ("the app in a browser window", ("nicegui", "tomlkit", "uvicorn")),
     "cluster": ("work on dask's workers", ("bokeh", "dask", "dask_jobqueue", "distributed")),
@@ -198,7 +205,7 @@ class Doubt:
     kind : str
         The problem without its numbers, under which many are counted; empty where the field says enough.
     effect_on_C10 : float, optional
-        Relative change of C10 by it, where that is known.
+        Relative change of C10 by it at most, where that is known.
     """
 
     source: str

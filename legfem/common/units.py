@@ -1,6 +1,5 @@
 """Units: mm, N, MPa and s inside; kPa where people read and write."""
 
-import math
 from collections.abc import Iterable
 from itertools import pairwise
 from typing import Annotated, Any
@@ -48,18 +47,6 @@ def readable_unit(unit: str) -> tuple[str, float]:
 def spaced_unit(unit: str) -> str:
     """Return a unit as it stands after its number: nothing of a number that has none (-)."""
     return "" if unit == "-" else f" {unit}"
-
-
-def decimals(standard_error: float) -> int:
-    """Return how many decimals a number has whose standard error leaves two digits at most."""
-    return min(max(-math.floor(math.log10(0.65 * standard_error)), 0), 6)
-
-
-def percent(probability: float) -> str:
-    """Return a probability in whole per cent, never quite none or all."""
-    if probability > 0.99:
-        return "over 99 %"
-    return "below 1 %" if probability < 0.01 else f"{100 * probability:.0f} %"
 
 
 def runs_of(marks: NDArray[np.generic]) -> list[tuple[int, int]]:

@@ -27,6 +27,8 @@ class Published:
         return f"{self.low:g} to {self.high:g} {self.unit}: {self.source}"
 
 
+REACHED_MM = 24.0
+"""Depth that published presses of calves reach: 25 and 30 mm in the paper."""
 PUBLISHED_C10 = {
     "deep": Published(0.5, 15.0, "kPa", f"{PAPER} and what it cites"),
     "superficial": Published(1.0, 30.0, "kPa", f"{PAPER}, Table 2"),

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, TypeAdapter
 
 from legfem.common.documents import json_types
+from legfem.inverse.intervals import Bound
 
 Tone = Literal["sound", "caution", "open", "wrong"]
 # JSON has no number for what isn't finite.
@@ -44,6 +45,8 @@ class Value:
     range_only: bool = False
     asked: bool = True
     """Whether it was to be identified; else a prior was."""
+    at_bound: Bound = ""
+    """At which bound of its search it stands, which then is an end of what is known."""
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from typing import Any
 from legfem.common.documents import json_types
 from legfem.common.units import readable_unit
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values, key_of, short_key_of, unit_of, unit_suffix, with_units
+from legfem.inverse.claims import check_fits
 from legfem.inverse.estimates import DISPLACEMENT, FORCE, Estimate
 from legfem.inverse.fit import ChannelFit, Computed, Cost, Fit, OwnEstimate, TestFit
 from legfem.inverse.trial import CostMap, SearchLog
@@ -23,6 +24,7 @@ def fit_document(fits: Sequence[Fit[Any]]) -> dict[str, Any]:
     fits
         One a law; what only their kind has is given by their details.
     """
+    check_fits(fits)
     first = fits[0]
     document = {
         "schema": SCHEMA,
@@ -72,15 +74,13 @@ def fitted_document(fit: Fit[Any], key: Callable[[str], str] = key_of) -> dict[s
         How a parameter of a full name is called.
     """
     keys = [key(name) for name in fit.estimates]
-    verdict, why = fit.identifiability
     return {
         "law": fit.law,
         "parameters": dict(zip(keys, map(estimate_document, fit.estimates.values()), strict=True)),
         "correlations": {
             key: dict(zip(keys, map(float, row), strict=True)) for key, row in zip(keys, fit.correlations, strict=True)
         },
-        "identifiability": verdict,
-        "identifiability_why": why,
+        "identifiability": fit.identifiability,
         "assumed": with_units(fit.assumed),
         "notices": [asdict(one) for one in fit.notices],
         "goodness": asdict(fit.goodness),
@@ -171,7 +171,6 @@ def estimate_document(found: Estimate) -> dict[str, Any]:
         "role": found.parameter.role,
         "at_bound": found.at_bound,
         "identifiability": found.identifiability,
-        "why": found.why,
         "share_of_squared_error": dict(found.error_shares),
         **({"share_of_information": dict(found.information_shares)} if found.information_shares else {}),
         "relative_change_if_fat_c10_is_10_percent_higher": found.moves.get("superficial.C10"),

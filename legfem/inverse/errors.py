@@ -286,16 +286,6 @@ class ErrorModel:
         normal = generator.normal(size=(number, len(self.covariance)))
         return np.asarray(normal @ self.lower.T)
 
-    @cached_property
-    def effective_samples(self) -> float:
-        """Number of independent values with as much information about the curve's shape.
-
-        The trace of the whitening: sum of conditional over marginal precision's ratio.
-        """
-        marginal = np.diag(self.covariance)
-        inverse = np.linalg.inv(self.covariance)
-        return float(np.sum(1.0 / (marginal * np.diag(inverse))))
-
 
 def error_model(
     observed: Observations,

@@ -9,11 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from legfem.common.units import FloatArray, readable_unit, spaced_unit
-from legfem.inverse.catalogue import DEEP_C10, symbol_of
+from legfem.common.units import FloatArray, readable_unit
 from legfem.inverse.comparison import Covariances, ErrorSource, total_of
 from legfem.inverse.intervals import (
-    ADDS_NOTHING,
     NO_DEPARTURE,
     Estimated,
     Identifiability,
@@ -48,8 +46,6 @@ class Estimate(Estimated):
     """
 
     identifiability: Identifiability
-    why: str
-    """Why the parameter is called that."""
     moves: Mapping[str, float] = field(default_factory=dict)
     """Relative change of the value if an assumed stiffness, by full name, or all forces or
     displacements (``force_N``, ``displacement_mm``) were 10 % higher."""
@@ -57,6 +53,8 @@ class Estimate(Estimated):
     """Shares of the square of the standard error, by what causes it."""
     information_shares: Mapping[str, float] = field(default_factory=dict)
     """Of what determines the value, by channel, and ``priors``; empty where there is but the force."""
+    departure: PartDeparture = NO_DEPARTURE
+    """Which part of the recordings departs most from a law that misses them, by which the interval is widened."""
 
     @property
     def unit(self) -> str:
@@ -71,27 +69,8 @@ class Estimate(Estimated):
         return Shown(factor * self.value, factor * self.standard_error, (factor * low, factor * high), unit)
 
 
-# Correlation of the parameters' errors above which their trade is worth a word.
-_TRADE = 0.9
 _TENTH = 0.1
 FORCE, DISPLACEMENT = "force_N", "displacement_mm"
-_TOLD = {
-    "superficial.C10": "if the assumed C10 of the fat were 10 % higher",
-    "fascia.C10": "if the assumed C10 of the fascia were 10 % higher",
-}
-_LAW_MISSES = "the law misses the recordings, so the value depends on the depth used"
-_RULED_BY: Mapping[ErrorSource, str] = {
-    "differences": "differences of recordings by a factor",
-    "model": "the model's own error",
-    "misfit": "what the law misses",
-    "sizes": "errors of the specimen's sizes",
-    "ends": "the correction for the cylinder's ends",
-    "shape": "outlines, aim and direction",
-    "assumed": "what is assumed of fat and fascia",
-    "fibres": "the muscle fibres' ratio and effect",
-    "channels": "errors of what was recorded beside the force",
-    "priors": "errors of what was known before the test",
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,12 +89,6 @@ class Optimum:
         Whether the law describes the recordings within their errors.
     assumed : Mapping[str, float]
         Stiffnesses that were held, whose effect is told.
-    plane : bool
-        Whether the model is a section of a leg, which knows no ends.
-    missed : str
-        What it means where the law doesn't describe the data, in words.
-    data : str
-        What was measured, in words.
     intervals : sequence of tuple of float
         95 % intervals, infinite or 0 at an open end; none where profiles of the cost say them.
     """
@@ -125,9 +98,6 @@ class Optimum:
     times: float
     law_fits: bool
     assumed: Mapping[str, float] = field(default_factory=dict)
-    plane: bool = False
-    missed: str = _LAW_MISSES
-    data: str = "the recordings"
     intervals: Sequence[tuple[float, float]] = ()
 
     @cached_property
@@ -164,7 +134,6 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
     spread, bounds = optimum.spread, Domain(law.parameters).bounds
     inverse = inverse_in_units(linear.jacobian)
     curvature = inverse @ inverse.T
-    correlations = optimum.correlations
     sensitivities = linear.prediction.sensitivities
     forces, measured = misfit.channels.get("force", slice(None)), np.zeros(len(misfit))
     measured[forces] = misfit.measured[forces]
@@ -199,18 +168,8 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
             interval = departure.carried(float(at[k]), interval, parameter.bounds)
         known = Estimated(parameter, float(at[k]), error, interval)
         own = {name: float(change[k]) for name, change in moves.items()}
-        trade = trade_of(law.names, k, correlations)
-        why = reasons(known, "" if optimum.law_fits else optimum.missed, trade, own, optimum.data)
-        if departure.by:
-            why += f"; {departure.text}"
-        source = main_source(shares[k])
-        if source in _RULED_BY:
-            part = f"{100 * shares[k][source]:.0f} % of the variance comes from {_RULED_BY[source]}"
-            why += f"; {part}"
-        if optimum.plane and parameter.name == DEEP_C10:
-            why += "; a constant factor on the force cannot be distinguished from a change of C10"
         found[parameter.name] = Estimate(
-            parameter, known.value, error, interval, known.verdict(optimum.law_fits), why, own, shares[k], told[k]
+            parameter, known.value, error, interval, known.verdict(optimum.law_fits), own, shares[k], told[k], departure
         )
     return found
 
@@ -233,82 +192,6 @@ def _moves(linear: Linearised, change: FloatArray) -> FloatArray:
     with np.errstate(divide="ignore", invalid="ignore"):
         moves[free] = gain @ linear.misfit.weighted(change) / at[free]
     return np.where(np.isfinite(moves), moves, math.nan)
-
-
-def trade_of(names: Sequence[str], k: int, correlations: FloatArray) -> str:
-    """Return with which other parameter one trades off most, and how much; "" if none does."""
-    others = [j for j in range(len(names)) if j != k]
-    if not others:
-        return ""
-    most = max(others, key=lambda j: abs(np.nan_to_num(correlations[k, j])))
-    if not abs(correlations[k, most]) > _TRADE:
-        return ""
-    first, second = sorted((k, most))
-    return (
-        f"{symbol_of(names[first])} and {symbol_of(names[second])} trade off (correlation {correlations[k, most]:.2f})"
-    )
-
-
-def reasons(
-    known: Estimated,
-    missed: str = "",
-    trade: str = "",
-    moves: Mapping[str, float] | None = None,
-    data: str = "the recordings",
-) -> str:
-    """Return why a parameter is known as well as it is.
-
-    Parameters
-    ----------
-    known
-        Value and interval.
-    missed
-        What it means that the model misses the data; empty where it meets them.
-    trade
-        See `trade_of`.
-    moves
-        As those of an `Estimate`.
-    data
-        What was measured, in words.
-    """
-    parameter = known.parameter
-    name, factor = readable_unit(parameter.unit)
-    unit = spaced_unit(name)
-    low, high = (factor * end for end in known.ci95)
-    if known.undetermined:
-        found = [f"no interval was found within what was searched, {_between(low, high)}{unit}"]
-    elif known.at_bound == "lower":
-        found = [f"the optimum stands at the lower bound; at most {high:.3g}{unit} fits (95 %)"]
-    elif known.at_bound == "upper":
-        found = ["the optimum stands at the upper bound: widen the bounds or doubt the data"]
-    else:
-        half = known.relative_half_width
-        share = f"{100 * half:.2g} %" if half < 1 else "over 100 %"
-        of = " of the range before" if parameter.scale == "linear" else ""
-        found = [f"95 % interval {_between(low, high)}{unit}, {share}{of} either side"]
-    if parameter.prior is not None:
-        left = known.error_over_prior
-        found.append(
-            f"{data} add nothing to its prior"
-            if left > ADDS_NOTHING
-            else f"{data} narrow its prior to {100 * left:.0f} % of its width"
-        )
-    found += [text for text in (missed, trade) if text]
-    told = [
-        f"{100 * change:+.1f} % {_TOLD[name]}"
-        for name, change in (moves or {}).items()
-        if name in _TOLD and math.isfinite(change)
-    ]
-    if told:
-        found.append(f"{symbol_of(parameter.name)} changes by " + " and by ".join(told))
-    return "; ".join(found)
-
-
-def _between(low: float, high: float) -> str:
-    """Return an interval, in words where it is open."""
-    if math.isfinite(high):
-        return f"{low:.3g} to {high:.3g}"
-    return f"at least {low:.3g}"
 
 
 def shares_of_error(gain: FloatArray, covariances: Covariances) -> list[dict[ErrorSource, float]]:

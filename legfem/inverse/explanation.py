@@ -58,13 +58,25 @@ class Explanation:
         """Degrees of freedom of the variances of the parameters' departures (p,); see `variance_degrees`."""
         if self.degrees is not None:
             return self.degrees
+        spread, gain = self._gain
+        # Bounds make a variance smaller, not its parts: their shares are those of the whole.
+        whole = np.maximum(np.diag(self.posterior.covariance), np.diag(spread))
+        return variance_degrees(np.diag(whole), gain, self.problem.errors)
+
+    @cached_property
+    def _gain(self) -> tuple[FloatArray, FloatArray]:
+        """Covariance (p, p) of the departures, and what an error of the readings adds to them, (p, N)."""
         errors, change = self.problem.errors, self.fit.sensitivities
         white = errors.whitened(change)
         spread = np.linalg.inv(white.T @ white + np.eye(change.shape[1]))
-        gain = spread @ solve_triangular(errors.lower, white, lower=True, trans="T").T
-        # Bounds make a variance smaller, not its parts: their shares are those of the whole.
-        whole = np.maximum(np.diag(self.posterior.covariance), np.diag(spread))
-        return variance_degrees(np.diag(whole), gain, errors)
+        return spread, spread @ solve_triangular(errors.lower, white, lower=True, trans="T").T
+
+    def moved_by(self, covariance: FloatArray, name: str) -> float:
+        """Return the share of a parameter by which errors of the n forces of a covariance (n, n) move it, with 95 %."""
+        k, gain = self.fit.free.index(name), self._gain[1][:, : len(covariance)]
+        away = self.posterior.mean.copy()
+        away[k] += 1.96 * float(np.sqrt(gain[k] @ covariance @ gain[k]))
+        return abs(self.fit.moved(away)[name] / self.value(name) - 1.0)
 
     @property
     def problem(self) -> LinearisedProblem:
@@ -167,11 +179,7 @@ class Explanation:
         parameter = self.fit.parameters[self.fit.free.index(name)]
         ends = ci95 or self.interval(name)
         known = Estimated(parameter, self.value(name), (ends[1] - ends[0]) / (2 * 1.96), ends)
-        verdict = known.verdict(fits)
-        found = Estimate(parameter, known.value, known.standard_error, ends, verdict, "")
-        of = "by this explanation alone" if ci95 is None else "over all explanations"
-        low, high = found.shown.ci95
-        return replace(found, why=f"95 % interval {low:.3g} to {high:.3g} {found.shown.unit} {of}")
+        return Estimate(parameter, known.value, known.standard_error, ends, known.verdict(fits))
 
     def shown(self, name: str) -> Shown:
         """Return a fitted parameter's numbers as people read them: stresses in kPa."""

@@ -12,17 +12,17 @@ from typing import Any
 
 import numpy as np
 from scipy.special import chdtrc
-from scipy.stats import chi2
+from scipy.stats import chi2, norm
 
 from legfem.common.documents import versions_of
 from legfem.common.units import FloatArray
 from legfem.data.recording import Origin
 from legfem.inverse.answer import Answer, Finding, Tone, Value
-from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, LawName, Values, key_of, model_values
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, LawName, Values, model_values
 from legfem.inverse.comparison import Weighting
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.intervals import VERDICTS, Identifiability
-from legfem.inverse.notice import FitNotice, Notice
+from legfem.inverse.notice import FitNotice, Notice, leading
 from legfem.inverse.readings import READINGS, Channel
 from legfem.inverse.trial import SearchLog
 
@@ -255,19 +255,28 @@ class Fit[Details: KindDetails]:
         return self.details.answer(self)
 
     @property
-    def doubts(self) -> int:
-        """How many of what was given, or came out, are unlikely."""
-        return sum(one.code == FitNotice.DOUBTFUL for one in self.notices)
+    def asked(self) -> Mapping[str, Estimate]:
+        """What was to be identified, by full name: the deep tissue's C10, and what isn't there for its prior alone."""
+        every = self.estimates.items()
+        return {name: one for name, one in every if name == DEEP_C10 or one.parameter.role == "identified"}
 
     @property
-    def identifiability(self) -> tuple[Identifiability | None, str]:
-        """The worst of the parameters' verdicts, and the reasons for each; None where nothing was free."""
-        if not self.estimates:
-            return None, "nothing was free"
-        worst = max(self.estimates.values(), key=lambda one: VERDICTS.index(one.identifiability))
-        return worst.identifiability, "; ".join(
-            f"{key_of(name)}: {one.identifiability}: {one.why}" for name, one in self.estimates.items()
-        )
+    def apart(self) -> tuple[str, ...]:
+        """Tests that by themselves have another value of a parameter, beyond chance among all (95 %)."""
+        away = [abs(own.departure) for one in self.tests for own in one.by_itself.values()]
+        most = float(norm.isf(0.025 / max(len(away), 1)))
+        return tuple(one.name for one in self.tests if any(abs(o.departure) > most for o in one.by_itself.values()))
+
+    @property
+    def doubts(self) -> int:
+        """How many of what was given, or came out, are unlikely and may move C10 by more than its half-width."""
+        c10 = self.estimates.get(DEEP_C10)
+        return leading(self.notices, 0.0 if c10 is None else c10.relative_half_width)
+
+    @property
+    def identifiability(self) -> Identifiability | None:
+        """The worst verdict on what was asked for; None where nothing was."""
+        return max((one.identifiability for one in self.asked.values()), key=VERDICTS.index, default=None)
 
     @property
     def model_values(self) -> dict[str, float]:
@@ -300,20 +309,18 @@ def answer_of(fit: Fit[Any], limited: bool = False, **parameters: Any) -> Answer
     """
     finding = Finding.TESTS_DISAGREE if not fit.agreement.fits else Finding.FITS
     finding = finding if fit.goodness.fits or finding is not Finding.FITS else Finding.MISFIT
-    known = all(one.identifiability == "identifiable" for one in fit.estimates.values()) and not limited
+    known = all(one.identifiability == "identifiable" for one in fit.asked.values()) and not (limited or fit.apart)
     tone: Tone = "wrong" if finding is not Finding.FITS else "sound" if known else "caution"
-    values = {
-        name: Value(
-            None if one.undetermined else one.shown.ci95,
-            one.shown.unit,
-            one.shown.value,
-            one.shown.standard_error,
-            asked=one.parameter.role == "identified",
-        )
-        for name, one in fit.estimates.items()
-    }
+    values = {name: value_of(one) for name, one in fit.estimates.items()}
     told = {"law": fit.law, "tests": len(fit.tests), "fitted": sum(one.fitted for one in fit.tests), **parameters}
     return Answer(fit.kind, finding, tone, values, doubts=fit.doubts, parameters=told)
+
+
+def value_of(found: Estimate) -> Value:
+    """Return an estimate as an answer has it."""
+    shown, asked = found.shown, found.parameter.role == "identified"
+    ends = None if found.undetermined else shown.ci95
+    return Value(ends, shown.unit, shown.value, shown.standard_error, asked=asked, at_bound=found.at_bound)
 
 
 def r_squared(squares: float, values: FloatArray) -> float:

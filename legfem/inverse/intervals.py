@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.special import stdtrit
 
+from legfem.common.numbers import is_determined
 from legfem.common.units import FloatArray
 from legfem.inverse.least_squares import Residual, least_residual
 from legfem.inverse.parameter import Parameter
@@ -100,9 +101,15 @@ class Estimated:
 
     @property
     def undetermined(self) -> bool:
-        """Whether the interval is all that was searched: it says where the search ended, and nothing of the value."""
+        """Whether the interval spans a factor of ten, or is all that was searched and says nothing of the value."""
         low, high = self.parameter.bounds
-        return bool(self.ci95[0] <= low * (1 + _AT_THE_END) and self.ci95[1] >= high * (1 - _AT_THE_END))
+        searched = self.ci95[0] <= low * (1 + _AT_THE_END) and self.ci95[1] >= high * (1 - _AT_THE_END)
+        return bool(searched) or not is_determined(self.value, self.ci95)
+
+    @property
+    def one_number(self) -> bool:
+        """Whether a value is known, rather than a bound of it or nothing."""
+        return not (self.undetermined or self.at_bound)
 
     @property
     def relative_half_width(self) -> float:
@@ -130,20 +137,13 @@ class Estimated:
     def verdict(self, model_fits: bool) -> Identifiability:
         """Return the word for it; weakly identifiable at best where the model misses the data.
 
-        One at a bound of the search isn't identifiable, nor one of which the data say nothing
+        One at a bound of the search isn't identifiable, nor one that is undetermined or of which the data say nothing
         beyond its prior.
         """
-        if self.error_over_prior > ADDS_NOTHING:
+        word = identifiability(self.relative_half_width)
+        if self.error_over_prior > ADDS_NOTHING or not self.one_number:
             return "not identifiable"
-        return verdict_on(self.relative_half_width, self.at_bound, model_fits)
-
-
-def verdict_on(relative_half_width: float, at_bound: Bound, model_fits: bool) -> Identifiability:
-    """Return the word for a 95 % interval: of a bound, none; of a model that misses, a weak one."""
-    word = identifiability(relative_half_width)
-    if at_bound:
-        return "not identifiable"
-    return "weakly identifiable" if word == "identifiable" and not model_fits else word
+        return "weakly identifiable" if word == "identifiable" and not model_fits else word
 
 
 def bound_of(value: float, bounds: tuple[float, float]) -> Bound:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
 import numpy as np
 
 from legfem.common.units import FloatArray
+from legfem.inverse.advice import LabStep, left
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
 
@@ -112,6 +113,8 @@ class Mechanism:
     """Each with a prior."""
     next_experiment: ClassVar[str]
     """The measurement that would settle it."""
+    steps: ClassVar[tuple[LabStep, ...]] = ()
+    """The same as steps of which each serves, where recordings may show that one was taken."""
     measured_sd: ClassVar[float | None] = None
     """How well that measures the strength by itself, without the indenter: standard deviation in
     its unit, or of a factor's logarithm; None where it doesn't."""
@@ -153,8 +156,8 @@ class Mechanism:
         return np.ones(1)
 
     def experiment_after(self, observed: Observations) -> str:
-        """Return the measurement that would settle it beside what was recorded."""
-        return self.next_experiment
+        """Return the measurement that would settle it beside what was recorded; empty where all that helps was."""
+        return ", or ".join(left(observed, *self.steps)) if self.steps else self.next_experiment
 
     def acts_in(self, values: Values, site: "Site") -> tuple[FloatArray, float] | None:
         """Return the middle (2,) and the radius, mm, of where in the section it acts; None of no one place."""

@@ -53,3 +53,9 @@ class Notice:
 def doubted(doubts: Iterable[Doubt]) -> tuple[Notice, ...]:
     """Return what is unlikely in the input as notices."""
     return tuple(Notice.of(FitNotice.DOUBTFUL, **asdict(doubt)) for doubt in doubts)
+
+
+def leading(notices: Iterable[Notice], half_width: float) -> int:
+    """Return how many doubts come before all else: those that may move C10 by more than a share, its half-width."""
+    effects = [one.parameters["effect_on_C10"] for one in notices if one.code == FitNotice.DOUBTFUL]
+    return sum(effect is None or abs(effect) > half_width for effect in effects)

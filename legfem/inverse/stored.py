@@ -44,7 +44,6 @@ class StoredEstimate:
     role: str = "identified"
     at_bound: str = ""
     identifiability: str = ""
-    why: str = ""
     share_of_squared_error: Mapping[str, float] = field(default_factory=dict)
     """By what causes the error."""
 

@@ -8,7 +8,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from legfem.common.units import decimals, mpa_to_kpa
+from legfem.common.numbers import decimals, is_determined
+from legfem.common.units import mpa_to_kpa
 from legfem.inverse.answer import Answer, Finding, LikelyCause, Tone, Value
 from legfem.inverse.averaging import as_seen, robust_interval
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, LawName
@@ -50,6 +51,8 @@ TRUSTED = 0.15
 """Share of C10: where all that may hide moves it by less, with 95 %, a model that fits is trusted."""
 ADEQUATE = 0.5
 """Probability of the base model alone, of all that was weighed, from which the recordings are called consistent."""
+DIFFER = 0.01
+"""Probability of so large differences of recordings below which they are said to differ."""
 SHOWN_MOST = 6
 
 
@@ -182,7 +185,9 @@ class Diagnosis:
             fitted = self.base_model.fit
             return {p.name: p.bounds for p in fitted.parameters if p.name in fitted.stiffness}
         found = {name: robust_interval(self.explained, name) for name in (DEEP_C10, DEEP_C20)}
-        return {name: ends for name, ends in found.items() if ends is not None}
+        free = self.best.fit.free
+        known = [(n, *ends, self.best.value(n) if n in free else ends[0]) for n, ends in found.items() if ends]
+        return {name: (min(low, at), max(high, at)) for name, low, high, at in known}
 
     def shown_interval(self, name: str) -> tuple[float, float]:
         """Return one of the intervals as people read it, in kPa."""
@@ -297,7 +302,7 @@ def solution_notices(found: Diagnosis) -> Iterator[Notice]:
 def answer_of(found: Diagnosis, doubts: int = 0) -> Answer:
     """Return whether the stiffness can be used, as a number or as a range, and what was left out."""
     finding, tone = _finding(found)
-    values, why_none = _values(found)
+    values, why_none = reported(found)
     told = {
         "verdict": found.verdict,
         "why_none": why_none,
@@ -321,8 +326,10 @@ def _finding(found: Diagnosis) -> tuple[Finding, Tone]:
         return Finding.SMALL_MISFIT, "caution"
     if wide(found):
         return Finding.HIDDEN_EFFECTS, "caution"
+    if found.verdict == "consistent" and found.aside is None:
+        return Finding.FITS, "caution" if found.base.agreement.p_value < DIFFER else "sound"
     if found.verdict == "consistent":
-        return (Finding.FITS, "sound") if found.aside is None else (Finding.FITS_WITHOUT_PART, "caution")
+        return Finding.FITS_WITHOUT_PART, "caution"
     if found.verdict == "named" and found.models[0].in_part:
         return Finding.CORRECTED_IN_PART, "caution"
     if not causes_differ(found):
@@ -330,17 +337,17 @@ def _finding(found: Diagnosis) -> tuple[Finding, Tone]:
     return Finding.CAUSES_DIFFER, "open"
 
 
-def _values(found: Diagnosis) -> tuple[dict[str, Value], str]:
+def reported(found: Diagnosis) -> tuple[dict[str, Value], str]:
     """Return C10, or why there is none."""
     if found.withheld:
         return {}, "model_wrong"
     if DEEP_C10 not in found.base_model.fit.free:
         return {}, "given"
     model, differ = found.best, causes_differ(found)
-    if not differ and not model.determined(DEEP_C10):
-        return {}, "undetermined"
     low, high = map(mpa_to_kpa, ends_of_c10(found))
     value = None if differ else mpa_to_kpa(model.value(DEEP_C10))
+    if not is_determined(value or low, (low, high)) or not (differ or model.determined(DEEP_C10)):
+        return {}, "undetermined"
     known = Value((low, high), "kPa", value, widest_error(found), range_only=differ or wide(found))
     return {DEEP_C10: known}, ""
 

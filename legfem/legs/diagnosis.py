@@ -7,15 +7,20 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from legfem.common.deadline import NEVER, Deadline, TimeIsUpError
 from legfem.common.errors import Doubt, InputError
+from legfem.common.numbers import share
 from legfem.common.progress import Progress, Silent, Until
 from legfem.common.wording import Argument
+from legfem.data import Recording
 from legfem.inverse.accuracy import check_measured
 from legfem.inverse.catalogue import DEEP_C10, LAWS, deep_stiffness
 from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.diagnose import DiagnosisInput, Identified, diagnose
 from legfem.inverse.elastography import disagreement, elastography_priors
+from legfem.inverse.explanation import ADDS_FROM, log_bayes_factor
 from legfem.inverse.fit import Identity
 from legfem.inverse.library import UNTRIED, Detail, Library
 from legfem.inverse.library_build import base_library, build_library
@@ -26,6 +31,7 @@ from legfem.inverse.observations import Observations, observe
 from legfem.inverse.responses import SolvedResponses
 from legfem.inverse.screening import Complete
 from legfem.inverse.settings import SearchRequest
+from legfem.inverse.trial_noise import trial_covariance
 from legfem.inverse.verdict import Diagnosis, solution_notices
 from legfem.legs.correction_of_leg import choose_correction, why_without_fibres
 from legfem.legs.finite_element_models import solved_responses
@@ -250,9 +256,10 @@ def of_elastography(found: Diagnosis, subject: object) -> Iterator[Notice]:
 
 def doubts_of(found: Diagnosis, subject: object) -> tuple[Doubt, ...]:
     """Return what is unlikely in recordings, in a leg's folder and in the stiffness of a leg."""
-    of_repeats = tuple(_doubts_about_repeats(found))
+    of_repeats = () if found.aside is not None else tuple(_doubts_about_repeats(found))
     if not isinstance(subject, Subject):
         return of_repeats
+    subject = _rest_of(subject, found)
     # As far as all explanations leave it open.
     known = {
         name: found.best.estimate(name, ends) for name, ends in found.intervals.items() if name in found.best.fit.free
@@ -261,24 +268,45 @@ def doubts_of(found: Diagnosis, subject: object) -> tuple[Doubt, ...]:
     return (*doubts_about(subject), *of_repeats, *of_stiffness)
 
 
+def _rest_of(subject: Subject, found: Diagnosis) -> Subject:
+    """Return a subject whose recordings end where a part was set aside, which isn't doubted as well."""
+    if found.aside is None:
+        return subject
+    observed, kept = found.observed, list[Recording]()
+    for number, (one, trial) in enumerate(zip(subject.recordings, subject.trials, strict=True)):
+        touched = found.aside.readings & (observed.trial[observed.nearest] == number)
+        end = trial.touched + observed.time[observed.nearest][touched].min(initial=np.inf)
+        times, way, force = (column[one.time < end] for column in (one.time, one.displacement, one.force))
+        if not (touched.any() and found.aside.whole):
+            kept.append(replace(one, time=times, displacement=way, force=force))
+    return replace(subject, recordings=tuple(kept))
+
+
 def _doubts_about_repeats(found: Diagnosis) -> Iterator[Doubt]:
     """Yield a doubt where repeats differ by more than the stated instruments make.
 
     A ripple over the drive and a leg that moves would pass for noise, whose size comes from the
     repeats.
     """
-    noise = found.errors.noise
+    noise, base = found.errors.noise, found.weighted_base
+    none = replace(noise, slow_sd=0.0, wander_sd=0.0)
     told = (
-        (noise.beyond_force, noise.slow_sd, "force_N", "N"),
-        (noise.beyond_way, noise.wander_sd, "displacement_mm", "mm"),
+        (noise.beyond_force, noise.slow_sd, "force_N", "N", replace(none, slow_sd=noise.beyond_force)),
+        (noise.beyond_way, noise.wander_sd, "displacement_mm", "mm", replace(none, wander_sd=noise.beyond_way)),
     )
-    for size, most, column, unit in told:
+    odds = max((log_bayes_factor(one, base) for one in found.explained.every if not one.is_base), default=0.0)
+    for size, most, column, unit, seen in told:
         if size > 0:
+            slow = trial_covariance(found.observed, seen) - trial_covariance(found.observed, none)
+            moves = base.moved_by(slow, DEEP_C10) if DEEP_C10 in base.fit.free else None
+            # Were it noise, what speaks against the base model would count the less.
+            unsure = found.verdict != "consistent" and odds * (most / size) ** 2 < ADDS_FROM
+            by = f", which moves C10 by {share(moves)} at most" if moves is not None else ""
             yield Doubt(
                 ", ".join(found.observed.trials),
                 column,
-                f"trials differ slowly by {size:.2g} {unit}, gain, zero and first contact allowed "
-                f"for, where noise of the stated accuracy makes {most:.2g} {unit} at most",
-                "lay the trials over each other and look for what differs: a leg or a rig that "
-                "moved, a ripple of the drive; or state the accuracy that the rig has",
+                f"trials differ slowly by {size:.2g} {unit} beside gain, zero and first contact, where noise of the "
+                f"stated accuracy makes {most:.2g} {unit} at most{by}",
+                "lay the trials over each other: did leg or rig move, the drive ripple? or state the rig's accuracy",
+                effect_on_C10=None if unsure else moves,
             )

@@ -8,7 +8,9 @@ import numpy as np
 from legfem.channels.kinds import plans
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
+from legfem.data.phases import UNLOADING
 from legfem.geometry.indenter import Site
+from legfem.inverse.advice import HOLD_A_MINUTE, TWO_RATES
 from legfem.inverse.averaging import POWER, variance_beside, weights_of
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.channel_readings import PlannedChannel, StationChannel
@@ -80,7 +82,7 @@ def plan_after(found: Diagnosis, subject: Subject, diagnoser: Diagnoser, progres
     models = found.models
     library = found.base_model.problem.predictor.library
     deepest, site = float(library.grid[-1]), Site(subject.section, subject.indenter)
-    tests = designs(found.observed.depth, found.observed.rates[0], deepest, site, found.observed.shows_air)
+    tests = designs(found.observed.depth, found.observed.rates[0], deepest, site, found.observed)
     tests = _beside(tests, found.observed.channels)
     asked = list(dict.fromkeys(m for model in models for m in model.fit.mechanisms))
     complete, _ = diagnoser.tabulating(subject, _at_all(tests), library.middle, progress, asked)
@@ -221,7 +223,9 @@ def _stated(subject: Subject, observed: Observations) -> Noise:
     )
 
 
-def designs(depth: float, rate: float, deepest: float, site: Site, in_air: bool = False) -> list[Design]:
+def designs(
+    depth: float, rate: float, deepest: float, site: Site, recorded: Observations | None = None
+) -> list[Design]:
     """Return the tests that are weighed.
 
     Parameters
@@ -232,20 +236,24 @@ def designs(depth: float, rate: float, deepest: float, site: Site, in_air: bool 
         That the leg's responses reach (mm).
     site
         Where the leg is pressed.
-    in_air
-        Whether the recordings of the test that was made begin above the skin: to begin there again
-        tells nothing more.
+    recorded
+        Of the test that was made: what it had, air above the skin among it, tells nothing more.
     """
     same = Protocol.ramp(depth, rate)
     held = Protocol.cycle(depth, rate, _HOLD_S)
     fast = Protocol.cycle(depth, _FASTER * rate, _HOLD_S)
-    found = [
-        Design(f"repeat the same test {REPEATS} times", (same,) * REPEATS),
+    cycles = [
         Design(f"hold the deepest position for {_HOLD_S:g} s, and record the unloading", (held,) * REPEATS),
         Design(
             f"press at two rates ({rate:.2g} and {_FASTER * rate:.2g} mm/s), each with a hold and unloading",
             (held,) * REPEATS + (fast,) * REPEATS,
         ),
+    ]
+    if recorded is not None and HOLD_A_MINUTE.taken(recorded) and UNLOADING in recorded.phases:
+        cycles = [] if TWO_RATES.taken(recorded) else cycles[1:]
+    found = [
+        Design(f"repeat the same test {REPEATS} times", (same,) * REPEATS),
+        *cycles,
         Design(
             "measure the outlines of skin and fascia under the indenter (ultrasound), and press again",
             (same,) * REPEATS,
@@ -258,7 +266,7 @@ def designs(depth: float, rate: float, deepest: float, site: Site, in_air: bool 
         ),
     ]
     found += with_channels(same, site)
-    if not in_air:
+    if recorded is None or not recorded.shows_air:
         found.append(
             Design(
                 "begin 2 mm above the skin, slowly, so that first contact is seen",

@@ -159,7 +159,7 @@ class LegProblem:
         }
         given = {**law.nominal, **law.fixed}
         assumed = {name: given[name] for name in _ASSUMED if name in given and name not in law.names}
-        optimum = Optimum(found, wider, times, goodness.fits, assumed, spatial is None)
+        optimum = Optimum(found, wider, times, goodness.fits, assumed)
         corrections = tuple(
             _applied(test.correction, curve.displacement, best.values)
             for test, curve in zip(self.tests, self.curves, strict=True)

@@ -1,12 +1,15 @@
 """Layers over the muscle: fat of another stiffness, or that slides; fascia and skin of another tension than assumed."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 from legfem.common.units import kpa_to_mpa
+from legfem.inverse.advice import LabStep, either, recorded
 from legfem.inverse.mechanism import IndentedLeg, Solution, TissueMechanism, Values, factor, strength
 from legfem.inverse.parameter import Parameter
+
+FAT_IMAGED = LabStep("image the fat's thickness under load", recorded("fat_thickness", "section_displacement"))
 
 
 @dataclass(frozen=True)
@@ -21,9 +24,8 @@ class SuperficialStiffness(TissueMechanism):
     scaled: ClassVar[tuple[str, ...]] = ("superficial.C10",)
     would_be: ClassVar[str] = "fat of {} times the assumed stiffness"
     alters_nuisances: ClassVar[bool] = True
-    next_experiment: ClassVar[str] = (
-        "press gently with a small tip (2 mm deep), or image the fat's thickness under load"
-    )
+    steps: ClassVar[tuple[LabStep, ...]] = (LabStep("press gently with a small tip (2 mm deep)"), FAT_IMAGED)
+    next_experiment: ClassVar[str] = either(*steps)
     measured_sd: ClassVar[float | None] = 0.25
     """An estimate."""
     strengths: ClassVar[tuple[float, ...]] = (0.4, 1.7, 3.5, 8.0)
@@ -38,7 +40,8 @@ class FatStiffening(TissueMechanism):
     parameters: ClassVar[tuple[Parameter, ...]] = (
         strength("coefficient", "kPa", "of the fat's energy's third power", 3.0, (0.0, 60.0)),
     )
-    next_experiment: ClassVar[str] = "image the fat's thickness under load, at several depths"
+    steps: ClassVar[tuple[LabStep, ...]] = (replace(FAT_IMAGED, words=f"{FAT_IMAGED.words}, at several depths"),)
+    next_experiment: ClassVar[str] = either(*steps)
     strengths: ClassVar[tuple[float, ...]] = (1.0, 6.0, 25.0)
 
     def terms(self, leg: IndentedLeg) -> Sequence[Any]:
@@ -78,6 +81,7 @@ class FatSliding(TissueMechanism):
     )
     would_be: ClassVar[str] = "fat that slides along the fascia, {} of the way to free"
     next_experiment: ClassVar[str] = "film fat and fascia with ultrasound beside the cylinder while it presses"
+    steps: ClassVar[tuple[LabStep, ...]] = (LabStep(next_experiment, recorded("section_displacement")),)
     measured_sd: ClassVar[float | None] = 0.2
     """An estimate: speckle is followed to some 0.3 mm beside ways of one or two."""
     variant: ClassVar[str] = "fat slides"

@@ -12,6 +12,7 @@ from scipy.stats import norm
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.geometry.indenter import Site
 from legfem.geometry.section import across, first_crossing
+from legfem.inverse.advice import DEEPER, LabStep, either, recorded
 from legfem.inverse.elastography import HIGHEST_RATIO
 from legfem.inverse.fibre_correction import read_fibres
 from legfem.inverse.mechanism import (
@@ -48,6 +49,7 @@ class Compressibility(TissueMechanism):
     scaled: ClassVar[tuple[str, ...]] = ("deep.D1",)
     would_be: ClassVar[str] = "a muscle of {} times the assumed compressibility"
     next_experiment: ClassVar[str] = "image the section under load and measure how its area changes"
+    steps: ClassVar[tuple[LabStep, ...]] = (LabStep(next_experiment, recorded("section_displacement")),)
     measured_sd: ClassVar[float | None] = 0.7
     """An estimate: areas to 0.5 % beside changes of 1 %."""
     strengths: ClassVar[tuple[float, ...]] = (0.3, 3.0, 9.0, 26.0)
@@ -62,7 +64,8 @@ class StrainStiffening(TissueMechanism):
     parameters: ClassVar[tuple[Parameter, ...]] = (
         strength("coefficient", "kPa", "coefficient of the energy's next power of strain", 1.5, (0.0, 20.0)),
     )
-    next_experiment: ClassVar[str] = "press deeper, or with a smaller indenter: larger strains"
+    steps: ClassVar[tuple[LabStep, ...]] = (DEEPER, LabStep("press with a smaller indenter: larger strains"))
+    next_experiment: ClassVar[str] = either(*steps)
     strengths: ClassVar[tuple[float, ...]] = (0.3, 1.2, 4.0)
     stands_for_C20: ClassVar[bool] = True
 

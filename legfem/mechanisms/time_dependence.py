@@ -10,6 +10,7 @@ from scipy.stats import norm
 
 from legfem.common.units import FloatArray
 from legfem.data.phases import HOLD, UNLOADING
+from legfem.inverse.advice import HALF_DEPTH, HOLD_A_MINUTE, HOLD_MINUTES, TWO_RATES, left
 from legfem.inverse.mechanism import (
     IndentedLeg,
     Mechanism,
@@ -113,7 +114,6 @@ SPECTRUM: tuple[Parameter, ...] = (
         (0.05, 4.0),
     ),
 )
-_HOLDS_TOO = "hold at half the depth too, and for several minutes: relaxation takes the same time at every depth"
 SLOW = shape(
     "slow",
     "-",
@@ -131,7 +131,7 @@ class TissueRelaxation(TissueMechanism):
     statement: ClassVar[str] = "the deep tissue relaxes: its force depends on the rate and fades while held"
     parameters: ClassVar[tuple[Parameter, ...]] = (*SPECTRUM, SLOW)
     kin: ClassVar[str] = RELAXES
-    next_experiment: ClassVar[str] = "hold the deepest position for a minute, and press at two rates"
+    next_experiment: ClassVar[str] = f"{HOLD_A_MINUTE.words}, and {TWO_RATES.words}"
     unseen_statement: ClassVar[str] = "tissue relaxes while it is held, and one rate does not show by how much"
     variant: ClassVar[str] = "viscoelastic"
     along_path: ClassVar[bool] = True
@@ -151,8 +151,9 @@ class TissueRelaxation(TissueMechanism):
         return np.asarray(np.quantile(1.0 + np.outer(np.linspace(*between, _UNSEEN), shares), even))
 
     def experiment_after(self, observed: Observations) -> str:
-        """Return another one where a hold and two rates were recorded."""
-        return _HOLDS_TOO if "hold" in observed.phases and len(observed.rates) > 1 else self.next_experiment
+        """Return what is left of a hold and two rates, then of longer ones and less deep ones."""
+        first = left(observed, HOLD_A_MINUTE, TWO_RATES)
+        return ", and ".join(first or left(observed, HOLD_MINUTES, HALF_DEPTH))
 
     def starts(self, observed: Observations) -> tuple[Values, ...]:
         """Return several times, narrow and wide."""

@@ -4,13 +4,14 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from legfem.common.units import mpa_to_mmhg, percent, spaced_unit
+from legfem.common.numbers import between, number, percent, share
+from legfem.common.units import mpa_to_mmhg
 from legfem.inverse.answer import Answer, Finding, Value
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.report import page as web
-from legfem.report.estimates import held_text, words_of
+from legfem.report.estimates import held_text, known_text, words_of
 from legfem.report.style import LAW_NAMES
-from legfem.report.words import MODULI, between, capital, moduli_text, number, share
+from legfem.report.words import MODULI, capital, moduli_text
 
 
 def headline_of(answer: Answer, answers: Sequence[tuple[str, str]] = ()) -> web.Headline:
@@ -20,21 +21,12 @@ def headline_of(answer: Answer, answers: Sequence[tuple[str, str]] = ()) -> web.
     return web.Headline(answer.tone, _SENTENCES[answer.kind](answer), answers, heading).doubted(answer.doubts)
 
 
-def _value(known: Value) -> str:
-    return number(math.nan if known.value is None else known.value, known.standard_error)
-
-
-def _with_interval(known: Value, named: str = "") -> str:
-    """Return a value with the digits that its error leaves, its unit and its interval."""
-    ends = () if known.ci95 is None else (number(end, known.standard_error) for end in known.ci95)
-    interval = f"{named}{' to '.join(ends)}" if known.ci95 else "interval not determined"
-    return f"{_value(known)}{spaced_unit(known.unit)} ({interval})"
-
-
 def _stiffness(tissue: str, known: Value) -> str:
     """Return C10 with its interval, and the moduli at small strain that belong to it, as first words."""
+    if known.ci95 is None or known.at_bound:
+        return f"{tissue} stiffness C10 is {known_text(known)}"
     moduli = moduli_text(known.value or math.nan, known.standard_error, known.unit)
-    return f"{tissue} stiffness C10 = {_with_interval(known)}, {moduli}"
+    return f"{tissue} stiffness C10 = {known_text(known)}, {moduli}"
 
 
 def _of_leg(answer: Answer) -> str:
@@ -51,7 +43,7 @@ def _of_leg(answer: Answer) -> str:
 def _of_muscle(answer: Answer) -> str:
     if DEEP_C10 in answer.values:
         return _stiffness("Muscle", answer.values[DEEP_C10])
-    each = (f"{words_of(name)} {_with_interval(one, '95 % ')}" for name, one in answer.values.items() if one.asked)
+    each = (f"{words_of(name)} {known_text(one, '95 % ')}" for name, one in answer.values.items() if one.asked)
     return f"{'; '.join(each)}, with C10 of the muscle as given, {held_text(DEEP_C10, answer.parameters['C10_given'])}"
 
 
@@ -74,13 +66,13 @@ def _reported(answer: Answer) -> str:
         return _NONE[why]
     (known,) = answer.values.values()
     first, last = known.ci95 or (math.nan, math.nan)
-    low, high = between(first, last)
     first_words = "So far" if answer.finding is Finding.PROVISIONAL else "Report"
     if not known.range_only:
         moduli = moduli_text(known.value or math.nan, known.standard_error)
-        return f"{first_words}: C10 = {_value(known)} kPa ({low} to {high}), {moduli}."
-    only = "" if known.value is None else f" ({_value(known)} if no hidden effect is present)"
-    spread = (last - first) / 4
+        return f"{first_words}: C10 = {known_text(known)}, {moduli}."
+    value = "" if known.value is None else number(known.value, known.standard_error)
+    only = f" ({value} if no hidden effect is present)" if value else ""
+    (low, high), spread = between(first, last), (last - first) / 4
     shear, young = (" and ".join(number(times * end, times * spread) for end in (first, last)) for times in MODULI)
     return (
         f"{first_words} a range: C10 between {low} and {high} kPa{only}, shear modulus G between {shear} kPa, Young's "

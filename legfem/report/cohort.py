@@ -12,17 +12,19 @@ from legfem.cohort.anomalies import Suspicion, listed, missing, suspicions
 from legfem.cohort.members import Member, Members
 from legfem.cohort.population_model import PopulationFit
 from legfem.cohort.rows import Measure, ModelResult, Row, cohort_model, measured
-from legfem.cohort.statistics import statistics
+from legfem.cohort.statistics import Statistics, statistics
 from legfem.common.documents import versions_of
+from legfem.common.numbers import NOT_DETERMINED, between, is_determined, number, short_probability
 from legfem.inverse.answer import Tone
 from legfem.inverse.catalogue import called
+from legfem.inverse.claims import check
 from legfem.report import cohort_statistics
 from legfem.report.cohort_statistics import colours_of
 from legfem.report.curves import Bundle, Cell, Forest, ForestMetric, Group, Grouped, SortableTable
 from legfem.report.notices import kind_of_notice
 from legfem.report.render import plain_page, rendered
 from legfem.report.style import LAW_NAMES
-from legfem.report.words import BEYOND_A_FIT, DataKind, capital, number, short_probability
+from legfem.report.words import BEYOND_A_FIT, DataKind, capital
 
 _DONE = {
     "identify": "Stiffness of the deep tissue was identified from indentation recordings of {what} by legfem {legfem}",
@@ -133,13 +135,14 @@ def cohort_web_page(
     """
     every, model = members.every, cohort_model(rows)
     odd = suspicions(every, rows)
-    found = {row.name: one for row, one in measured(rows, model)}
+    found, numbers = {row.name: one for row, one in measured(rows, model)}, statistics(every, rows)
+    _check(found, numbers)
     judged = {**_JUDGED, "sound": _FITS} if task == "identify" else _JUDGED
     chapters = [
         web.Chapter("Which results can be used", _believed(every, rows, task, judged)),
         web.Chapter("What was found", _numbers(every, rows, model, found)),
         *([web.Chapter("Curves of all", [bundle])] if (bundle := _bundle(every, rows, found)) else []),
-        cohort_statistics.chapter(statistics(every, rows)),
+        cohort_statistics.chapter(numbers),
         *([cohort_statistics.population_chapter(population)] if population else []),
         web.Chapter(
             ODD,
@@ -166,6 +169,17 @@ def cohort_web_page(
         web.Repeat(command, versions_of("legfem", "dolfinx", "numpy", "scipy", "python")),
         data=kinds[min(len(origins), 2)],
     )
+
+
+def _check(found: Mapping[str, ModelResult], numbers: Statistics) -> None:
+    """Check all that is claimed of a cohort; raises ContradictionError."""
+    for member, one in found.items():
+        for name, known in one.measures.items():
+            if known.low is not None and known.high is not None:
+                check(f"{called(name)} of {member}", (known.value, (known.low, known.high)))
+    for each in numbers.parameters:
+        for effect in each.effects:
+            check(f"{called(each.name)}, {effect.name}", (effect.value, (effect.low, effect.high)))
 
 
 def write_cohort_page(page: web.WebPage, folder: Path) -> Path:
@@ -309,7 +323,8 @@ def _cells(one: Measure | None) -> list[Cell]:
     shown = number(one.value, one.sd if one.sd is not None else float("nan"))
     if one.low is None or one.high is None:
         return [(one.value, shown), None]
-    return [(one.value, shown), (one.high - one.low, f"{one.low:.3g} to {one.high:.3g}")]
+    ends = " to ".join(between(one.low, one.high)) if is_determined(one.value, (one.low, one.high)) else NOT_DETERMINED
+    return [(one.value, shown), (one.high - one.low, ends)]
 
 
 def _grouped(members: Sequence[Member], rows: Sequence[Row]) -> Grouped:

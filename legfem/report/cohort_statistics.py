@@ -12,10 +12,10 @@ from legfem.cohort.members import Member
 from legfem.cohort.population_model import EXPONENT, LEVELS, PopulationFit
 from legfem.cohort.rows import Row, cohort_model, measured
 from legfem.cohort.statistics import LEVEL, POWER, Analysed, Pair, Repeated, Statistics
+from legfem.common.numbers import NOT_DETERMINED, between, is_determined, number, share, short_probability
 from legfem.inverse.catalogue import called
 from legfem.report.curves import Curves, Line
 from legfem.report.style import DATA_COLOUR, new_figure, styled
-from legfem.report.words import short_probability
 
 TITLE = "Statistics"
 _MOST_POINTS = 400
@@ -82,11 +82,18 @@ def chapter(found: Statistics) -> web.Chapter:
 
 
 def _difference(one: Analysed, value: float) -> str:
-    return f"{100 * math.expm1(value):+.1f} %" if one.logarithmic else f"{value:+.3g} {one.unit}"
+    sign = "+" if value > 0 else ""
+    return f"{sign}{_spread(one, value)}"
 
 
 def _spread(one: Analysed, value: float) -> str:
-    return f"{100 * math.expm1(value):.1f} %" if one.logarithmic else f"{value:.3g} {one.unit}"
+    return share(math.expm1(value)) if one.logarithmic else f"{number(value)} {one.unit}"
+
+
+def _sd(one: Analysed, sd: float, ends: tuple[float, float]) -> str:
+    if not sd > 0 or not is_determined(sd, ends):
+        return NOT_DETERMINED if sd > 0 else "none found"
+    return f"{_spread(one, sd)} ({_spread(one, ends[0])} to {_spread(one, ends[1])})"
 
 
 def _between(one: Analysed, ends: tuple[float, float]) -> str:
@@ -172,10 +179,7 @@ def _variances(some: Sequence[Analysed]) -> web.WebTable:
     for one in some:
         if one.fitted is None:
             continue
-        cells = [
-            f"{_spread(one, sd)} ({_spread(one, low)} to {_spread(one, high)})" if sd > 0 else "none found"
-            for sd, (low, high) in zip(one.fitted.sd, one.fitted.sd95, strict=True)
-        ]
+        cells = [_sd(one, sd, ends) for sd, ends in zip(one.fitted.sd, one.fitted.sd95, strict=True)]
         rows.append([called(one.name), f"{one.count} of {one.people}", *cells, _spread(one, one.own)])
     header = ["what", "members, of people", "people", "legs of a person", "tests of a leg", "own error"]
     caption = (
@@ -190,18 +194,19 @@ def population_chapter(found: Sequence[PopulationFit]) -> web.Chapter:
     words = {"person": "people", "leg": "legs of a person", "visit": "visits", "test": "what is left"}
     levels = [level for level in LEVELS if any(level in one.draws.sd for one in found)]
 
-    def share(values: np.ndarray) -> str:
-        low, middle, high = 100 * np.expm1(np.quantile(values, (0.025, 0.5, 0.975)))
-        return f"{middle:.1f} % ({low:.1f} to {high:.1f} %)"
+    def drawn(values: np.ndarray, unit: str = "") -> str:
+        low, middle, high = map(float, np.quantile(values, (0.025, 0.5, 0.975)))
+        if not is_determined(middle, (low, high)):
+            return NOT_DETERMINED
+        return f"{number(middle, (high - low) / 4)}{unit} ({' to '.join(between(low, high))}{unit})"
 
-    def exponent(values: np.ndarray) -> str:
-        low, middle, high = np.quantile(values, (0.025, 0.5, 0.975))
-        return f"{middle:.2f} ({low:.2f} to {high:.2f})"
+    def relative(values: np.ndarray) -> str:
+        return drawn(100 * np.expm1(values), " %")
 
     rows = []
     for one in found:
         low, middle, high = (math.exp(one.log_median + k * one.log_sd) for k in (-1.96, 0.0, 1.96))
-        sds = [share(one.draws.sd[level]) if level in one.draws.sd else "" for level in levels]
+        sds = [relative(one.draws.sd[level]) if level in one.draws.sd else "" for level in levels]
         rows.append([called(one.key), f"{middle:.3g} kPa", f"{low:.3g} to {high:.3g} kPa", *sds])
     header = ["what", "median of people", "95 % of people", *(words.get(level, f"{level}s") for level in levels)]
     caption = "The population, and its standard deviations by source, without each test's own errors (95 %)"
@@ -214,7 +219,7 @@ def population_chapter(found: Sequence[PopulationFit]) -> web.Chapter:
         web.WebTable(caption, header, rows),
     ]
     effects = [
-        [f"{called(one.key)}: {name}", exponent(values) if name.endswith(EXPONENT) else share(values)]
+        [f"{called(one.key)}: {name}", (drawn if name.endswith(EXPONENT) else relative)(values)]
         for one in found
         for name, values in zip(one.given.names, one.draws.effects.T, strict=True)
     ]

@@ -5,14 +5,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from legfem.common.units import percent
+from legfem.common.numbers import number, percent, share
 from legfem.inverse.averaging import TIMES, left_open
 from legfem.inverse.catalogue import DEEP_C10, symbol_of
 from legfem.inverse.fit import Fit, KindDetails, r_squared
 from legfem.inverse.mechanism import null_of
-from legfem.inverse.notice import FitNotice
 from legfem.inverse.plan import DesignValue
-from legfem.inverse.verdict import TRUSTED, Diagnosis, explained_share
+from legfem.inverse.verdict import DIFFER, TRUSTED, Diagnosis, explained_share
 from legfem.legs.diagnosis import notices_of
 from legfem.legs.subject import Subject
 from legfem.report import diagnosis_headline, diagnosis_sentences, estimates
@@ -26,7 +25,7 @@ from legfem.report.page import PressedSection
 from legfem.report.plan import chance_text
 from legfem.report.pressed_section import still_section
 from legfem.report.style import LAW_NAMES
-from legfem.report.words import DataKind, capital, share
+from legfem.report.words import DataKind, capital
 
 
 def next_blocks(found: Diagnosis, plan: Sequence[DesignValue]) -> list[web.Block]:
@@ -99,12 +98,11 @@ def diagnosis_web_page(
     each = _each_recording(found.base)
     curves = [block for k in range(len(found.observed.protocols)) for block in curves_of(found, k)]
     notices = notices_of(found, subject)
-    doubts = sum(one.code == FitNotice.DOUBTFUL for one in notices)
     return web.WebPage(
         f"Can the stiffness of {'subject' if leg else 'specimen'} ‘{subject.id}’ be trusted?",
         subject.title,
         subject.origin,
-        diagnosis_headline.headline(found, plan, "deep" if leg else "", doubts),
+        diagnosis_headline.headline(found, plan, "deep" if leg else "", notices),
         list(map(sentence_of, notices)),
         tables.known_of(found, subject),
         [
@@ -114,7 +112,7 @@ def diagnosis_web_page(
             web.Chapter("Where the model is wrong", [*_where(found), *signatures_of(found), *located, *each]),
             web.Chapter("Which physics, and how sure", _physics(found)),
             web.Chapter("What was tested", tables.score_blocks(found)),
-            web.Chapter("What could not be tested", [web.Bullets([*_untested(found), *_alike(found)])]),
+            web.Chapter("What could not be tested", [web.Bullets([*_untested(found), _alike(found)])]),
             web.Chapter("What to do next", next_blocks(found, plan)),
             web.Chapter("Noise and accuracy", [web.Prose(_noise(found))]),
         ],
@@ -141,9 +139,8 @@ def _where(found: Diagnosis) -> list[web.Block]:
     more = len(places) - tables.PLACES_SHOWN
     return [
         web.Prose(
-            f"{how}. The size is the model's force minus the recorded one, on average: where it is negative, the leg "
-            "resisted more than the model. The noise is the standard deviation of one trial's value. The p-value is "
-            "family-wise, over all intervals; '-' means that the interval by itself is not significant."
+            f"{how}. The size is the model's mean force minus the recorded one; the noise is the standard deviation of "
+            "one trial's value. The p-value is family-wise, over all intervals; '-': not significant by itself."
         ),
         tables.places_table(places, found),
         *([web.Prose(f"{more} smaller ones are in diagnosis.json.")] if more > 0 else []),
@@ -156,7 +153,7 @@ def _each_recording(base: Fit[KindDetails]) -> list[web.Block]:
     if not names:
         return []
     agreed = base.agreement
-    same = agreed.p_value > _DIFFER
+    same = not agreed.p_value < DIFFER
     said = f"Fitted one by one with the base model, the recordings {'agree' if same else 'disagree'} on "
     said += f"{symbol_of(names[0])} (chi-square {estimates.chance(agreed)})"
     said += "." if same else ": their values differ by more than usual errors of readings, gain and zero cause."
@@ -167,20 +164,15 @@ def _each_recording(base: Fit[KindDetails]) -> list[web.Block]:
     return [web.Prose(said), web.WebTable("What each recording gives by itself", columns, rows, folded=True)]
 
 
-_DIFFER = 0.01
-"""Probability of so large differences below which recordings are said to differ."""
-
-
 def _physics(found: Diagnosis) -> list[web.Block]:
     blocks: list[web.Block] = [
-        web.Prose(f"Verdict: {found.verdict.upper()}. {diagnosis_sentences.verdict_sentence(found)}"),
+        web.Prose(diagnosis_sentences.verdict_sentence(found)),
         web.Prose(_looks(found)),
         tables.explanation_bars(found),
         web.Prose(
-            "The next table compares the misfit in each phase (root mean square) with the misfit that errors of "
-            "gain and zero, noise, and numbers that are not known exactly would cause. It gives the share of tests "
-            "in which a correct model would miss by as much. A share below 1 % means that the model's form is wrong "
-            "in that phase, however probable it is among the models that were tried."
+            "The next table compares the misfit in each phase (root mean square) with what errors would cause, and "
+            "gives the share of tests in which a correct model would miss by as much. Below 1 % the model's form is "
+            "wrong in that phase, however probable it is among the models that were tried."
         ),
         tables.phase_table(found),
     ]
@@ -191,16 +183,15 @@ def _physics(found: Diagnosis) -> list[web.Block]:
     else:
         held = found.base_held_out
         evidence = (
-            f"The held-out error is the error of predicting {held.how}, from a fit to the other trials. The noise of a "
-            f"trial alone accounts for {held.noise:.3f} N. The ln Bayes factor says how much more probable the "
-            "recordings are with the mechanism than without it; 5 is strong. “In part” means that a difference without "
-            "a known cause remains, because no real effect has exactly the form of a model."
+            f"The held-out error is that of predicting {held.how}, from a fit to the other trials; a trial's noise "
+            f"accounts for {number(held.noise)} N. The ln Bayes factor says how much more probable the recordings are "
+            "with the mechanism than without it; 5 is strong. “In part”: a difference without a known cause remains."
         )
         blocks += [tables.evidence_table(found), web.Prose(evidence)]
     if (common := tables.occurrence_table(found)) is not None:
         how_common = (
-            "C10's range depends on how common each effect is assumed to be. “Judgement” means that nobody has counted "
-            f"it. The last two columns give C10's range if the effect were {TIMES:g} times rarer, or more common."
+            "C10's range depends on how common each effect is assumed to be (“judgement”: an estimate). The last two "
+            f"columns give C10's range if the effect were {TIMES:g} times rarer, or more common."
         )
         blocks += [web.Prose(how_common), common]
     return blocks
@@ -209,9 +200,8 @@ def _physics(found: Diagnosis) -> list[web.Block]:
 def _hidden(found: Diagnosis) -> list[web.Block]:
     """Return what could hide, sorted by what it does to C10."""
     how = (
-        "Each effect was made stronger step by step, up to the greatest strength that is possible, and everything "
-        "else was fitted again each time. “Open” means that even that strength agrees with the recordings. C10 and "
-        "the largest change of the force are given for the ends of each range."
+        "Each effect was made stronger, up to what is possible, and everything else was fitted again. “Open”: even the "
+        "greatest strength agrees with the recordings. C10 and the force's change are at the ends of each range."
     )
     change = f"change C10 by more than {100 * TRUSTED:.0f} % without being detected"
     table = tables.limit_table(found)
@@ -228,30 +218,24 @@ def _looks(found: Diagnosis) -> str:
     looks = (
         f"The base model ({LAW_NAMES[found.law]} deep tissue{ends}, nothing added) fits with "
         f"R² = {r_squared(left, found.observed.force):.4f}. Probabilities weigh all explanations "
-        "against each other: nothing, one mechanism, two mechanisms, or something unknown. Before the test, "
-        "“nothing is missing” and “one mechanism is missing” are taken to be equally probable, “two are missing” half "
-        "as probable. “Nothing detectable” is nothing at all, or an effect that is too small for these recordings to "
-        "detect."
+        "against each other: nothing, one mechanism, two mechanisms, or something unknown. Before the test, nothing "
+        "and one mechanism are taken to be equally probable, two half as probable. “Nothing detectable” is nothing, or "
+        "an effect that is too small to be detected here."
     )
     if found.verdict == "consistent":
         looks += (
-            f" That is no proof that nothing was left out: an effect that looks like a change of {stiffness}, "
-            "or that could not be tested, is not detected. The table below says how strong each mechanism may be "
-            "without being detected."
+            f" That is no proof that nothing was left out: an effect that looks like a change of {stiffness}, or that "
+            "could not be tested, is not detected. The table below says how strong each may be."
         )
-    if found.verdict in ("named", "ambiguous"):
-        looks += (
-            " The recordings show which known mechanisms can explain them; a mechanism that legfem "
-            "does not know and that looks the same is not ruled out."
-        )
+    if found.models:
+        looks += " A mechanism that legfem does not know and that looks the same is not ruled out."
     return looks
 
 
 def _closest(found: Diagnosis) -> str:
     text = (
-        "No mechanism that legfem knows explains the recordings. Every mechanism that these recordings can show was "
-        "added to the model, alone and the best ones in pairs; something unknown is more probable than any of them "
-        "that describes the recordings."
+        "No mechanism that legfem knows explains the recordings. Each that they can show was added to the model, alone "
+        "and the best in pairs; something unknown is more probable than any of them that describes the recordings."
     )
     named = [e for e in found.explained.every if e.names]
     if named and found.explained.describes(named[0]):
@@ -281,28 +265,12 @@ def _untested(found: Diagnosis) -> list[str]:
     return [f"{', '.join(names)}: {why}" for why, names in reasons.items()]
 
 
-def _alike(found: Diagnosis) -> list[str]:
-    """Return sentences on what the recordings can't tell apart."""
-    lines = []
-    if len(found.models) > 1:
-        names = [model_name(model) for model in found.models]
-        lines.append(
-            f"{'; '.join(names)}: together they have 90 % of the probability, and none of them "
-            "alone has. These recordings cannot determine which of them it is."
-        )
+def _alike(found: Diagnosis) -> str:
     both = " and ".join(map(symbol_of, found.base_model.fit.stiffness))
-    lines.append(
-        "A constant factor on the force (the load cell's gain, the cylinder's length) looks like "
-        f"a change of {both}. It was not tested, and would change the stiffness without any sign of it."
+    return (
+        f"A constant factor on the force (the load cell's gain, the cylinder's length) looks like a change of {both}. "
+        "It was not tested, and would change the stiffness without any sign of it."
     )
-    hidden = [s for s in found.assessment.scores if s.concealed > 0.95]
-    if hidden:
-        names = [f"{plain(s.name)} ({100 * s.concealed:.1f} %)" for s in hidden]
-        lines.append(
-            "Fitting the stiffness hides nearly all of a small effect of: "
-            f"{', '.join(names)}. Such an effect could bias the stiffness without a sign."
-        )
-    return lines
 
 
 def _solved_in_full(found: Diagnosis) -> str:
@@ -337,8 +305,6 @@ def _noise(found: Diagnosis) -> str:
         f"({noise.white_sd:.2g} N from reading to reading, and {noise.slow_sd:.2g} N slowly, over "
         f"{noise.correlation_time:.2g} s), {posterior.zero_sd:.2g} N of a trial's zero, "
         f"{100 * posterior.gain_sd:.2g} % of its gain, and {noise.wander_sd:.2g} mm of the displacement. They come "
-        f"from {noise.source}. The {len(found.observed.values)} values compared carry as much "
-        f"information as {found.errors.effective_samples:.0f} independent ones, because neighbours have similar "
-        f"errors. {solved} {_solved_in_full(found)}What is not known exactly (the geometry and the assumed tissue "
-        "parameters) may vary within its stated accuracy; the table of numbers says how far each was moved."
+        f"from {noise.source}. {solved} {_solved_in_full(found)}The table of numbers says how far what is "
+        "not known exactly was moved."
     )

@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from legfem.common.numbers import probability, share
 from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import symbol_of
 from legfem.inverse.explanation import Explanation, Statement
@@ -14,7 +15,6 @@ from legfem.inverse.predictive import nearest_fit
 from legfem.inverse.verdict import Diagnosis
 from legfem.report.curves import Curves, Dash, Line, curves_figure
 from legfem.report.style import DATA_COLOUR, FAINT, LAW_NAMES
-from legfem.report.words import probability
 
 BASE_COLOUR = "#D55E00"
 REPAIRED_COLOUR = "#0072B2"
@@ -230,7 +230,8 @@ def _rms(values: FloatArray) -> float:
 
 def relative_change(before: float, after: float) -> str:
     """Return a change in per cent; where there was nothing before, that."""
-    return f"{100 * (after / before - 1):+.0f} %" if before > 1e-6 else "from 0"
+    change = after / before - 1.0 if before > 1e-6 else 0.0
+    return f"{'+' if change > 0 else ''}{share(change)}" if before > 1e-6 else "from 0"
 
 
 _MOST_SIGNATURES = 4

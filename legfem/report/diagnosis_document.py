@@ -6,15 +6,15 @@ from typing import Any
 from legfem.common.documents import json_types, versions_of
 from legfem.inverse.averaging import left_open
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, key_of
+from legfem.inverse.claims import checked_answer
 from legfem.inverse.document import estimate_document, fitted_document
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.fit import Identity
 from legfem.inverse.location import SetAside
-from legfem.inverse.notice import FitNotice
 from legfem.inverse.predictive import HeldOut, checks_by_phase
 from legfem.inverse.stored import SCHEMAS
-from legfem.inverse.verdict import Diagnosis, answer_of, explained_share, residual_intervals
+from legfem.inverse.verdict import Diagnosis, explained_share, residual_intervals
 from legfem.legs.diagnosis import notices_of
 from legfem.legs.subject import Subject
 from legfem.report.diagnosis_curves import model_name, places_of
@@ -38,7 +38,7 @@ def document(found: Diagnosis, subject: Recorded, seconds: float) -> dict[str, A
             "subject": subject.id,
             "title": subject.title,
             "origin": subject.origin,
-            "answer": answer_of(found, sum(one.code == FitNotice.DOUBTFUL for one in notices)).document(),
+            "answer": checked_answer(found, notices).document(),
             "notices": notices,
             "verdict": found.verdict,
             "laws": {found.law: {**fitted_document(found.best_fit, _key), "verdict": found.verdict}},

@@ -5,23 +5,17 @@ Its words were changed after readers without statistics had stumbled over them (
 
 from collections.abc import Sequence
 
-from legfem.common.units import mpa_to_kpa, percent
+from legfem.common.numbers import number, percent, share
+from legfem.common.units import mpa_to_kpa
 from legfem.inverse.answer import Finding
 from legfem.inverse.averaging import as_seen, robust_interval, widened_by
 from legfem.inverse.catalogue import DEEP_C10
+from legfem.inverse.claims import checked_answer
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.mechanism import Mechanism
+from legfem.inverse.notice import Notice
 from legfem.inverse.plan import DesignValue
-from legfem.inverse.verdict import (
-    TRUSTED,
-    Diagnosis,
-    answer_of,
-    causes_differ,
-    ends_of_c10,
-    same_value,
-    wide,
-    widest_error,
-)
+from legfem.inverse.verdict import DIFFER, TRUSTED, Diagnosis, ends_of_c10, reported, same_value, wide, widest_error
 from legfem.report import page as web
 from legfem.report.answers import headline_of
 from legfem.report.diagnosis_curves import places_of, relative_change
@@ -33,17 +27,20 @@ from legfem.report.diagnosis_sentences import (
     missing_sentence,
     next_experiments,
     one_rate,
+    settling,
     statements,
 )
 from legfem.report.estimates import high_or_low
 from legfem.report.plan import chance_text
-from legfem.report.words import between, capital, number, share
+from legfem.report.words import capital
 
 _MOST_CAUSES = 2
 """That find room on the first screen of a phone."""
 
 
-def headline(found: Diagnosis, plan: Sequence[DesignValue], tissue: str = "", doubts: int = 0) -> web.Headline:
+def headline(
+    found: Diagnosis, plan: Sequence[DesignValue], tissue: str = "", notices: Sequence[Notice] = ()
+) -> web.Headline:
     """Return the verdict for someone who knows no statistics.
 
     Parameters
@@ -54,11 +51,11 @@ def headline(found: Diagnosis, plan: Sequence[DesignValue], tissue: str = "", do
         Tests that could be made next, the best first.
     tissue
         Of a leg, whose C10 it is.
-    doubts
-        How many inputs are unlikely.
+    notices
+        What a reader must know, doubts among it.
     """
     aside = "" if found.aside is None else f"{aside_sentence(found.aside)} "
-    answer = answer_of(found, doubts)
+    answer = checked_answer(found, notices)
     if answer.finding is Finding.PROVISIONAL:
         return headline_of(answer, [("Problems found so far", aside + _wrong(found)), ("What to do", _GO_ON)])
     effect = _stiffness(found)
@@ -78,7 +75,7 @@ def headline(found: Diagnosis, plan: Sequence[DesignValue], tissue: str = "", do
             ("How sure", _sure(found)),
             ("Effect on C10", effect),
             ("What to do", to_do(found, plan)),
-            *_high_or_low(found, tissue),
+            *_high_or_low(found, tissue, notices),
         ],
     )
 
@@ -91,8 +88,10 @@ _GO_ON = (
 
 def _wrong(found: Diagnosis) -> str:
     if found.verdict == "consistent":
-        hides = f" But not every problem would show: {_hides(found)}" if wide(found) else ""
+        hides = f" But not every problem would show: {said}" if wide(found) and (said := _hides(found)) else ""
         none = "None." if found.aside is None else "No other problem."
+        if found.base.agreement.p_value < DIFFER:
+            none = f"{none[:-1]} that the model shows, but the recordings by themselves disagree on C10 (see below)."
         return f"{none}{hides} What this test cannot show is listed further down."
     if found.verdict == "unexplained":
         largest = ""
@@ -154,8 +153,8 @@ def _sure(found: Diagnosis) -> str:
         if found.models[0].missing:
             return f"{capital(wrong)}; what it is like is not what it is. The range also allows for other causes."
         return (
-            f"{capital(percent(share))} sure of this cause, and {wrong}. The range "
-            f"also allows for other causes, and {_NINETEEN_OF_20}"
+            f"{capital(wrong)}, and if so {percent(share)} sure of this cause. The range also allows for other causes, "
+            f"and {_NINETEEN_OF_20}"
         )
     return f"{capital(wrong)}; this test cannot determine which of these. The range {_NINETEEN_OF_20}"
 
@@ -167,10 +166,8 @@ _NINETEEN_OF_20 = (
 
 
 def _stiffness(found: Diagnosis) -> str:
-    if found.withheld:
-        return f"{_C10}, cannot be determined from this test: the value that it gives may be wrong by any amount."
-    if DEEP_C10 not in found.base_model.fit.free:
-        return "C10 was given, not found."
+    if why := reported(found)[1]:
+        return _NONE[why]
     before = _value(found, found.base_model)
     if found.verdict == "unexplained":
         return f"{_C10}, is {before} kPa; the misfit changes it by {share(found.misfit.moves)} at most."
@@ -181,7 +178,9 @@ def _stiffness(found: Diagnosis) -> str:
         )
     if found.verdict == "consistent":
         return f"{_C10}, is {before} kPa; no correction is needed."
-    after = [_value(found, model) for model in found.models]
+    low, high = ends_of_c10(found)
+    in_range = [model for model in found.models if low <= model.value(DEEP_C10) <= high]
+    after = [_value(found, model) for model in in_range or found.models]
     if found.verdict == "named" or same_value(found):
         change = relative_change(found.base_model.value(DEEP_C10), found.models[0].value(DEEP_C10)).lstrip("+")
         way = "lower" if change.startswith("-") else "higher"
@@ -190,33 +189,41 @@ def _stiffness(found: Diagnosis) -> str:
             f"{_C10}, would be {before} kPa without the correction. Corrected it is {after[0]} kPa "
             f"({change.lstrip('-')} {way}){causes}."
         )
-    low, high = min(after, key=float), max(after, key=float)
+    least, most = min(after, key=float), max(after, key=float)
     return (
-        f"{_C10}, would be {before} kPa without a correction. Corrected it is {low} to {high} kPa, "
+        f"{_C10}, would be {before} kPa without a correction. Corrected it is {least} to {most} kPa, "
         "depending on the cause."
     )
 
 
 _C10 = "C10, the stiffness of the tissue"
+_NONE = {
+    "model_wrong": f"{_C10}, cannot be determined from this test: the value that it gives may be wrong by any amount.",
+    "given": "C10 was given, not found.",
+    "undetermined": f"{_C10}, cannot be determined from this test.",
+}
+"""By why no number is given."""
 
 
-def _high_or_low(found: Diagnosis, tissue: str) -> list[tuple[str, str]]:
+def _high_or_low(found: Diagnosis, tissue: str, notices: Sequence[Notice]) -> list[tuple[str, str]]:
     """Return how the number to write down compares with others', where there is one."""
-    if found.withheld or DEEP_C10 not in found.base_model.fit.free:
+    if not (known := reported(found)[0].get(DEEP_C10)) or known.ci95 is None:
         return []
-    if causes_differ(found):
-        return high_or_low(tissue, *map(float, between(*map(mpa_to_kpa, ends_of_c10(found)))))
-    model = found.best
-    return high_or_low(tissue, mpa_to_kpa(model.value(DEEP_C10))) if model.determined(DEEP_C10) else []
+    low, high = known.ci95 if known.value is None else (known.value, known.value)
+    return high_or_low(tissue, low, high, notices)
 
 
 def _value(found: Diagnosis, model: Explanation) -> str:
     return number(mpa_to_kpa(model.value(DEEP_C10)), widest_error(found))
 
 
+_RECORDED = "was recorded already: no other test that this program knows would help"
+
+
 def to_do(found: Diagnosis, plan: Sequence[DesignValue]) -> str:
     """Return what to do with the number, and what to ask a lab for."""
     lines, by_unseen = next_experiments(found), _by_what_is_unseen(found)
+    use = {"": "Use the range", "given": "Keep the C10 that was given"}.get(reported(found)[1], "Use no number")
     if found.verdict == "consistent":
         widest = widened_by(found.explained, DEEP_C10) if wide(found) else None
         if by_unseen:
@@ -225,16 +232,18 @@ def to_do(found: Diagnosis, plan: Sequence[DesignValue]) -> str:
         elif widest is not None:
             why = f"this test cannot determine whether {statements(widest)}"
             # What settles its widest part, and what wasn't recorded yet.
-            first = widest.fit.mechanisms[0].next_experiment
-            asked = "; or to ".join([first, *[line for line in lines if line != first][:1]])
+            first = settling(found, widest.fit.mechanisms[:1])
+            asked = "; or to ".join([*first, *[line for line in lines if line not in first][:1]])
         elif one_rate(found):
             return f"Use the number above. If the behaviour over time matters, ask the lab to {lines[0]}."
         else:
             return "Use the number together with the law that it belongs to. No other test is needed."
-        return f"Use the range. It is so wide because {why}. To narrow it, ask the lab to {asked}."
-    use = "Use the corrected number" if found.verdict == "named" and not wide(found) else "Use the range"
+        narrow = f"To narrow it, ask the lab to {asked}" if asked else f"What could narrow it {_RECORDED}"
+        return f"{use}. The range is so wide because {why}. {narrow}."
+    if reported(found)[0] and not wide(found) and (found.verdict == "named" or same_value(found)):
+        use = "Use the corrected number"
     if not plan and not lines:
-        return f"{use}."
+        return f"{use}. What could settle the cause {_RECORDED}."
     asked = f"ask the lab to {f'{plan[0].design.name} ({chance_text(plan[0])})' if plan else lines[0]}"
     if found.verdict == "unexplained" and not found.withheld:
         return f"Use the number above. To find out what the model misses, ask the lab to {lines[0]}."
@@ -244,5 +253,4 @@ def to_do(found: Diagnosis, plan: Sequence[DesignValue]) -> str:
         )
     if found.verdict == "named":
         return f"{use}. To confirm the cause, {asked}."
-    kept = "the corrected number" if same_value(found) else "the range, and no single number"
-    return f"Use {kept}. To find out which cause it is, {asked}."
+    return f"{use}. To find out which cause it is, {asked}."

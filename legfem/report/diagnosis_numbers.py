@@ -1,8 +1,10 @@
 """Tables of a diagnosis' page."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
-from legfem.common.units import mpa_to_kpa, percent, spaced_unit
+from legfem.common.numbers import between, number, percent, short_probability
+from legfem.common.units import mpa_to_kpa, spaced_unit
 from legfem.geometry.section import girth
 from legfem.inverse.averaging import sensitivities
 from legfem.inverse.catalogue import DEEP_C10, symbol_of
@@ -24,7 +26,7 @@ from legfem.report.diagnosis_curves import (
 from legfem.report.diagnosis_document import Recorded
 from legfem.report.estimates import wave_rows
 from legfem.report.page import Bars, Block, Known, LabelledBar, Prose, Provenance, WebTable
-from legfem.report.words import between, moduli_text, number, short_probability
+from legfem.report.words import moduli_text
 
 _WRONG = "DO NOT RELY ON IT: the model does not fit, and the interval does not include what was left out"
 
@@ -116,7 +118,7 @@ def occurrence_table(found: Diagnosis) -> WebTable | None:
         mechanism, stated = mechanisms[one.mechanism], possible.get(one.mechanism)
         first = mechanism.parameters[0]
         low, high = first.bounds if stated is None else (stated.low, stated.high)
-        rarer, commoner = (f"{mpa_to_kpa(a):.3g} to {mpa_to_kpa(b):.3g} kPa" for a, b in (one.rarer, one.commoner))
+        rarer, commoner = (" to ".join(between(*map(mpa_to_kpa, ends))) for ends in (one.rarer, one.commoner))
         rows.append(
             {
                 "effect": plain(one.mechanism),
@@ -124,8 +126,8 @@ def occurrence_table(found: Diagnosis) -> WebTable | None:
                 f"{spaced_unit(first.unit)}",
                 "times as common as any other (judgement)": f"{mechanism.expected:g}",
                 "source of the strengths": (stated.source if stated is not None else "") or "judgement",
-                "C10 if rarer": rarer,
-                "C10 if commoner": commoner,
+                "C10 if rarer (kPa)": rarer,
+                "C10 if commoner (kPa)": commoner,
             }
         )
     caption = "How common effects are assumed to be, and C10's range"
@@ -162,12 +164,15 @@ def places_table(places: Sequence[Place], found: Diagnosis) -> WebTable:
 def evidence_table(found: Diagnosis) -> WebTable:
     """Return how probable each reported explanation is, and what it leaves."""
     base = found.weighted_base
-    rows = [(BASE_NAME, found.explained.adequacy, "-", "-", found.base_held_out, "-")]
+    rows, missing = (
+        [(BASE_NAME, found.explained.adequacy, "-", "-", found.base_held_out, "-")],
+        1 - found.explained.adequacy,
+    )
     for model, held in zip(found.models, found.held_out, strict=True):
         gain = f"{model.posterior.log_evidence - base.posterior.log_evidence:.1f}"
         explained = percent(explained_share(found, model)) + (" (in part)" if model.in_part else "")
         confirmed = "confirm it" if model.confirmed else "NOT confirmed"
-        rows.append((f"with {model_name(model)}", model.probability, gain, explained, held, confirmed))
+        rows.append((f"with {model_name(model)}", missing * model.probability, gain, explained, held, confirmed))
     header = ["explanation", "probability", "ln Bayes factor", "explained", "held-out error (N)", "full solutions"]
     cells = [[name, percent(p), gain, part, f"{held.rmse:.3f}", whole] for name, p, gain, part, held, whole in rows]
     return WebTable("What the reported explanations explain", header, cells)
@@ -186,18 +191,18 @@ def limit_table(found: Diagnosis) -> WebTable:
     """Return how strong each mechanism may be unseen, and C10 then, what moves that most first."""
     ends = {(True, True): "on both sides", (True, False): "downwards", (False, True): "upwards"}
     rows = []
-    for limit in found.limits:
+    for limit in (replace(one, parameter=one.parameter.replace("_", " ")) for one in found.limits):
         stiffness = map(mpa_to_kpa, limit.stiffness.get(DEEP_C10, ()))
         rows.append(
             [
                 plain(limit.name),
-                f"{limit.parameter.replace('_', ' ')} {limit.low:.3g} to {limit.high:.3g}{spaced_unit(limit.unit)}",
+                f"{limit.parameter} {' to '.join(map(number, (limit.low, limit.high)))}{spaced_unit(limit.unit)}",
                 ends.get((limit.open_low, limit.open_high), "no"),
-                " to ".join(f"{end:.3g}" for end in stiffness) or "-",
-                f"{limit.effect:.2g}",
+                " to ".join(map(number, stiffness)) or "-",
+                number(limit.effect),
             ]
         )
-    caption = "How strong each mechanism may be without being detected"
+    caption = "How strong each mechanism may be without being detected, however rare that is"
     return WebTable(caption, ["mechanism", "range (95 %)", "open", "C10 (kPa)", "force (N)"], rows, folded=True)
 
 

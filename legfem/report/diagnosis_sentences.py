@@ -2,59 +2,34 @@
 
 from collections.abc import Sequence
 
-from legfem.common.units import mpa_to_kpa, percent, spaced_unit
-from legfem.inverse.catalogue import symbol_of
+from legfem.common.numbers import number, percent, share
+from legfem.common.units import mpa_to_kpa, spaced_unit
+from legfem.inverse.advice import HOLD_A_MINUTE, TWO_RATES, LabStep, left
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.hidden import HiddenEnd, Limit
 from legfem.inverse.location import SetAside
-from legfem.inverse.verdict import Diagnosis, explained_share, residual_intervals
+from legfem.inverse.mechanism import Mechanism
+from legfem.inverse.verdict import Diagnosis, ends_of_c10, explained_share, residual_intervals, widest_error
 from legfem.mechanisms.time_dependence import needs_time
-from legfem.report.diagnosis_curves import plain, relative_change
-from legfem.report.words import capital, share
+from legfem.report.diagnosis_curves import plain
+from legfem.report.words import capital
 
 _NO_MECHANISM = (
-    "repeat the test on another day and rig; record at two rates with a hold, and look at the located intervals on film"
+    LabStep("repeat the test on another day and rig"),
+    HOLD_A_MINUTE,
+    TWO_RATES,
+    LabStep("look at the located intervals on film"),
 )
 _AIR_FROM_MM = 0.2
-_CERTAIN = 0.95
 
 
 def verdict_sentence(found: Diagnosis) -> str:
-    """Return the verdict in some sentences."""
-    if found.verdict == "consistent":
-        return (
-            "The model describes the recordings within their errors and what is not known exactly of what was pressed. "
-            f"It needs no further physics (probability {percent(found.explained.adequacy)}). {air(found)}"
-        ).strip()
-    if found.verdict == "unexplained" and not found.withheld:
-        return misfit_sentence(found)
-    if found.verdict == "unexplained":
-        return (
-            f"{_contradiction(found)} None of the mechanisms known to legfem, alone or in pairs, "
-            "explains how. Don't rely on the stiffness."
-        )
-    first = found.models[0]
-    if found.verdict == "named":
-        whole = "What it left out" if not first.in_part else "What it left out, in part"
-        return (
-            f"{_contradiction(found)} {whole}: {statements(first)} (probability "
-            f"{percent(first.probability)}).{_in_part(found, first)} "
-            f"{stiffness_sentence(found.base_model, first)} {air(found)}"
-        ).strip()
-    candidates = "; or ".join(
-        f"({k}) {statements(model)}, {percent(model.probability)}" for k, model in enumerate(found.models, 1)
-    )
-    return (
-        f"{_contradiction(found)} {kin_sentence(found.models)}It leaves out one of these, and the recordings do not "
-        f"show which: {candidates}. {stiffness_range(found.base_model, found.models)} {air(found)}"
-    ).strip()
-
-
-def _contradiction(found: Diagnosis) -> str:
-    missing = 1 - found.explained.adequacy
-    if missing > _CERTAIN:
-        return "The recordings contradict the model."
-    return f"The model probably left something out ({percent(missing)})."
+    """Return the verdict with all that is listed, and what that leaves."""
+    each = [
+        f"{capital(statements(one))}: {percent(one.probability)} of what may be left out.{_in_part(found, one)}"
+        for one in found.models
+    ]
+    return " ".join(filter(None, [f"Verdict: {found.verdict.upper()}.", *each, air(found)]))
 
 
 def air(found: Diagnosis) -> str:
@@ -87,10 +62,6 @@ def _in_part(found: Diagnosis, model: Explanation) -> str:
     return f"{explained}; {abs(most.size_N):.2g} N remains in {most.trial}, {most.phase}, {where}."
 
 
-def _digits(value: float) -> str:
-    return f"{value:#.3g}".rstrip(".") if value else "0"
-
-
 def statements(model: Explanation) -> str:
     """Return what a model's mechanisms say was left out, or that it is like that."""
     every = [m.statement for m in model.fit.mechanisms]
@@ -114,28 +85,6 @@ def kin_sentence(models: Sequence[Explanation]) -> str:
     return f"{shared.pop().capitalize()}, by a mechanism that this test cannot determine. " if len(shared) == 1 else ""
 
 
-def stiffness_range(before: Explanation, after: Sequence[Explanation]) -> str:
-    """Return between which values the stiffness moves by one of several explanations."""
-    parts = []
-    for name in before.fit.stiffness:
-        values = [mpa_to_kpa(model.value(name)) for model in after]
-        ends = list(dict.fromkeys(_digits(value) for value in (min(values), max(values))))
-        there = f"between {ends[0]} and {ends[1]}" if len(ends) > 1 else ends[0]
-        parts.append(f"{symbol_of(name)} from {_digits(mpa_to_kpa(before.value(name)))} kPa to {there} kPa")
-    return f"Depending on which it is, putting it into the model moves {' and '.join(parts)}."
-
-
-def stiffness_sentence(before: Explanation, after: Explanation) -> str:
-    """Return how the stiffness changed."""
-    parts = []
-    for name in before.fit.stiffness:
-        if name in after.fit.free:
-            was, now = mpa_to_kpa(before.value(name)), mpa_to_kpa(after.value(name))
-            change = f" ({relative_change(was, now)})" if was > 1e-6 else ""
-            parts.append(f"{symbol_of(name)} from {_digits(was)} to {_digits(now)} kPa{change}")
-    return f"Putting it into the model moves {' and '.join(parts)}."
-
-
 def misfit_sentence(found: Diagnosis) -> str:
     """Return how far a model misses whose misfit is small, and what that does to C10."""
     return (
@@ -148,9 +97,9 @@ def misfit_sentence(found: Diagnosis) -> str:
 def aside_sentence(aside: SetAside) -> str:
     """Return what was set aside, and why."""
     return (
-        f"Something unknown disturbed a part of the recordings, which was set aside: {aside.described}. It departs "
-        f"from the other trials by up to {abs(aside.size_N):.2g} N, more than gain, zero, first contact and noise "
-        "explain. Everything here is of the rest."
+        "Something unknown, as a muscle that tenses or a leg that moves, disturbed a part of the recordings, which was "
+        f"set aside: {aside.described}. It departs from the other trials by up to {abs(aside.size_N):.2g} N, more than "
+        "gain, zero, first contact and noise explain. Everything here is of the rest."
     )
 
 
@@ -163,20 +112,28 @@ def hidden_sentence(found: Diagnosis, limit: Limit, end: HiddenEnd) -> str:
     plain = f"{limit.name.replace('-', ' ')} ({first.name.replace('_', ' ')} of {{}})"
     what = (mechanism.would_be or plain).format(size)
     seen = "would not have been detected" + ("" if end.open else ", but a stronger effect would")
-    return f"{capital(what)} {seen}; C10 would then be {_digits(mpa_to_kpa(end.c10))} kPa."
+    low, high = ends_of_c10(found)
+    beyond = "" if low <= end.c10 <= high else ", beyond the range, which leaves out what is rarer than 1 in 20"
+    return f"{capital(what)} {seen}; C10 would then be {number(mpa_to_kpa(end.c10), widest_error(found))} kPa{beyond}."
 
 
 def next_experiments(found: Diagnosis) -> list[str]:
     """Return the measurements that would settle what is open, but those that were made."""
     if found.verdict == "unexplained":
-        return [_NO_MECHANISM]
+        return ["; ".join(left(found.observed, *_NO_MECHANISM))]
     if found.verdict == "consistent":
-        rates = ["hold the deepest position for a minute, and press at two rates"] if one_rate(found) else []
-        unseen = [one.mechanism.next_experiment for one in found.weighted_base.problem.unseen]
-        return list(dict.fromkeys([*rates, *unseen]))
+        rates = [", and ".join(left(found.observed, HOLD_A_MINUTE, TWO_RATES))] if one_rate(found) else []
+        return list(
+            dict.fromkeys([*rates, *settling(found, [one.mechanism for one in found.weighted_base.problem.unseen])])
+        )
+    return settling(found, [m for model in found.models for m in model.fit.mechanisms])
+
+
+def settling(found: Diagnosis, mechanisms: Sequence[Mechanism]) -> list[str]:
+    """Return the measurements that would settle whether mechanisms are there, but those that were made."""
     known = {reading.mechanism.name for reading in found.weighted_base.problem.measured}
-    open_ = [m for model in found.models for m in model.fit.mechanisms if m.name not in known]
-    return list(dict.fromkeys(m.experiment_after(found.observed) for m in open_))
+    asked = (one.experiment_after(found.observed) for one in mechanisms if one.name not in known)
+    return list(dict.fromkeys(filter(None, asked)))
 
 
 def one_rate(found: Diagnosis) -> bool:

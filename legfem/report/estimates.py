@@ -2,27 +2,32 @@
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from legfem.common.numbers import NOT_DETERMINED, fit_probability, number, share, span
 from legfem.common.units import mpa_to_kpa, readable_unit, spaced_unit
 from legfem.data.ranges import PUBLISHED_C10
 from legfem.data.recording import Origin
-from legfem.inverse.catalogue import UNITS, parameter_of, symbol_of, unit_of
+from legfem.inverse.answer import Value
+from legfem.inverse.catalogue import UNITS, key_of, parameter_of, symbol_of, unit_of
 from legfem.inverse.comparison import ErrorSource
 from legfem.inverse.elastography import ShearModulus
 from legfem.inverse.estimates import DISPLACEMENT, FORCE, Estimate, main_source
-from legfem.inverse.fit import SIGNIFICANT, Fit, Goodness, TestFit, gain_of, misfit_of
+from legfem.inverse.fit import SIGNIFICANT, Fit, Goodness, TestFit, gain_of, misfit_of, value_of
+from legfem.inverse.intervals import WEAKLY_WITHIN
+from legfem.inverse.notice import Notice
 from legfem.legs.subject import Subject
 from legfem.report.page import Block, Known, Provenance, WebTable
 from legfem.report.style import LAW_NAMES, REGION_NAMES
-from legfem.report.words import ENERGIES, capital, fit_probability, moduli_text, number
+from legfem.report.words import ENERGIES, capital, moduli_text
 
 
 def value_text(found: Estimate) -> str:
-    """Return an estimate with the digits that its error leaves, and its unit."""
+    """Return an estimate with the digits that its error leaves, and its unit; that it isn't determined else."""
+    if found.undetermined:
+        return NOT_DETERMINED
     shown = found.shown
     return f"{number(shown.value, shown.standard_error)}{spaced_unit(shown.unit)}"
 
@@ -39,14 +44,18 @@ def held_of(fits: Sequence[Fit[Any]]) -> dict[str, float]:
     return {name: value for fit in fits for name, value in fit.assumed.items() if name not in free}
 
 
-def interval_text(found: Estimate, named: str = "") -> str:
-    """Return an estimate's 95 % interval, with a name before its numbers."""
-    if found.undetermined:
-        return "interval not determined"
-    # An end near nought keeps a digit of its own beside a wide interval's other.
-    error = found.shown.standard_error
-    low, high = (number(end, min(error, abs(end) / 2) or error) for end in found.shown.ci95)
-    return f"{named}{low} to {high}" if math.isfinite(found.ci95[1]) else f"{named}at least {low}"
+def interval_text(found: Estimate) -> str:
+    """Return an estimate's 95 % interval; nothing of one that isn't determined."""
+    return "" if found.undetermined else span(found.shown.ci95, found.shown.standard_error, found.at_bound)
+
+
+def known_text(known: Value, named: str = "") -> str:
+    """Return a value with its interval; at a bound the interval alone, and no number of what is open."""
+    if known.ci95 is None:
+        return NOT_DETERMINED
+    ends, unit = named + span(known.ci95, known.standard_error, known.at_bound), spaced_unit(known.unit)
+    value = number(math.nan if known.value is None else known.value, known.standard_error)
+    return f"{ends}{unit}" if known.at_bound else f"{value}{unit} ({ends})"
 
 
 def words_of(name: str) -> str:
@@ -75,10 +84,12 @@ def estimated(what: str, found: Estimate, data: int | str, isotropic: bool) -> K
         source += f"; prior {factor * prior.centre:.4g} {width}{f', from {prior.source}' if prior.source else ''}"
     if found.at_bound:
         remark += f"; at the {found.at_bound} bound of the search"
+    if found.departure.by:
+        remark += f"; {found.departure.text}"
     # Not beside an interval that was widened by more than noise.
-    if not high - low > _WIDENED * error:
-        remark += f"; ± {error:.2g} (sd)"
-    if isotropic and parameter.name.endswith(".C10"):
+    if found.one_number and not high - low > _WIDENED * error:
+        remark += f"; ± {number(error)} (sd)"
+    if isotropic and found.one_number and parameter.name.endswith(".C10"):
         remark += f"; {moduli_of(found)}"
     how: Provenance = "estimated" if parameter.role == "identified" else "prior"
     return Known(what, value_text(found), how, source, interval_text(found), remark)
@@ -120,7 +131,7 @@ def moduli_of(found: Estimate) -> str:
     return moduli_text(found.shown.value, found.shown.standard_error, found.shown.unit)
 
 
-def how_sure(parameters: Mapping[str, Estimate], words: Callable[[str], str] = symbol_of) -> str:
+def how_sure(parameters: Mapping[str, Estimate], words: Callable[[str], str] = symbol_of, fits: bool = True) -> str:
     """Return how well parameters are known, for someone who knows no statistics.
 
     Parameters
@@ -129,32 +140,27 @@ def how_sure(parameters: Mapping[str, Estimate], words: Callable[[str], str] = s
         By full name.
     words
         What a parameter is called.
+    fits
+        Whether the model describes what was measured.
     """
     each = []
     for name, found in parameters.items():
         half, how = found.relative_half_width, found.identifiability
-        useless = how == "not identifiable"
-        range_ = " of the range that was searched" if found.parameter.scale == "linear" else ""
-        # A width of nothing at a bound is the bound's.
-        if found.undetermined or not np.isfinite(half) or half > 1 or (useless and half < _NOTHING):
-            each.append(f"{words(name)} cannot be determined from this test ({how})")
-        elif useless:
-            within = f"is known only to within ± {100 * half:.0f} %{range_}, which is too little to use"
-            each.append(f"{words(name)} {within} (not identifiable)")
-        else:
-            each.append(f"{words(name)} is known to within ± {100 * half:.0f} %{range_} ({how})")
+        known = f"is known to within ± {share(half)}"
+        if found.undetermined or not half <= 1:
+            known = "cannot be determined from this test"
+        elif found.at_bound:
+            known = f"is {known_text(value_of(found))}, where its search ended"
+        elif found.parameter.scale == "linear":
+            known = f"is {known_text(value_of(found))}"
+        elif half > WEAKLY_WITHIN:
+            known = f"is known only to within ± {share(half)}, which is too little to use"
+        elif how == "not identifiable":
+            known += ", to which this test adds next to nothing"
+        each.append(f"{words(name)} {known} ({how})")
+    if not fits:
+        return f"{capital('; '.join(each))}, were the model right; but it does not fit."
     return f"{capital('; '.join(each))}. If the model is right, 19 of 20 such intervals contain the true value."
-
-
-_NOTHING = 0.005
-
-
-def why_identifiable(parameters: Mapping[str, Estimate], law: str) -> list[str]:
-    """Return a sentence a parameter: how well it is known, and why it is called that."""
-    return [
-        f"{symbol_of(name)} of the {LAW_NAMES[law]} law is {found.identifiability}: {found.why}."
-        for name, found in parameters.items()
-    ]
 
 
 def rests_on(parameters: Mapping[str, Estimate], likewise: str) -> list[str]:
@@ -182,55 +188,51 @@ def rests_on(parameters: Mapping[str, Estimate], likewise: str) -> list[str]:
     ]
 
 
-@dataclass(frozen=True)
-class Remedies:
-    """What would narrow an interval, by what its width comes from."""
-
-    recordings: str
-    ends: str = ""
-    """Of a cylinder on a leg."""
-
-    def of(self, source: ErrorSource) -> str:
-        """Return what to do where most of an error has a source."""
-        return {
-            "recordings": f"{self.recordings}, or state what you already know of it (--prior)",
-            "differences": "the recordings differ from one another by a factor, so test more specimens",
-            "model": "most of the uncertainty comes from the model itself, and further recordings will not reduce it; "
-            "state what you already know (--prior)",
-            "misfit": "the law misses the recordings, so try another one (--law), or use less of their depth",
-            "sizes": "the specimen's sizes are not known better, so measure them, and state their errors ([accuracy])",
-            "ends": self.ends,
-            "fibres": "most of the uncertainty comes from the muscle's fibres; measure them with shear "
-            "waves along and across the leg ([[elastography]]), or use --model 3d",
-            "channels": "most of the uncertainty comes from the instruments beside the load cell; state their errors "
-            "under [channels] where they are smaller, or record more often",
-            "shape": "most of the uncertainty comes from the outlines, the aim and the direction; give this leg's own "
-            "outlines ([section] contours), or state how well all three are known ([accuracy])",
-            "assumed": "most of the uncertainty comes from what is assumed of fat and fascia; measure them with shear "
-            "waves ([[elastography]])",
-            "priors": "most of the uncertainty comes from what was stated with --prior; measure that "
-            "separately, and state the new value",
-        }[source]
+_REMEDIES: Mapping[ErrorSource, str] = {
+    "differences": "differences of the recordings by a factor; test more specimens",
+    "model": "the model itself, and further recordings will not reduce it; state what you already know (--prior)",
+    "misfit": "what the law may miss within the errors; try another one (--law), or use less of the depth",
+    "sizes": "the specimen's sizes; measure them better, and state their errors ([accuracy])",
+    "fibres": "the muscle's fibres; measure them with shear waves along and across the leg ([[elastography]]), or use "
+    "--model 3d",
+    "channels": "the instruments beside the load cell; state their errors under [channels] where they are smaller, or "
+    "record more often",
+    "shape": "the outlines, the aim and the direction; give this leg's own outlines ([section] contours), or state how "
+    "well all three are known ([accuracy])",
+    "assumed": "what is assumed of fat and fascia; measure them with shear waves ([[elastography]])",
+    "priors": "what was stated with --prior; measure that separately, and state the new value",
+}
 
 
-def how_to_narrow(parameters: Mapping[str, Estimate], remedies: Remedies) -> list[str]:
-    """Return a sentence for what isn't identifiable, by what rules its interval."""
-    groups: dict[ErrorSource, list[str]] = {}
+def how_to_narrow(parameters: Mapping[str, Estimate], steps: Sequence[str], ends: str) -> list[str]:
+    """Return a sentence for what isn't identifiable, by what rules its interval.
+
+    Parameters
+    ----------
+    parameters
+        By full name.
+    steps
+        Recordings that would narrow it and aren't there, in words.
+    ends
+        What to do where most of an error is that of ends.
+    """
+    lines, groups, known = list[str](), dict[ErrorSource, list[str]](), "state what you already know of it (--prior)"
     for name, found in parameters.items():
-        if found.identifiability != "identifiable" and not found.undetermined:
-            groups.setdefault(main_source(found.error_shares), []).append(symbol_of(name))
-    open_ = [symbol_of(name) for name, found in parameters.items() if found.undetermined]
-    return [
-        *(
-            f"No interval of {names} was found within what was searched: the law may have more parameters than these "
-            "recordings determine. Use a law with fewer (--law), or state what you already know (--prior)."
-            for names in filter(None, [" and ".join(open_)])
-        ),
-        *(
-            f"These recordings do not determine {' and '.join(names)} well: {remedies.of(source)}."
-            for source, names in groups.items()
-        ),
-    ]
+        symbol, half = symbol_of(name), found.relative_half_width
+        if found.undetermined:
+            law = "the law may have more parameters than they can. Use a law with fewer (--law)"
+            lines.append(f"These recordings do not determine {symbol}: {law}, or {known}.")
+        elif found.at_bound and found.value > 0.0:  # a coefficient may be none, which is no end of a search
+            lines.append(f"The search for {symbol} ended at its bound: check units and sizes, or search further.")
+        elif found.one_number and found.identifiability != "identifiable":
+            better = f"{symbol} better{f' than to ± {share(half)}' if half <= 1 else ''}"
+            groups.setdefault(main_source(found.error_shares), []).append(better)
+    recordings = ", or ".join([*steps, known]) if steps else f"recordings have all that would help much; {known}"
+    remedies: Mapping[ErrorSource, str] = {"recordings": recordings, "ends": ends}
+    for source, names in groups.items():
+        remedy = remedies.get(source) or f"most of the uncertainty comes from {_REMEDIES[source]}"
+        lines.append(f"To know {' and '.join(names)}: {remedy}.")
+    return lines
 
 
 def comparison(results: Sequence[Fit[Any]]) -> list[str]:
@@ -240,17 +242,15 @@ def comparison(results: Sequence[Fit[Any]]) -> list[str]:
         law, probability = f"The {LAW_NAMES[one.law]} law", fit_probability(one.goodness.p_value)
         if math.isnan(one.goodness.p_value):
             lines.append(f"{law} fits with rms {one.cost.rms:.3g} N.")
-        elif one.goodness.fits:
-            lines.append(f"{law} fits within the noise ({probability}).")
         else:
-            leaves = "the recordings show physics that this law leaves out"
-            lines.append(f"{law} does not fit within the noise ({probability}): {leaves}.")
+            said = "fits" if one.goodness.fits else "leaves physics out that the recordings show: it does not fit"
+            lines.append(f"{law} {said} within the noise ({probability}).")
     if len(results) < 2:
         return lines
     better, worse = sorted(results, key=misfit_of)[:2]
     if better.neo_hookean_limit or misfit_of(worse) <= misfit_of(better) * (1 + 1e-9):
         return [*lines, "Both laws fit equally well: the best reduced polynomial is neo-Hookean (C20 = 0)."]
-    ratio = _number(worse.cost.value / max(better.cost.value, 1e-300))
+    ratio = number(worse.cost.value / max(better.cost.value, 1e-300))
     costs = (
         f"cost is smaller by a factor of {ratio} ({better.cost.value:.3g} against "
         f"{worse.cost.value:.3g} N2, rms {better.cost.rms:.3g} against {worse.cost.rms:.3g} N)"
@@ -265,15 +265,9 @@ def comparison(results: Sequence[Fit[Any]]) -> list[str]:
         return [*lines, unneeded]
     lines.append(f"The {name} law fits better: its {costs}.")
     if further:
-        lowers = f"it lowers chi-square by {_number(gain)} ({fit_probability(chance)})"
+        lowers = f"it lowers chi-square by {number(gain)} ({fit_probability(chance)})"
         lines.append(f"Its additional parameter is needed: {lowers}.")
     return lines
-
-
-def _number(value: float) -> str:
-    """Return three digits without an exponent, where it stays readable."""
-    rounded = float(f"{value:.3g}")
-    return f"{rounded:,.0f}" if 1000 <= rounded < 1e7 else f"{rounded:g}"
 
 
 QUESTION = "Is that high or low"
@@ -282,7 +276,9 @@ _END = 0.25
 """Share of a published range, on a logarithmic scale, that is called its end."""
 
 
-def high_or_low(tissue: str, low: float, high: float | None = None) -> list[tuple[str, str]]:
+def high_or_low(
+    tissue: str, low: float, high: float | None = None, notices: Sequence[Notice] = ()
+) -> list[tuple[str, str]]:
     """Return a question with its answer; none where nothing was published.
 
     Parameters
@@ -291,6 +287,8 @@ def high_or_low(tissue: str, low: float, high: float | None = None) -> list[tupl
         Of a leg: ``deep``, ``superficial``.
     low, high
         C10 (kPa), or the range in which it lies.
+    notices
+        What is said beside it, doubts whether people have it so among it.
     """
     known = PUBLISHED_C10.get(tissue)
     if known is None:
@@ -305,7 +303,9 @@ def high_or_low(tissue: str, low: float, high: float | None = None) -> list[tupl
         ends = [math.log(v / known.low) / math.log(known.high / known.low) for v in (low, high)]
         soft, stiff = max(ends) < _END, min(ends) > 1 - _END
         place = "At the soft end of" if soft else "At the stiff end of" if stiff else "Within"
-    check = " Check the units of force and displacement first." if beyond else ""
+    doubted = any(one.parameters.get("field") == key_of(f"{tissue}.C10") for one in notices)
+    check = " Few people have it so, as a warning says." if doubted and not beyond else ""
+    check = " Check the units of force and displacement first." if beyond else check
     published = f"{known.low:g} to {known.high:g} {known.unit} ({known.source})"
     return [(QUESTION, f"{place} what was published for {_PUBLISHED_FOR[tissue]}: {published}.{check}")]
 
@@ -343,7 +343,8 @@ def own_value(one: TestFit, name: str) -> str:
     """A parameter's value as one test has it by itself."""
     unit, factor = readable_unit(unit_of(name))
     found = one.by_itself[name]
-    return f"{factor * found.value:.3g} ± {factor * found.standard_error:.2g} {unit}"
+    value, error = factor * found.value, factor * found.standard_error
+    return f"{number(value, error)} ± {number(error)} {unit}"
 
 
 def chance(goodness: Goodness) -> str:

@@ -5,7 +5,8 @@ from dataclasses import replace
 from typing import Any
 
 from legfem.common.errors import Doubt, doubt_lines
-from legfem.common.units import mpa_to_kpa, percent
+from legfem.common.numbers import percent
+from legfem.common.units import mpa_to_kpa
 from legfem.data import Instrument
 from legfem.geometry.section import girth
 from legfem.inverse.plan import DesignValue

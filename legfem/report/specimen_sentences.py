@@ -2,12 +2,11 @@
 
 from collections.abc import Sequence
 
+from legfem.common.numbers import fit_probability
 from legfem.inverse.catalogue import is_ratio
 from legfem.inverse.fit import Fit
-from legfem.report import estimates
 from legfem.report.further_channels import channel_lines
 from legfem.report.style import LAW_NAMES
-from legfem.report.words import fit_probability
 from legfem.specimens.comparison import SHAPE_SD_OF_LAYERS
 from legfem.specimens.details import SpecimenDetails, compared, rms_percent
 
@@ -115,7 +114,7 @@ def tested(results: Sequence[SpecimenFit]) -> list[str]:
             f"chi-square {goodness.chi_square:.4g} on {goodness.degrees_of_freedom} degrees of freedom "
             f"({fit_probability(goodness.p_value)})."
         )
-        lines += [*channel_lines(result), *estimates.why_identifiable(result.estimates, result.law)]
+        lines += channel_lines(result)
         if details.agreement is not None and not details.agreement.disagree:
             lines.append(details.agreement.text)
         if each := details.stiffness.values():

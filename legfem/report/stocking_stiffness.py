@@ -2,14 +2,15 @@
 
 import numpy as np
 
+from legfem.common.numbers import short_probability
 from legfem.common.units import mpa_to_kpa
 from legfem.geometry.slices import CONTOURS
 from legfem.report import page as web
 from legfem.report.curves import Curves, Line
-from legfem.report.estimates import held_text, how_found, why_identifiable, words_of
+from legfem.report.estimates import held_text, how_found, words_of
 from legfem.report.page import Block, Prose, WebTable
 from legfem.report.style import FAINT
-from legfem.report.words import ROUND, Directions, capital, round_leg, short_probability, unwrapped
+from legfem.report.words import ROUND, Directions, capital, round_leg, unwrapped
 from legfem.stockings.contour_distances import CONTOUR_NAMES
 from legfem.stockings.details import StockingDetails, StockingFit
 from legfem.stockings.discrepancy import ModelDiscrepancy
@@ -39,13 +40,7 @@ def stiffness_blocks(fit: StockingFit) -> list[Block]:
         f"that differs from place to place round the leg. {fabric}"
     )
     used = f"The pressures below are not of these values but of those given: {given}."
-    return [
-        web.Bullets(why_identifiable(fit.estimates, fit.law)),
-        Prose(errors),
-        Prose(_goodness(details, best)),
-        *how_found([fit]),
-        *([Prose(used)] if leg.known else []),
-    ]
+    return [Prose(errors), Prose(_goodness(details, best)), *how_found([fit]), *([Prose(used)] if leg.known else [])]
 
 
 def _goodness(details: StockingDetails, best: ScanFit) -> str:

@@ -5,13 +5,13 @@ the front (0 degrees) by the patient's left (90), as one who faces the patient s
 The fibula, where it is named beside the tibia, is on the lateral side.
 """
 
-import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from legfem.common.units import FloatArray, decimals
+from legfem.common.numbers import number
+from legfem.common.units import FloatArray
 from legfem.geometry.leg_shape import LegShape
 
 
@@ -43,56 +43,14 @@ ENERGIES = {
 
 BEYOND_A_FIT = (
     "A good fit does not rule out a hard region in the muscle, or fat that is stiffer or softer than assumed: they "
-    "look like another C10. In a simulated leg a knot twelve times as stiff as the muscle made C10 21 % too high, and "
-    "the model still fitted (studies/cohort). legfem diagnose says which effects may be hidden, and what C10 would be "
-    "then."
+    "look like another C10 (studies/cohort: a knot twelve times as stiff as the muscle made C10 21 % too high). legfem "
+    "diagnose says which effects may be hidden, and what C10 would be then."
 )
 """Of an identification that shows nothing wrong."""
 
 
-def probability(p: float | None, least: float = 1e-3) -> str:
-    """Return a p-value as people write it; draws tell none below half of the least."""
-    if p is None or math.isnan(p):
-        return "p unknown"
-    return f"p < {least:g}" if p < least else f"p = {p:.2g}"
-
-
-def fit_probability(p: float) -> str:
-    """Return the p-value of a fit, which comes from a formula and not from draws."""
-    return probability(p, 1e-4)
-
-
-def short_probability(p: float | None) -> str:
-    """Return a p-value as a table's cell."""
-    return probability(p).removeprefix("p = ").removeprefix("p ")
-
-
-def number(value: float, spread: float = math.nan) -> str:
-    """Return a number with the digits that its uncertainty leaves, three without one.
-
-    Parameters
-    ----------
-    value
-        The number.
-    spread
-        Its standard error.
-    """
-    if not math.isfinite(value):
-        return "-"
-    if value == 0 and not (math.isfinite(spread) and spread > 0):
-        return "0"
-    if math.isfinite(spread) and spread > 0:
-        return f"{value:.{decimals(spread)}f}" if value != 0 or spread > 1e-7 else "0"
-    return f"{value:.3g}"
-
-
 MODULI = (2.0, 6.0)
 """Shear modulus, and Young's of what hardly changes its volume, at small strain, over C10."""
-
-
-def between(low: float, high: float) -> tuple[str, str]:
-    """Return the ends of a 95 % interval with the digits that its width leaves."""
-    return number(low, (high - low) / 4), number(high, (high - low) / 4)
 
 
 def moduli_text(c10: float, error: float, unit: str = "kPa") -> str:
@@ -153,11 +111,6 @@ ROUND = np.linspace(-180.0, 180.0, 361)
 def round_leg(angles: FloatArray, values: FloatArray) -> FloatArray:
     """Return values of a closed contour's points (m,) at `ROUND`."""
     return np.interp(ROUND, angles, values, period=360.0)
-
-
-def share(value: float) -> str:
-    """Return a share in per cent with one decimal."""
-    return f"{100 * value:.1f} %"
 
 
 def capital(text: str) -> str:

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
 from scipy.special import logsumexp, softmax
 
-from legfem.common.units import FloatArray, percent
+from legfem.common.numbers import percent
+from legfem.common.units import FloatArray
 from legfem.inverse.least_squares import inverse_in_units
 from legfem.specimens.model_discrepancy import log_density
 
@@ -85,6 +86,11 @@ class TestsAgreement:
         return self.together < _SAID
 
     @property
+    def differ(self) -> bool:
+        """Whether that is said, or a test's force is another than the others' constants make it, with 95 %."""
+        return self.disagree or any(one.ci95[0] > 1.0 or one.ci95[1] < 1.0 for one in self.tests)
+
+    @property
     def apart(self) -> ApartTest | None:
         """The test that stands apart, if one does."""
         most = max(self.tests, key=lambda one: one.probability)
@@ -107,7 +113,7 @@ class TestsAgreement:
         beside = "Forces beside what the other tests' constants make them: "
         beside += ", ".join(f"{one.name} {one.text}" for one in self.tests)
         if not self.disagree:
-            leaves = "The tests leave open whether one" if self.together < _SURE else "One"
+            leaves = "The tests leave open whether one" if self.together < _SURE or self.differ else "One"
             return (
                 f"{leaves} set of constants serves all tests within their errors and what the law misses of each "
                 f"(probability {percent(self.together)}). {beside}."

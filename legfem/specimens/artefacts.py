@@ -22,6 +22,7 @@ from scipy.linalg import block_diag
 from scipy.stats import linregress, multivariate_normal, norm
 
 from legfem.channels.kinds.lateral_stretch import LATERAL_STRETCH
+from legfem.common.numbers import fit_probability
 from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import Values
 from legfem.inverse.estimates import Estimate
@@ -183,8 +184,9 @@ class SizeDependence:
     def over(self, found: Estimate) -> Estimate:
         """Return a stiffness' estimate over specimens of all thicknesses: none is the material's."""
         low, high = found.ci95
-        why = f"specimens need other constants by their thickness; of a typical one, {found.why}"
-        return replace(found, ci95=(self.least * low, self.most * high), identifiability="not identifiable", why=why)
+        least, most = found.parameter.bounds
+        ends = max(self.least * low, least), min(self.most * high, most)
+        return replace(found, ci95=ends, identifiability="not identifiable")
 
     @property
     def text(self) -> str:
@@ -199,8 +201,8 @@ class SizeDependence:
         return (
             f"The constant depends on the thickness: specimens of {self.greatest:.3g} mm are "
             f"{max(ratio, 1 / ratio):.2f} times {more} than those of {self.smallest:.3g} mm (power {self.power:.2g} ± "
-            f"{self.power_sd:.2g} of the thickness, p = {self.p_value:.2g}). One material has one constant, so that "
-            f"the test differs with thickness (or the pieces are not of one material): {causes}. {KNOW_THE_RIG}"
+            f"{self.power_sd:.2g} of the thickness, {fit_probability(self.p_value)}). One material has one constant: "
+            f"so the test differs with thickness (or the pieces are not of one material): {causes}. {KNOW_THE_RIG}"
         )
 
 

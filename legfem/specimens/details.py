@@ -7,7 +7,7 @@ counts the less by Birge's ratio squared: a form that is wrong tells little of a
 the face, where a camera sees the side, weigh the alternatives beside the forces (`legfem.specimens.artefacts`, `face`).
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
@@ -19,7 +19,9 @@ from scipy.optimize import brentq
 from scipy.special import logsumexp, softmax
 from scipy.stats import norm
 
-from legfem.common.units import FloatArray, percent
+from legfem.common.errors import Doubt
+from legfem.common.numbers import number, percent, share
+from legfem.common.units import FloatArray
 from legfem.inverse.answer import Answer
 from legfem.inverse.catalogue import DEEP_C10, Values, key_of, symbol_of
 from legfem.inverse.comparison import ErrorSource
@@ -37,15 +39,15 @@ from legfem.inverse.fit import (
     of_search,
     r_squared,
 )
-from legfem.inverse.intervals import identifiability, verdict_on
-from legfem.inverse.notice import Notice
+from legfem.inverse.intervals import VERDICTS, identifiability
+from legfem.inverse.notice import Notice, doubted
 from legfem.inverse.outcome import JointForward
 from legfem.specimens.agreement import TestsAgreement, agreement_document
 from legfem.specimens.artefacts import LateralFit, SizeDependence
 from legfem.specimens.comparison import SpecimenComparison
 from legfem.specimens.course import Course
 from legfem.specimens.face import FaceFit
-from legfem.specimens.folder import SpecimenFolder
+from legfem.specimens.folder import FILE, SpecimenFolder
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.model_discrepancy import LawMisfit
 from legfem.specimens.sizes import RESIZED, LeftOut, SpecimenRecording
@@ -108,9 +110,8 @@ def weighed(fits: Mapping[str, _Fit], chances: Mapping[str, float], words: Mappi
         key=lambda one: -one.probability,
     )
     best = fits[every[0].name]
-    of = "with all alternatives of the test that the folder leaves open"
     details = replace(best.details, alternatives=tuple(every))
-    found = replace(best, estimates=_over_all(best, every, "ends", of), details=details)
+    found = replace(best, estimates=_over_all(best, every, "ends"), details=details)
     said = Notice.of(SpecimenNotice.ALTERNATIVES, text=alternatives_text(every, to_know))
     return replace(found, notices=(said, *found.notices))
 
@@ -137,7 +138,7 @@ def across_tests(
     apart = agreement.apart if leaves_out else None
     best = joint if apart is None else fits[(apart.name,)]
     said = f"{agreement.text} It is predicted here, and not fitted." if apart else agreement.text
-    estimates = _over_all(best, every, "differences", "with all tests that it may be read from")
+    estimates = _over_all(best, every, "differences")
     details = replace(best.details, agreement=agreement)
     told = (Notice.of(SpecimenNotice.TESTS_DISAGREE, text=said),) if agreement.disagree else ()
     estimates = estimates if len(every) > 1 else best.estimates
@@ -148,35 +149,29 @@ _UNLIKELY = 0.02
 """Probability of tests that differ, or of one that does, below which no fit is made of it."""
 
 
-def _over_all(best: _Fit, every: "Sequence[Weighed]", source: ErrorSource, of: str) -> Mapping[str, Estimate]:
-    """Return the most probable fit's estimates with the mixture's intervals; ``of`` says what is mixed."""
+def _over_all(best: _Fit, every: "Sequence[Weighed]", source: ErrorSource) -> Mapping[str, Estimate]:
+    """Return the most probable fit's estimates with the mixture's intervals."""
     fits = best.goodness.fits
-    found = {name: _mixed_estimate(name, one, every, fits, source, of) for name, one in best.estimates.items()}
+    found = {name: _mixed_estimate(name, one, every, fits, source) for name, one in best.estimates.items()}
     return MappingProxyType(found)
 
 
-def _mixed_estimate(
-    name: str, best: Estimate, every: "Sequence[Weighed]", fits: bool, source: ErrorSource, of: str
-) -> Estimate:
+def _mixed_estimate(name: str, best: Estimate, every: "Sequence[Weighed]", fits: bool, source: ErrorSource) -> Estimate:
     known = [(one.probability, one.estimates[name]) for one in every if name in one.estimates]
     low, high = (float(np.clip(_mixed(known, level), *best.parameter.bounds)) for level in (0.025, 0.975))
     if len(known) < len(every) or not low < high:
         return best
     widened = replace(best, ci95=(min(low, best.value), max(high, best.value)))
-    half = widened.relative_half_width
-    word = verdict_on(half, best.at_bound, fits)
-    if identifiability(half) == identifiability(best.relative_half_width):
-        word = best.identifiability
+    word = widened.verdict(fits)
+    if identifiability(widened.relative_half_width) == identifiability(best.relative_half_width):
+        word = max(word, best.identifiability, key=VERDICTS.index)
     variance = sum(p * (e.standard_error**2 + (e.value - best.value) ** 2) for p, e in known)
     left = min(1.0, best.standard_error**2 / variance) if variance > 0 else 1.0
     shares: dict[ErrorSource, float] = {one: left * share for one, share in best.error_shares.items()}
     shares[source] = shares.get(source, 0.0) + 1 - left
-    found = replace(
+    return replace(
         widened, standard_error=float(np.sqrt(variance)), identifiability=word, error_shares=MappingProxyType(shares)
     )
-    ends = " to ".join(f"{end:.3g}" for end in found.shown.ci95)
-    why = f"95 % interval {ends} {found.shown.unit}, {of}; with the most probable one alone, {best.why}"
-    return replace(found, why=why)
 
 
 def _mixed(known: Sequence[tuple[float, Estimate]], level: float) -> float:
@@ -199,20 +194,14 @@ def _mixed(known: Sequence[tuple[float, Estimate]], level: float) -> float:
 
 def alternatives_text(every: "Sequence[Weighed]", to_know: str) -> str:
     """Return what the recordings say of a test's alternatives, what that costs, and how to narrow it."""
-    best, *others = every
-    chances = ", ".join(f"{one.words} ({percent(one.probability)})" for one in every)
-    text = f"The folder does not state how the test was done. Judging by the recordings: {chances}."
-    name = DEEP_C10 if DEEP_C10 in best.estimates else next(iter(best.estimates))
-    value = best.estimates[name].value
-    ratios = [(one.estimates[name].value / value, one.words) for one in others if name in one.estimates and value]
-    moves = " and ".join(
-        f"{100 * abs(ratio - 1):.0f} % {'higher' if ratio > 1 else 'lower'} with {words}" for ratio, words in ratios
-    )
-    low, high = best.estimates[name].ci95
-    alone = 50 * (high - low) / value if value else 0.0
+    name = DEEP_C10 if DEEP_C10 in every[0].estimates else next(iter(every[0].estimates))
+    each = []
+    for one, shown in ((one, one.estimates[name].shown) for one in every if name in one.estimates):
+        value = f"{symbol_of(name)} {number(shown.value, shown.standard_error)} {shown.unit}"
+        each.append(f"{one.words} ({percent(one.probability)}: {value})")
     return (
-        f"{text} {symbol_of(name)} is given for {best.words}; it would be {moves}, and the interval includes these "
-        f"values. If you knew which is right, ± {alone:.1f} % would be left. {to_know}."
+        f"The folder does not state how the test was done. Judging by the recordings: {', '.join(each)}. The interval "
+        f"weighs them by these chances. {to_know}."
     )
 
 
@@ -244,7 +233,7 @@ def size_covariance(
     specimens = np.array([parts[k].recording.specimen for k in comparison.part_of])
     numbers = np.array([parts[k].test for k in comparison.part_of])
     forces_alone = np.where(np.arange(len(predicted)) < len(comparison.forces), predicted, 0.0)
-    for number, (test, errors) in enumerate(zip(model.models, relative_sd, strict=True)):
+    for place, (test, errors) in enumerate(zip(model.models, relative_sd, strict=True)):
         for name, sd in errors.items():
             if not sd:
                 continue
@@ -258,7 +247,7 @@ def size_covariance(
                     continue
                 change = (comparison.predict(outcome, readings).values - predicted) / RESIZED
             for specimen in dict.fromkeys(specimens):
-                mode = sd * np.where((specimens == specimen) & (numbers == number), change, 0.0)
+                mode = sd * np.where((specimens == specimen) & (numbers == place), change, 0.0)
                 found += np.outer(mode, mode)
     return found
 
@@ -292,8 +281,8 @@ class SpecimenDetails(KindDetails):
 
     def answer(self, fit: Fit["SpecimenDetails"]) -> Answer:
         """Return what the specimens' fit says; what wasn't used, or tests that disagree, limit it."""
-        disagree = self.agreement is not None and self.agreement.disagree
-        limited = bool(self.left_out or self.thickness or disagree)
+        differ = self.agreement is not None and self.agreement.differ
+        limited = bool(self.left_out or self.thickness or differ)
         return answer_of(fit, limited, rms_percent=rms_percent(fit))
 
     def chosen(self, fits: Sequence[Fit[Any]]) -> Fit[Any]:
@@ -354,13 +343,29 @@ def notices_about(
 ) -> tuple[Notice, ...]:
     """Notices about a fit, the gravest first: of names that seem to begin in air, and those of single recordings."""
     log, thickness = fit.log, fit.details.thickness
-    found = [Notice.of(SpecimenNotice.GOES_WITH_THICKNESS, text=thickness.text)] if thickness else []
+    found = [*doubted(_doubts_about_accuracy(fit))]
+    found += [Notice.of(SpecimenNotice.GOES_WITH_THICKNESS, text=thickness.text)] if thickness else []
     found += [*of_search(log), *of_compromise(log), *at_limits(fit)]
     if not fit.goodness.fits:
         found.append(Notice.of(SpecimenNotice.MISFIT))
     if in_air:
         found.append(Notice.of(SpecimenNotice.BEGUN_IN_AIR, count=len(in_air), names=tuple(in_air)))
     return (*found, *of_failed_solves(log), *far_from_priors(fit.estimates), *of_recordings)
+
+
+_COARSE, _QUIET = 0.05, 10.0
+"""Stated error of the force over the greatest and over the noise, from which it may be another rig's."""
+
+
+def _doubts_about_accuracy(fit: Fit[SpecimenDetails]) -> Iterator[Doubt]:
+    """Yield a doubt about a stated accuracy by which any law would fit."""
+    folder, every = fit.details.folder, compared(fit)
+    peak, noise = (min(one.course.peak for one in every), max(one.recording.trial.force_noise for one in every))
+    if folder.instrument is not None and folder.instrument.force_sd > max(_COARSE * peak, _QUIET * noise):
+        sd = folder.instrument.force_sd
+        problem = f"{sd:g} N is {share(sd / peak)} of the greatest force, where readings scatter by {number(noise)} N"
+        remedy = "state that of the cell that was used: one in lab.toml may be another rig's"
+        yield Doubt(str(folder.directory / FILE), "instrument.force_sd_N", problem, remedy)
 
 
 @dataclass(frozen=True, eq=False)

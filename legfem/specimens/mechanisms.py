@@ -183,5 +183,5 @@ def _of_specimen(mechanism: Mechanism, scale: Scale) -> Mechanism:
         prior, (low, high) = prior_of(first), first.bounds
         first = replace(first, bounds=(over * low, over * high), prior=replace(prior, sd=over * prior.sd))
     # Another body's strength isn't said in a leg's words.
-    found = mechanism.restated(**told, would_be="", parameters=(first, *rest))
+    found = mechanism.restated(**told, would_be="", steps=(), parameters=(first, *rest))
     return found if strengths is None else found.restated(strengths=tuple(over * value for value in strengths))

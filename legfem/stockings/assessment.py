@@ -126,11 +126,10 @@ def compared(
     intervals : sequence of tuple of float
         95 % intervals of the stiffnesses, MPa; none where the search didn't settle.
     """
-    missed = "" if found.search.converged else "the search ended before it had settled"
-    missed = "the model misses the scan, so the interval doesn't hold" if best.misses else missed
+    sound = found.search.converged and not best.misses
     covariance = found.search.misfit.covariance
     errors: Covariances = {"recordings": covariance}
-    optimum = Optimum(found, errors, quantile(0), not missed, missed=missed, data="both scans", intervals=intervals)
+    optimum = Optimum(found, errors, quantile(0), sound, intervals=intervals)
     channels = tuple(_channels(best, fit.details.leg))
     left = np.concatenate([one.residual for one in channels[: len(CONTOURS)]])
     measured = np.concatenate([one.channel.values for one in channels[: len(CONTOURS)]])

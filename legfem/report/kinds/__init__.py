@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from mpi4py import MPI
 
 from legfem.common.registry import made_in, registered
+from legfem.inverse.claims import check_fits
 from legfem.inverse.fit import Fit
 from legfem.report.answers import headline_of
 from legfem.report.folder import ReportFile
@@ -106,6 +107,7 @@ def page_of(
     note
         On the solve that pressed it.
     """
+    check_fits(fits)
     kind = kind_of(fits)
     chosen = fits[0].details.chosen(fits)
     return WebPage(

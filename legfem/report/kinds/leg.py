@@ -6,10 +6,12 @@ from typing import ClassVar
 
 from matplotlib.figure import Figure
 
+from legfem.common.numbers import fit_probability
 from legfem.common.units import mpa_to_kpa
+from legfem.data.ranges import REACHED_MM
 from legfem.inverse.answer import Finding
 from legfem.inverse.catalogue import DEEP_C10, symbol_of
-from legfem.inverse.fit import Fit, preferred
+from legfem.inverse.fit import Fit, preferred, value_of
 from legfem.legs.details import LegDetails, SpatialEvidence, SpatialSites
 from legfem.legs.site import curve_of
 from legfem.legs.subject import Subject
@@ -26,7 +28,7 @@ from legfem.report.leg_options import options_of
 from legfem.report.page import PressedSection
 from legfem.report.pressed_section import still_section
 from legfem.report.style import DATA_COLOUR, FAINT, LAW_NAMES, picture
-from legfem.report.words import BEYOND_A_FIT, fit_probability
+from legfem.report.words import BEYOND_A_FIT
 
 type LegFit = Fit[LegDetails]
 
@@ -35,9 +37,9 @@ _LIKEWISE = "a stated length_mm that is 10 % too low has the same effect as forc
 _NOT_TESTED = (
     "A constant factor on the force (the load cell's gain, the cylinder's length, its ends in 3D) "
     "cannot be distinguished from a change of C10, so C10 may be wrong by that factor without any sign of it.",
-    "How the tissues behave over time: unloading, holds and other speeds were not used.",
     "Which physics is missing if a law does not fit.",
 )
+_OVER_TIME = "How the tissues behave over time: unloading, holds and other speeds were not used."
 _ALIKE = (
     "An error that is the same at all sites (in the load cell's calibration, the correction for the "
     "cylinder's ends, the assumed stiffness of the fascia) looks like a change of stiffness."
@@ -70,27 +72,30 @@ class LegReport(ReportKind):
             if _suspect(chosen).indenter.lies_along:
                 wrong += f" {BEYOND_A_FIT}"
         no_number, found = answer.tone == "wrong", chosen.estimates.get(DEEP_C10)
-        given = answer.parameters["C10_given"]
-        c10 = estimates.held_text(DEEP_C10, given) if found is None else estimates.value_text(found)
+        c10, beside_others = "", list[tuple[str, str]]()
+        if found is None:
+            c10 = estimates.held_text(DEEP_C10, answer.parameters["C10_given"])
+        elif c10 := estimates.known_text(value_of(found)):
+            known = found.one_number and not no_number
+            beside_others = estimates.high_or_low("deep", found.shown.value, None, chosen.notices) if known else []
         values = "; ".join(
-            f"{estimates.words_of(name)} {estimates.value_text(one)} ({estimates.interval_text(one, '95 % ')})"
-            + (f", {estimates.moduli_of(one)}" if name == DEEP_C10 else "")
-            for name, one in chosen.estimates.items()
-            if one.parameter.role == "identified"
+            f"{estimates.words_of(name)} {estimates.known_text(value_of(one), '95 % ')}"
+            + (f", {estimates.moduli_of(one)}" if name == DEEP_C10 and one.one_number else "")
+            for name, one in chosen.asked.items()
         )
         effect = (
             f"{c10} is the best fit, but don't rely on it: its interval does not include the effect that is missing."
-            if no_number
+            if no_number and (found is None or found.one_number)
             else f"C10 is {c10}. If the assumed stiffness of fat or fascia, the units or the sizes are wrong, C10 "
             "changes: the table of numbers and “What could not be tested” say by how much."
         )
         return [
             ("Problems found", wrong),
             *([("How stiff", f"{values}.")] if len(chosen.tests) > 1 or no_number else []),
-            ("How sure", estimates.how_sure(chosen.estimates)),
+            ("How sure", estimates.how_sure(chosen.estimates, fits=not no_number)),
             ("Effect on C10", effect),
             ("What to do", _next(chosen)[0]),
-            *([] if no_number or found is None else estimates.high_or_low("deep", found.shown.value)),
+            *beside_others,
         ]
 
     def known(self, fits: Sequence[LegFit]) -> list[web.Known]:
@@ -104,12 +109,14 @@ class LegReport(ReportKind):
         leg = [] if several else _leg_itself(fits, chosen, pressed, note)
         sites = [_site_table(chosen)] if several else []
         rests = estimates.rests_on(chosen.estimates, _LIKEWISE)
+        over_time = [_OVER_TIME] if chosen.weighting == "paper" else []
         return [
             web.Chapter("Recordings and model", [*sites, *_curves(fits, chosen), *drawn(fits)]),
             *([web.Chapter("The leg, pressed", leg)] if leg else []),
             web.Chapter(web.TESTED, [web.Bullets(_tested(fits))]),
             web.Chapter(
-                "What could not be tested", [web.Bullets([*rests, *_NOT_TESTED, *((_ALIKE,) if several else ())])]
+                "What could not be tested",
+                [web.Bullets([*rests, *_NOT_TESTED, *over_time, *((_ALIKE,) if several else ())])],
             ),
             web.Chapter("What to do next", [web.Bullets(_next(chosen))]),
             web.Chapter("How it was done", how_done(fits)),
@@ -120,8 +127,7 @@ class LegReport(ReportKind):
         what = "Measured and simulated force" + " of all sites together" * (len(fits[0].tests) > 1)
         for fit in fits:
             values = ", ".join(
-                f"{symbol_of(name)} {estimates.value_text(found)} ({estimates.interval_text(found)})"
-                for name, found in fit.estimates.items()
+                f"{symbol_of(name)} {estimates.known_text(value_of(found))}" for name, found in fit.estimates.items()
             )
             what += f"\n{LAW_NAMES[fit.law]}: {values}, rms {fit.cost.rms:.3g} N"
         return curves_figure(_curves(fits, preferred(fits)), what, fits[0].subject.title, fits[0].subject.origin)
@@ -228,7 +234,6 @@ def _tested(fits: Sequence[LegFit]) -> list[str]:
                 fits_by = f"rms {test.force.rms:.3g} N, chi-square {estimates.chance(test.goodness)}"
                 lines.append(f"{test.name}: {fits_by}; by itself {', '.join(each)}.")
         lines += channel_lines(one)
-        lines += estimates.why_identifiable(one.estimates, one.law)
     return lines
 
 
@@ -258,16 +263,37 @@ def _next(chosen: LegFit) -> list[str]:
         return [f"Don't use the stiffness. Find out which physics is missing: {how}"]
     by_ends = "most of the uncertainty comes from the cylinder's ends, and pressing deeper will not reduce it"
     solid = ", or solve this leg in 3D (--model 3d)" if spatial is None else ""
-    by_place = several or isinstance(spatial, SpatialSites)
-    deeper = f"press deeper, {'or where the fat is thinner' if by_place else 'repeat the test'}"
-    remedies = estimates.Remedies(deeper, f"{by_ends}; use a longer cylinder{solid}")
-    lines = estimates.how_to_narrow(chosen.estimates, remedies) or [
+    by_ends += f"; use a longer cylinder{solid}"
+    lines = estimates.how_to_narrow(chosen.asked, _steps_left(chosen), by_ends) or [
         f"Use C10 together with the law it belongs to ({LAW_NAMES[chosen.law]}) and with the depth that was used."
     ]
     if along:
         by_site = ", site by site" if several else ""
-        lines.append(f"Check unloading, holds and speeds as well{by_site}: {diagnose}")
+        lines.append(f"Find out which effects may be hidden{by_site}: {diagnose}")
     return lines
+
+
+def _steps_left(chosen: LegFit) -> list[str]:
+    """Return which recordings would narrow a leg's stiffness, but those that are there."""
+    steps, curves = list[str](), [curve_of(one) for one in chosen.tests]
+    for site in chosen.details.leg.sites:
+        depths = {trial.name: trial.loading.depth for trial in site.trials}
+        deepest = max(depths.values(), default=0.0)
+        short = [(name, depth) for name, depth in depths.items() if depth < _CUT_SHORT * deepest]
+        steps += [
+            f"leave {name} out, which ends at {at:.0f} mm where others reach {deepest:.0f} mm" for name, at in short
+        ]
+    if not steps and min(curve.displacement[-1] for curve in curves) < REACHED_MM:
+        steps.append("press deeper")
+    if len(curves) > 1 or isinstance(chosen.details.spatial, SpatialSites):
+        steps.append("press where the fat is thinner")
+    return [*steps, "repeat the test"] if min(curve.n_trials for curve in curves) < _REPEATS else steps
+
+
+_CUT_SHORT = 0.8
+"""Of the deepest trial's depth, below which another cuts all of them short."""
+_REPEATS = 3
+"""Of a test, as labs make them."""
 
 
 def _suspect(chosen: LegFit) -> Subject:

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from legfem.common.numbers import fit_probability
 from legfem.common.units import mpa_to_kpa
 from legfem.geometry.section import girth
 from legfem.inverse.catalogue import symbol_of
@@ -19,7 +20,6 @@ from legfem.report.estimates import estimated, held_of, held_text, how_found, wa
 from legfem.report.further_channels import channel_name
 from legfem.report.page import Block, Known, Prose, Provenance, WebTable
 from legfem.report.style import LAW_NAMES
-from legfem.report.words import fit_probability
 
 type LegFit = Fit[LegDetails]
 

@@ -7,9 +7,10 @@ from typing import ClassVar
 import numpy as np
 from matplotlib.figure import Figure
 
-from legfem.common.units import FloatArray, percent
+from legfem.common.numbers import fit_probability, percent
+from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import RATIO, is_ratio, symbol_of
-from legfem.inverse.fit import least_akaike
+from legfem.inverse.fit import least_akaike, value_of
 from legfem.inverse.readings import RELAXATION
 from legfem.report import estimates
 from legfem.report import page as web
@@ -20,8 +21,9 @@ from legfem.report.kinds import ReportKind
 from legfem.report.page import Bars, LabelledBar
 from legfem.report.specimen_sentences import SpecimenFit, followed, procedure, tested
 from legfem.report.style import DATA_COLOUR, LAW_NAMES, picture
-from legfem.report.words import DataKind, capital, fit_probability
+from legfem.report.words import DataKind, capital
 from legfem.specimens.artefacts import KNOW_THE_RIG
+from legfem.specimens.course import shows_quickening
 from legfem.specimens.details import RecordingFit, compared
 
 _MOST_CURVES = 6
@@ -47,14 +49,10 @@ class SpecimenReport(ReportKind):
     def answers(self, chosen: SpecimenFit) -> list[tuple[str, str]]:
         """Return what is wrong, how stiff the tissue is, how sure that is and what to do."""
         values = "; ".join(
-            f"{_words(name)}: no value, since the search stopped at its {found.at_bound} bound"
-            if found.at_bound and found.parameter.scale == "log"
-            else f"{_words(name)} {estimates.value_text(found)} ({estimates.interval_text(found, '95 % ')})"
-            for name, found in chosen.estimates.items()
-            if found.parameter.role == "identified"
+            f"{_words(name)} {estimates.known_text(value_of(found), '95 % ')}" for name, found in chosen.asked.items()
         )
         agreement, unused = chosen.details.agreement, len(chosen.details.left_out)
-        if finding := chosen.details.thickness or (agreement if agreement and agreement.disagree else None):
+        if finding := chosen.details.thickness or (agreement if agreement and agreement.differ else None):
             wrong = finding.text
         elif chosen.goodness.fits:
             wrong = "None that these recordings can show."
@@ -67,7 +65,7 @@ class SpecimenReport(ReportKind):
         return [
             ("Problems found", wrong),
             ("How stiff", f"{capital(values)}."),
-            ("How sure", estimates.how_sure(chosen.estimates, _words)),
+            ("How sure", estimates.how_sure(chosen.estimates, _words, chosen.goodness.fits)),
             ("What to do", _next(chosen)[0]),
         ]
 
@@ -146,7 +144,7 @@ def _next(best: SpecimenFit) -> list[str]:
     details = best.details
     if details.thickness:
         lines = [KNOW_THE_RIG]
-    elif details.agreement and details.agreement.disagree:
+    elif details.agreement and details.agreement.differ:
         lines = [details.agreement.remedy]
     elif not best.goodness.fits:
         lines = [
@@ -156,11 +154,11 @@ def _next(best: SpecimenFit) -> list[str]:
     elif details.ratio_undetermined:
         lines = [details.ratio_undetermined]
     else:
-        remedies = estimates.Remedies(
-            "strain it further, add rates or holds",
-            "how the test was done is not stated, so find out whether the ends stick, and state it ([plates] ends)",
-        )
-        lines = estimates.how_to_narrow(best.estimates, remedies) or [
+        courses = [one.course for one in compared(best)]
+        timed = ["add a hold"] if not any(one.holds for one in courses) else []
+        timed += ["add another rate"] if not shows_quickening([one.rate for one in courses]) else []
+        ends = "how the test was done is not stated, so find out whether the ends stick, and state it ([plates] ends)"
+        lines = estimates.how_to_narrow(best.asked, ["strain it further", *timed], ends) or [
             f"Use these numbers together with the {LAW_NAMES[best.law]} law and within the strains of the test."
         ]
     if all(one.fitted for one in best.tests):

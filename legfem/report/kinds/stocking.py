@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
+from legfem.common.numbers import number
 from legfem.common.units import mpa_to_mmhg
 from legfem.fem.field_files import write_fields
 from legfem.fem.fields import fields_of
@@ -20,7 +21,7 @@ from legfem.report.folder import ReportFile
 from legfem.report.kinds import ReportKind
 from legfem.report.stocking_figures import stocking_pressure_figure, stocking_section_figure
 from legfem.report.style import picture
-from legfem.report.words import DataKind, capital, number
+from legfem.report.words import DataKind, capital
 from legfem.stockings.assessment import KIND
 from legfem.stockings.details import StockingDetails, StockingFit
 
