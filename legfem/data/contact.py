@@ -29,8 +29,8 @@ _UNEVEN = ((0.0, 1.0), (0.15, 0.6), (0.3, 0.15), (0.5, 0.01))
 """By how much the power that a force begins with may be higher than an even body's, and how likely that is."""
 _OF_FORCE = 0.02
 """Share of the force that the shapes misdescribe."""
-_TRAVELS = 10.0
-"""A specimen's travel over its way of `Scales`."""
+SHORT_OF_TRAVEL = 10.0
+"""A specimen's travel over its way of `Scales`, short beside it."""
 _FEWEST = 8
 """Fewest samples that show an onset."""
 
@@ -56,7 +56,7 @@ class Scales:
         Of the force its noise alone is the measure, and any depth will do. It begins with the power of a kind of
         test, or with a higher one where faces aren't parallel; in any way where the kind isn't known.
         """
-        way = min(1.0, float(np.ptp(without_outliers(recording.displacement))) / _TRAVELS)
+        way = min(1.0, float(np.ptp(without_outliers(recording.displacement))) / SHORT_OF_TRAVEL)
         if power is None:
             return cls(way, 0.0, 0.0, tuple((any_power, 1.0) for any_power in (1.0, 1.25, 1.5, 1.75, 2.0)))
         return cls(way, 0.0, 0.0, tuple((power + more, likely) for more, likely in _UNEVEN))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, runs_of
-from legfem.data.contact import LEG, Contact, Scales, contact_at_start, first_contact, fit_onset
+from legfem.data.contact import LEG, SHORT_OF_TRAVEL, Contact, Scales, contact_at_start, first_contact, fit_onset
 from legfem.data.noise import UNSTATED, Instrument
 from legfem.data.phases import AIR, HOLD, LOADING, UNLOADING, least_way, phases_of_motion
 from legfem.data.recording import Recording
@@ -20,6 +20,8 @@ from legfem.data.stress_tables import roughness
 
 _SHORTEST_SEGMENT = 8
 """Fewest samples of a segment."""
+_MOSTLY_AIR = 0.5 * SHORT_OF_TRAVEL
+"""Ways of `Scales` in a specimen's press, fewer of which have scales of their own: the rest was air."""
 _CORNER = 0.1
 """Share of a way of `Scales` that a segment leaves out next to others."""
 
@@ -164,10 +166,12 @@ class Segmentation:
         force has come back to its baseline, the indenter is in air.
         """
         t, d = self.recording.time, without_outliers(self.recording.displacement)
-        labels = phases_of_motion(t, d, self.scales.way)
-        touched = np.flatnonzero(self.smooth >= self.contact.displacement)
-        if self.contact.in_air:
-            labels[: touched[0] if len(touched) else len(labels)] = AIR
+        touched = np.append(np.flatnonzero(self.smooth >= self.contact.displacement), len(t))
+        air = touched[0] if self.contact.in_air else 0
+        # A thin specimen's holds are short beside the air before them.
+        first = 0 if self.scales is LEG or len(t) - air < _SHORTEST_SEGMENT else air
+        labels = np.append(np.full(first, AIR), phases_of_motion(t[first:], d[first:], self.scales.way))
+        labels[:air] = AIR
         _mark_separation(self, labels)
         return labels
 
@@ -253,7 +257,7 @@ class Segmentation:
     def _segments(self) -> tuple[tuple[Segment, ...], bool, float]:
         recording, labels, contact, smoothed = self.recording, self.labels, self.contact, self.smooth
         deepest = float(recording.displacement.max()) - contact.displacement
-        least = least_way(recording.displacement, self.scales.way)
+        least = least_way(np.maximum(recording.displacement, contact.displacement), self.scales.way)
         segments: list[Segment] = []
         start_time, left, pressed_again = 0.0, False, False
         for start, end in runs_of(labels):
@@ -347,7 +351,12 @@ def segment(
         )
     smooth, _ = smooth_displacement(recording.time, recording.displacement, scales.way)
     found = Segmentation(recording, contact_at_start(), smooth, instrument, scales)
-    return found if starts_at_contact else found.touching(found.detected)
+    if starts_at_contact:
+        return found
+    pressed = float(smooth.max()) - found.detected.displacement
+    if found.detected.in_air and scales is not LEG and 5 * found.displacement_noise < pressed < _MOSTLY_AIR * scales.way:
+        return segment(recording, instrument, scales=replace(scales, way=pressed / SHORT_OF_TRAVEL))
+    return found.touching(found.detected)
 
 
 def _mark_separation(trial: Segmentation, labels: NDArray[np.str_]) -> None:

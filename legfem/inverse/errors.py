@@ -79,12 +79,12 @@ def reading_covariance(
     return np.asarray(_excess_of_repeats(one, own, repeated) * own)
 
 
-def model_covariance(one: StationChannel, since_touch: FloatArray) -> FloatArray:
+def model_covariance(one: StationChannel, since_touch: FloatArray, way: float = 1.0) -> FloatArray:
     """Return the covariance (k, k) of the model's own error; ``since_touch`` (k,) is what it says of the change since.
 
-    Meshes err by a share of all that a channel changes by; of what is read at many places, by a share of each reading.
+    It changes along the displacement as a leg's does along as many times ``way`` mm. Meshes err by a share of all that a channel changes by; of what is read at many places, by a share of each reading.
     """
-    apart = np.subtract.outer(one.displacement, one.displacement)
+    apart = np.subtract.outer(one.displacement, one.displacement) / way
     changes = np.full(len(since_touch), np.ptp(since_touch)) if one.course is None else np.abs(since_touch)
     of_meshes = _MODEL_SHARE**2 * np.outer(changes, changes) * np.exp(-0.5 * (apart / _MODEL_LENGTH_MM) ** 2)
     deeper = one.kind.model_share * one.displacement
@@ -175,8 +175,9 @@ def alike_in_both(one: StationChannel, other: StationChannel) -> FloatArray:
     return np.asarray(accuracy.bias**2 + (accuracy.gain**2 + accuracy.each**2 * here) * changes)
 
 
-ROUGHNESS, ROUGHNESS_LENGTH_MM = 1e-4, 0.5
-"""Of the model's force along the way, over the largest: elements that come into contact."""
+ROUGHNESS, ROUGHNESS_LENGTH = 1e-4, 0.05
+"""Of the model's force along the way, over the largest, and over the smooth error's length: elements that come into
+contact."""
 COMMON_GAIN = "load cell's gain"
 """Name of its effect, which all tests with one cell share."""
 COMMON_GAIN_SD = 0.005
@@ -312,7 +313,7 @@ def error_model(
     own = trial_covariance(observed, noise)
     force, others = prediction[: len(own)], prediction[len(own) :]
     trials = np.eye(int(observed.trial.max()) + 1)[observed.trial]
-    of_model = [numerical_covariance(observed.displacement, force)]
+    of_model = [numerical_covariance(observed.displacement, force, observed.way * NUMERICAL_LENGTH_MM)]
     blocks: list[FloatArray] = [of_model[0] + own]
     spread: list[FloatArray] = [np.sqrt(np.diag(own))]
     columns = {COMMON_GAIN: np.concatenate([COMMON_GAIN_SD * force, np.zeros(len(others))])}
@@ -321,7 +322,7 @@ def error_model(
         predicted = prediction[here]
         own = reading_covariance(one, one.slope(predicted), noise.correlation_time, observed.repeated)
         laid = (images or {}).get(one.name, {})
-        of_model.append(model_covariance(one, predicted))
+        of_model.append(model_covariance(one, predicted, observed.way))
         blocks.append(own + of_model[-1] + covariance_of_places(one, predicted, laid))
         spread.append(np.sqrt(np.diag(blocks[-1])))
         shared = shared_errors(one, predicted, one.weights @ force) | errors_of_places(one, predicted)
@@ -369,5 +370,5 @@ def numerical_covariance(
     apart = np.abs(displacement[:, None] - displacement[None, :])
     rough = (ROUGHNESS * size.max()) ** 2
     total = np.outer(size, size) * NUMERICAL_ERROR**2 * np.exp(-((apart / length) ** power) / power)
-    total += rough * np.exp(-0.5 * (apart / ROUGHNESS_LENGTH_MM) ** 2)
+    total += rough * np.exp(-0.5 * (apart / (ROUGHNESS_LENGTH * length)) ** 2)
     return np.asarray(total + 1e-2 * rough * np.eye(len(size)))

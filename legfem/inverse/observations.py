@@ -49,6 +49,8 @@ class Observations:
     """Whether displacement is stated to count from first touch."""
     channels: tuple[StationChannel, ...] = ()
     """What was recorded beside the force."""
+    way: float = 1.0
+    """mm in which errors change as they do in a mm of a leg's press; see `legfem.data.contact.Scales`."""
 
     @cached_property
     def data(self) -> Data:
@@ -95,7 +97,7 @@ class Observations:
             return stated
         deepest = np.array([self.protocols[p].depth for p in self.protocol_of])
         further = (np.array(self.depths) - deepest)[self.trial]
-        held = (self.phase == HOLD) & (np.abs(stated - deepest[self.trial]) < 0.5)
+        held = (self.phase == HOLD) & (np.abs(stated - deepest[self.trial]) < 0.5 * self.way)
         return np.where(held, stated + further, stated)
 
     @cached_property
@@ -198,7 +200,7 @@ class Observations:
     @property
     def slowest(self) -> float:
         """Time over which a load cell's slow error is expected to be correlated, s."""
-        return slowest_error(max(self.rates), max(float(s.protocol.time[-1]) for s in self.protocols))
+        return slowest_error(max(self.rates) / self.way, max(float(s.protocol.time[-1]) for s in self.protocols))
 
     def with_force(self, force: FloatArray) -> "Observations":
         """Return the same stations with other forces (N)."""
@@ -293,4 +295,5 @@ def observe(trials: Sequence[Segmentation]) -> Observations:
         tuple(t.depth for t in trials),
         all(t.contact.known for t in trials),
         channel_readings(trials, stations),
+        min(t.scales.way for t in trials),
     )

@@ -93,7 +93,8 @@ class Predictor:
             found.append(Parameter(DEEP_C20, "MPa", self.responses.c20_bounds, prior, statement="likewise"))
         for trial in range(len(self.observed.trials)):
             prior, known_of = onset_prior(self.observed, trial), "first contact, after that found in the recording"
-            onset = Parameter(onset_name(trial), "mm", _ONSETS_MM, prior, role="nuisance", statement=known_of)
+            bounds = tuple(self.observed.way * end for end in _ONSETS_MM)
+            onset = Parameter(onset_name(trial), "mm", bounds, prior, role="nuisance", statement=known_of)
             found.append(onset)
         return tuple(found)
 
@@ -319,11 +320,11 @@ def values_of(values: Mapping[str, float], mechanism: Mechanism) -> dict[str, fl
 
 def detected_onset(observed: Observations, trial: int) -> Prior:
     """Return what the recording says of a trial's first contact, after that counted from (mm)."""
-    contact = observed.contacts[trial]
+    contact, way = observed.contacts[trial], observed.way
     if observed.shows_air:
-        return Prior(contact.estimate - contact.displacement, IN_AIR_SD_MM, "linear", "detection in the recording")
+        return Prior(contact.estimate - contact.displacement, IN_AIR_SD_MM * way, "linear", "detection in the recording")
     place, sd = contact.expected
-    sd = float(np.clip(sd, *ONSET_SDS_MM))
+    sd = float(np.clip(sd, *(way * end for end in ONSET_SDS_MM)))
     return Prior(place - contact.displacement, sd, "linear", "detection in the recording")
 
 
@@ -334,7 +335,7 @@ def onset_prior(observed: Observations, trial: int) -> Prior:
     # Nobody who begins at first touch sees it better than the load cell shows it, which it does once it feels it.
     slope = max(float(observed.stiffness[observed.trial == trial][0]), 1e-9)
     felt = FELT * observed.white_sd / slope
-    sd = max(AT_TOUCH_SD_MM, min(observed.contacts[trial].displacement_error, felt))
+    sd = max(AT_TOUCH_SD_MM * observed.way, min(observed.contacts[trial].displacement_error, felt))
     return Prior(0.0, sd, "linear", "the recording begins at first touch")
 
 

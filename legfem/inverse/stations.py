@@ -108,13 +108,14 @@ def _same_pace(a: Segment, b: Segment) -> bool:
 def stations_of(trials: Sequence[Segmentation]) -> Stations:
     """Return the stations of trials that were driven alike.
 
-    Rates and holds are taken to two digits and depths to 0.1 mm (of a specimen's short way less), so that recordings
-    of one protocol share their solutions; the forces are read at the trials' own displacements. While the skin is
-    left there are no stations.
+    Rates and holds are taken to two digits and depths to three, so that recordings of one protocol share their
+    solutions; the forces are read at the trials' own displacements, and nowhere beyond them. While the skin is left
+    there are no stations.
     """
     first = trials[0]
-    digits = 1 - math.floor(math.log10(first.scales.way))
-    depth = round(min(trial.depth for trial in trials), digits)
+    depth = min(trial.depth for trial in trials)
+    digits = 2 - math.floor(math.log10(depth))
+    depth = round(depth, digits)
     times, displacements = [0.0], [0.0]
     phases: list[str] = []
     numbers: list[int] = []
@@ -130,7 +131,8 @@ def stations_of(trials: Sequence[Segmentation]) -> Stations:
             if phase == AIR:
                 continue
             sampling = float(np.median(np.diff(parts[0].time)))
-            since = np.geomspace(max(3 * sampling, duration / 150), 0.97 * duration, HOLD_STATIONS)
+            last = min(0.97 * duration, *(float(np.ptp(part.time)) for part in parts))
+            since = np.geomspace(min(max(3 * sampling, duration / 150), last), last, HOLD_STATIONS)
             d: FloatArray = np.full(HOLD_STATIONS, before)
             t = times[-2] + since
         else:
@@ -138,7 +140,7 @@ def stations_of(trials: Sequence[Segmentation]) -> Stations:
             end = round(float(np.mean([part.end for part in parts])), digits + 1)
             if phase == LOADING:
                 short = np.mean([t.depth - p.end for t, p in zip(trials, parts, strict=True)])
-                if short <= max(0.3, _DEPTH_TOLERANCE * depth):
+                if short <= max(0.3 * first.scales.way, _DEPTH_TOLERANCE * depth):
                     end = depth
                 last = end
                 count = LOADING_STATIONS
@@ -153,10 +155,10 @@ def stations_of(trials: Sequence[Segmentation]) -> Stations:
             duration = abs(end - before) / rate
             times.append(times[-1] + duration)
             displacements.append(end)
-            way = (last - before) / (end - before)
-            fraction = way * (np.arange(count) + 0.6) / count
-            d = before + fraction * (end - before)
-            t = times[-2] + fraction * duration
+            ends = before + (last - before) * np.array([0.6, count - 0.4]) / count
+            low, high = max(p.displacement.min() for p in parts), min(p.displacement.max() for p in parts)
+            d = np.linspace(*(np.clip(ends, low, high) if low < high else ends), count)
+            t = times[-2] + (d - before) / (end - before) * duration
         phases += [phase] * len(d)
         numbers += [number] * len(d)
         d_at += list(d)

@@ -109,13 +109,13 @@ def estimate_noise(
     vague = np.array([_STATED if instrument.stated else _VAGUENESS, _VAGUENESS, _VAGUENESS])
     values = observed.force if residual is None else residual
     found = _from_repeats(observed, expected, values, vague)
-    return _as_stated(found, expected, greatest) if instrument.stated else found
+    return _as_stated(found, expected, greatest, observed.way) if instrument.stated else found
 
 
-def _as_stated(found: Noise, expected: Noise, greatest: float) -> Noise:
+def _as_stated(found: Noise, expected: Noise, greatest: float, unit: float) -> Noise:
     """Return the noise as far as instruments of the stated accuracy and a leg at rest make it."""
     force = max(MOST_FORCE * expected.slow_sd, AT_REST_FORCE * greatest)
-    way = max(MOST_WAY * expected.wander_sd, AT_REST_MM)
+    way = max(MOST_WAY * expected.wander_sd, AT_REST_MM * unit)
     return replace(
         found,
         slow_sd=min(found.slow_sd, force),
@@ -138,7 +138,7 @@ def _one_trial(observed: Observations, noise: Noise, here: NDArray[np.int_]) -> 
     time, slope = observed.time[here], observed.stiffness[here]
     steps = np.abs(np.diff(observed.displacement[here]))
     corners = np.diff(observed.segment[here]) != 0
-    walked = np.concatenate([[0.0], np.cumsum(steps + CORNER_MM * corners)])
+    walked = np.concatenate([[0.0], np.cumsum(steps / observed.way + CORNER_MM * corners)])
     apart_s = np.abs(time[:, None] - time[None, :])
     apart_mm = np.abs(walked[:, None] - walked[None, :])
     both = np.outer(slope, slope)
