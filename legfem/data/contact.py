@@ -1,5 +1,6 @@
 """Where the cylinder first touches, and what the load cell reads before."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -31,6 +32,8 @@ _OF_FORCE = 0.02
 """Share of the force that the shapes misdescribe."""
 SHORT_OF_TRAVEL = 10.0
 """A specimen's travel over its way of `Scales`, short beside it."""
+_CLEAR, _BEYOND_STATED = 8.0, 3.0
+"""Standard deviations of what is read in air, and of what is stated of a cell, above which a force is no chance."""
 _FEWEST = 8
 """Fewest samples that show an onset."""
 
@@ -90,6 +93,8 @@ class Contact:
     """Whether it is stated to be at the start."""
     gain: float = 0.0
     """By how many variances of the errors air before it fits better than contact at the start."""
+    latest: float = math.inf
+    """Displacement, mm, from which on the force stands clearly above the noise: first contact lies before."""
 
     @property
     def expected(self) -> tuple[float, float]:
@@ -167,23 +172,21 @@ def fit_onset(d: FloatArray, force: FloatArray, instrument: Instrument, scales: 
     displacement_sd = instrument.displacement_sd
     noise = _scatter(force, instrument)[1]
     rough = _rough_contact(d, force, noise)
-    near = _near(d, force, rough, instrument, scales)
+    near, latest = _near(d, force, rough, instrument, scales), _surely_touched(d, force, rough, instrument)
     if near is None:
-        return _at_start(d, force, noise, displacement_sd)
-    best, error, gain = _onset(near, rough, scales)
+        return replace(_at_start(d, force, noise, displacement_sd), latest=latest)
+    best, error, gain = _onset(near, min(rough + 0.5 * scales.way, latest), scales)
     air = near.x < best
     significant = best - float(d[0]) > displacement_sd and gain > _LEAST_GAIN and air.sum() >= 4
     if not significant:
         at_start = _at_start(d, force, noise, displacement_sd)
-        return replace(at_start, displacement_error=error, estimate=best, gain=gain)
+        return replace(at_start, displacement_error=error, estimate=best, gain=gain, latest=latest)
     within = _within(d, rough, scales)
     in_air = within & (d < best - 2 * error)
     if in_air.sum() < 4:
         in_air = within & (d < best)
     baseline = float(np.mean(force[in_air]))
-    return Contact(
-        displacement=best, baseline=baseline, displacement_error=error, estimate=best, in_air=True, gain=gain
-    )
+    return Contact(best, baseline, error, best, in_air=True, gain=gain, latest=latest)
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,13 +237,13 @@ def _near(d: FloatArray, force: FloatArray, rough: float, instrument: Instrument
     return _Near(x, whitening, level, left - level * (level @ left))
 
 
-def _onset(near: _Near, rough: float, scales: Scales) -> tuple[float, float, float]:
-    """Return where force begins and its standard error, mm.
+def _onset(near: _Near, last: float, scales: Scales) -> tuple[float, float, float]:
+    """Return where force begins, by ``last`` mm, and its standard error, mm.
 
     And by how many variances of the errors air before it fits better than contact at the start.
     """
     first = float(near.x[0])
-    last = max(rough + 0.5 * scales.way, first + 0.1 * scales.way)
+    last = max(last, first + 0.1 * scales.way)
     onsets = np.linspace(first, last, 101)
     best, error, cost = _places(near, onsets, scales)
     reach = max(4.0 * error, 2 * (onsets[1] - onsets[0]))
@@ -270,10 +273,28 @@ def _at_start(d: FloatArray, force: FloatArray, noise: float, displacement_sd: f
     )
 
 
-def _rough_contact(d: FloatArray, force: FloatArray, noise: float) -> float:
+def _surely_touched(d: FloatArray, force: FloatArray, rough: float, instrument: Instrument) -> float:
+    """Return the displacement, mm, from which on the force stands clearly above what was read before touch."""
+    few, smooth = _smoothed(force)
+    white, noise = _scatter(force, instrument)
+    touched, before = int(np.argmax(d >= rough)), len(d)
+    while touched < before:
+        # The first half of what may be air: the cell's wandering counts in it, the first touch doesn't.
+        before, air = touched, smooth[: max(2 * few, touched // 2)]
+        level = max(_CLEAR * max(float(air.std()), white / np.sqrt(few)), _BEYOND_STATED * noise * instrument.stated)
+        touched = min(int(np.flatnonzero(smooth <= air.mean() + level)[-1]) + few // 2, len(d) - 1)
+    return float(d[touched])
+
+
+def _smoothed(force: FloatArray) -> tuple[int, FloatArray]:
+    """Return running means of a force (n,), and of how many samples each is."""
     few = max(3, min(15, len(force) // 20))
     kernel = np.ones(few) / few
-    smooth = np.convolve(np.pad(force, (few // 2, few - 1 - few // 2), "edge"), kernel, "valid")
+    return few, np.convolve(np.pad(force, (few // 2, few - 1 - few // 2), "edge"), kernel, "valid")
+
+
+def _rough_contact(d: FloatArray, force: FloatArray, noise: float) -> float:
+    few, smooth = _smoothed(force)
     base = float(np.median(force[: 2 * few]))
     rise = float(smooth.max() - base)
     # What the load cell wanders by doesn't average out; beside a small force it is stated too large.

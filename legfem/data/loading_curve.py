@@ -163,8 +163,9 @@ def among_repeats(trials: Sequence[Segmentation]) -> tuple[Segmentation, ...]:
         others = np.delete(depths, k, axis=0).mean(axis=0)
         # A repeat that is stiffer differs in proportion to the depth, one whose contact is elsewhere by one way.
         design = np.column_stack([np.ones_like(others), _STIFFNESS_SD * others])
-        design = np.vstack([design / _DEPTH_SD_MM, [0.0, 1.0]])
-        left = np.append((depths[k] - others) / _DEPTH_SD_MM, 0.0)
+        sd = _DEPTH_SD_MM * one.scales.way
+        design = np.vstack([design / sd, [0.0, 1.0]])
+        left = np.append((depths[k] - others) / sd, 0.0)
         apart = abs(float(np.linalg.lstsq(design, left)[0][0]))
         known = one.contact.known or not apart > one.contact.displacement_error
         found.append(one if known else one.touching(replace(one.contact, displacement_error=apart)))

@@ -93,7 +93,9 @@ class Predictor:
             found.append(Parameter(DEEP_C20, "MPa", self.responses.c20_bounds, prior, statement="likewise"))
         for trial in range(len(self.observed.trials)):
             prior, known_of = onset_prior(self.observed, trial), "first contact, after that found in the recording"
-            bounds = tuple(self.observed.way * end for end in _ONSETS_MM)
+            contact = self.observed.contacts[trial]
+            low, high = (self.observed.way * end for end in _ONSETS_MM)
+            bounds = low, min(high, max(contact.latest - contact.displacement, 0.0))
             onset = Parameter(onset_name(trial), "mm", bounds, prior, role="nuisance", statement=known_of)
             found.append(onset)
         return tuple(found)
