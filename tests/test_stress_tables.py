@@ -123,7 +123,7 @@ def test_a_table_has_no_rate_and_does_not_relax(tmp_path: Path) -> None:
     assert not folder.relaxes and not folder.recordings[0].course.holds
     assert folder.recordings[0].course.displacement.max() == pytest.approx(6.0)
     (tmp_path / "specimen.toml").write_text((tmp_path / "specimen.toml").read_text() + "[tissue]\nrelaxes = true\n")
-    with pytest.raises(InputError, match="a table has no time to relax in"):
+    with pytest.raises(InputError, match="a table has no time, without which a law has one curve"):
         lf.load_specimen(tmp_path)
 
 

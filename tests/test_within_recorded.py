@@ -19,7 +19,9 @@ from legfem.inverse.trial_noise import Noise
 DEPTHS = (0.161, 0.461, 2.36, 24.96)
 
 
-def pressed(depth: float, air: float = 0.0, course: str = "hold", rate: int = 150, of_leg: bool = False) -> Segmentation:
+def pressed(
+    depth: float, air: float = 0.0, course: str = "hold", rate: int = 150, of_leg: bool = False
+) -> Segmentation:
     """Return a press by a drive that slows down for nothing: up, and held, stepped or drawn back in part."""
     corners = {
         "loading": ([0, 1], [0, 1]),

@@ -15,6 +15,7 @@ from legfem.common.wording import Argument, Command, Remedy
 from legfem.data.formats.labels import UNIT_OF, Quantity, names_quantity, unit_named
 from legfem.data.formats.sheet import FEWEST_ROWS, NAMELESS, NOT_CALCULATED, Column, Sheet
 from legfem.data.formats.times import check_no_clock
+from legfem.data.phases import before_tear
 from legfem.data.recording import QUANTITIES, Recording, SourceColumn, SourceColumns, channel_of, recording_of
 from legfem.data.stress_tables import refuse_untimed, stretch_and_stress
 
@@ -250,6 +251,7 @@ def _directions(path: Path, recording: Recording) -> tuple[int, int, str]:
     turned = int(np.argmax(np.abs(away) > 0.9 * np.abs(away).max())) + 1
     if turned < 5 or np.ptp(away[:turned]) == 0 or np.ptp(change[:turned]) == 0:
         raise InputError(path, "recordings", "displacement or force doesn't change", "record a whole press")
+    turned = min(turned, max(5, before_tear(recording.time, np.abs(away), f)))
     together = float(np.corrcoef(away[:turned], change[:turned])[0, 1])
     if abs(together) < _LEAST_CORRELATION:
         raise InputError(

@@ -34,6 +34,8 @@ SHORT_OF_TRAVEL = 10.0
 """A specimen's travel over its way of `Scales`, short beside it."""
 _CLEAR, _BEYOND_STATED = 8.0, 3.0
 """Standard deviations of what is read in air, and of what is stated of a cell, above which a force is no chance."""
+PARTED = 0.03
+"""Share of the greatest force below which what presses may part from what it presses."""
 _FEWEST = 8
 """Fewest samples that show an onset."""
 
@@ -150,16 +152,19 @@ def first_contact(smooth: FloatArray, recording: Recording, instrument: Instrume
     noise = max(instrument.displacement_sd, sample_noise(recording.displacement))
     # Of presses by less than half of the way nothing is to be read: they are passed over.
     span = float(np.ptp(smooth))
-    back = first_return(smooth, max(0.1 * span, 5.0 * noise), 0.5 * span)
+    back = first_return(smooth, recording.force, max(0.1 * span, 5.0 * noise), 0.5 * span)
     deepest = int(np.argmax(smooth[:back]))
     d, force = smooth[: deepest + 1], recording.force[: deepest + 1]
     return fit_onset(d, force, replace(instrument, displacement_sd=noise), scales)
 
 
-def first_return(d: FloatArray, back: float, deep: float) -> int:
-    """Return the first sample (of n) drawn back by more than ``back`` mm from ``deep`` mm or deeper; n without."""
-    reached = np.maximum.accumulate(d)
-    turned = (reached - d > back) & (reached - d[0] > deep)
+def first_return(d: FloatArray, force: FloatArray, back: float, deep: float) -> int:
+    """Return the first sample (of n) drawn back by more than ``back`` mm from ``deep`` mm or deeper; n without.
+
+    Of a drive that bounces in the air no force speaks.
+    """
+    reached, felt = np.maximum.accumulate(d), np.maximum.accumulate(_smoothed(force)[1])
+    turned = (reached - d > back) & (reached - d[0] > deep) & (felt - felt[0] > PARTED * (felt[-1] - felt[0]))
     return int(np.argmax(turned)) if turned.any() else len(d)
 
 

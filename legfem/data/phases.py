@@ -1,12 +1,14 @@
-"""The phases of a recording by its motion alone: loading, hold and unloading, with the corners between them."""
+"""The phases of a recording by its motion alone, with the corners between them; and where what is pulled tears."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray, runs_of
-from legfem.data.smoothing import STILL, local_line, pace, sample_noise, velocity_window
+from legfem.data.smoothing import STILL, local_line, pace, sample_noise, velocity_window, without_outliers
 
 LOADING, HOLD, UNLOADING, AIR = "loading", "hold", "unloading", "air"
+_TORN = 0.25
+"""Share of the force that no whole specimen loses as it is pulled or pressed on: intact ones lose up to 0.14."""
 _HELD_SHARE = 0.05
 """Share of the recording's way below which a still stretch is a hold, whatever its speed."""
 
@@ -58,6 +60,23 @@ def _motion(t: FloatArray, d: FloatArray, held: float, unit: float) -> NDArray[n
             whole = end - start == len(t)
             motion[part] = np.sign(way) if whole else _motion(t[part], d[part], held, unit)
     return motion
+
+
+def before_tear(time: FloatArray, displacement: FloatArray, force: FloatArray) -> int:
+    """Return how many of n samples come before the force falls by a quarter while the drive goes on as before.
+
+    Where it relaxes as much, the drive rests, or is slower than it was. All n where nothing tears.
+    """
+    d, change = np.maximum.accumulate(displacement), without_outliers(force) - np.median(force[:3])
+    top = np.maximum.accumulate(np.abs(change))
+    last = np.maximum.accumulate(np.where(np.abs(change) == top, np.arange(len(d)), 0))
+    # Of all before: what falls may go farther than what rose.
+    top, last = np.append(0.0, top[:-1]), np.append(0, last[:-1])
+    fallen = top - change * np.sign(change[last]) > _TORN * top
+    half = np.searchsorted(d, d[0] + 0.5 * (d[last] - d[0]))
+    as_fast = (displacement - d[last]) * (time[last] - time[half]) > 0.25 * (d[last] - d[0]) * (time - time[last])
+    torn = fallen & as_fast & (top > max(8.0 * sample_noise(force), 0.1 * float(np.ptp(change))))
+    return int(last[np.argmax(torn)]) + 1 if torn.any() else len(d)
 
 
 def least_way(displacement: FloatArray, way: float) -> float:

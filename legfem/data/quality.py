@@ -88,6 +88,8 @@ def quality_of(trial: Segmentation) -> Quality:
         check_trial(trial)
     except InputError as error:
         judged.append((WORST_GRADE, f"{error.field}: {error.problem}"))
+    if recording.torn:
+        judged.append(("B", f"it tears, or slips, at {trial.smooth[-1]:.3g} mm: the part before is used"))
     if saturated >= _SATURATED_SAMPLES:
         judged.append((WORST_GRADE, f"the force stays at its limit for {saturated} samples: saturated"))
     if drops:

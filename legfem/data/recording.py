@@ -1,5 +1,6 @@
 """One trial as it was recorded: read from named columns of a file or from legfem's own CSV, and written as that."""
 
+import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -97,6 +98,10 @@ class Recording:
         Whether a clock gave the time; that of a table of stretch and stress counts its way.
     pulled : bool
         Whether its columns are called a pull's.
+    torn : bool
+        Whether the specimen tore at its end: what the file has after that is left out.
+    hysteresis : float
+        Share of the loading's work that a table's return, which is left out, doesn't give back; NaN without one.
     """
 
     time: FloatArray
@@ -107,6 +112,8 @@ class Recording:
     channels: tuple[RecordedChannel, ...] = ()
     timed: bool = True
     pulled: bool = False
+    torn: bool = False
+    hysteresis: float = math.nan
 
     def __post_init__(self) -> None:
         """Keep read-only copies; raise ValueError if the arrays' shapes differ."""
@@ -118,6 +125,11 @@ class Recording:
     def __len__(self) -> int:
         """Return the number of samples."""
         return len(self.time)
+
+    def part(self, samples: slice | NDArray[np.bool_]) -> "Recording":
+        """Return some of its samples, and all of its other channels."""
+        own = {name: getattr(self, name)[samples] for name in ("time", "displacement", "force")}
+        return replace(self, **own)
 
 
 MOST = 1e9

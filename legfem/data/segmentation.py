@@ -13,7 +13,7 @@ from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, runs_of
 from legfem.data.contact import LEG, SHORT_OF_TRAVEL, Contact, Scales, contact_at_start, first_contact, fit_onset
 from legfem.data.noise import UNSTATED, Instrument
-from legfem.data.phases import AIR, HOLD, LOADING, UNLOADING, least_way, phases_of_motion
+from legfem.data.phases import AIR, HOLD, LOADING, UNLOADING, before_tear, least_way, phases_of_motion
 from legfem.data.recording import Recording
 from legfem.data.smoothing import sample_noise, smooth_displacement, without_outliers
 from legfem.data.stress_tables import roughness
@@ -321,6 +321,12 @@ class Segmentation:
         return tuple(segments), pressed_again, start_time
 
 
+def before_it_tears(recording: Recording) -> Recording:
+    """Return what was recorded of a specimen before it tore."""
+    count = before_tear(recording.time, recording.displacement, recording.force)
+    return recording if count == len(recording) else replace(recording.part(slice(count)), torn=True)
+
+
 def segment(
     recording: Recording, instrument: Instrument = UNSTATED, starts_at_contact: bool = False, scales: Scales = LEG
 ) -> Segmentation:
@@ -349,12 +355,17 @@ def segment(
             f"{len(recording)} samples are too few",
             "record a whole press, with at least 20 during loading",
         )
+    recording = recording if scales is LEG else before_it_tears(recording)
     smooth, _ = smooth_displacement(recording.time, recording.displacement, scales.way)
     found = Segmentation(recording, contact_at_start(), smooth, instrument, scales)
     if starts_at_contact:
         return found
     pressed = float(smooth.max()) - found.detected.displacement
-    if found.detected.in_air and scales is not LEG and 5 * found.displacement_noise < pressed < _MOSTLY_AIR * scales.way:
+    if (
+        found.detected.in_air
+        and scales is not LEG
+        and 5 * found.displacement_noise < pressed < _MOSTLY_AIR * scales.way
+    ):
         return segment(recording, instrument, scales=replace(scales, way=pressed / SHORT_OF_TRAVEL))
     return found.touching(found.detected)
 

@@ -306,7 +306,11 @@ def _readings(
     """Return each reading's samples, and what it takes of the trial's stations (m,)."""
     since = one.time - trial.touched
     at = np.interp(one.time, trial.recording.time, trial.smooth) - trial.contact.displacement
-    inside = (one.time >= trial.recording.time[0]) & (one.time <= trial.recording.time[-1]) & (at > -_IN_AIR_MM * trial.scales.way)
+    inside = (
+        (one.time >= trial.recording.time[0])
+        & (one.time <= trial.recording.time[-1])
+        & (at > -_IN_AIR_MM * trial.scales.way)
+    )
     found: list[tuple[NDArray[np.int_], FloatArray]] = []
     begins = -np.inf
     for number, segment in enumerate(trial.segments):

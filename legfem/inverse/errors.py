@@ -82,7 +82,8 @@ def reading_covariance(
 def model_covariance(one: StationChannel, since_touch: FloatArray, way: float = 1.0) -> FloatArray:
     """Return the covariance (k, k) of the model's own error; ``since_touch`` (k,) is what it says of the change since.
 
-    It changes along the displacement as a leg's does along as many times ``way`` mm. Meshes err by a share of all that a channel changes by; of what is read at many places, by a share of each reading.
+    It changes along the displacement as a leg's does along as many times ``way`` mm. Meshes err by a share of all that
+    a channel changes by; of what is read at many places, by a share of each reading.
     """
     apart = np.subtract.outer(one.displacement, one.displacement) / way
     changes = np.full(len(since_touch), np.ptp(since_touch)) if one.course is None else np.abs(since_touch)

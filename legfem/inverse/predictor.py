@@ -324,7 +324,9 @@ def detected_onset(observed: Observations, trial: int) -> Prior:
     """Return what the recording says of a trial's first contact, after that counted from (mm)."""
     contact, way = observed.contacts[trial], observed.way
     if observed.shows_air:
-        return Prior(contact.estimate - contact.displacement, IN_AIR_SD_MM * way, "linear", "detection in the recording")
+        return Prior(
+            contact.estimate - contact.displacement, IN_AIR_SD_MM * way, "linear", "detection in the recording"
+        )
     place, sd = contact.expected
     sd = float(np.clip(sd, *(way * end for end in ONSET_SDS_MM)))
     return Prior(place - contact.displacement, sd, "linear", "detection in the recording")

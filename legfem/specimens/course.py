@@ -30,8 +30,9 @@ from scipy.linalg import solve_banded
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.data import Instrument, Recording, Scales, Segmentation, segment
-from legfem.data.contact import Contact, contact_at_start, first_return
+from legfem.data.contact import PARTED, Contact, contact_at_start, first_return
 from legfem.data.instrument_faults import standing_force
+from legfem.data.segmentation import before_it_tears
 from legfem.data.smoothing import sample_noise, without_outliers
 from legfem.data.stress_tables import roughness
 from legfem.inverse.parameter import Parameter, Prior
@@ -47,8 +48,6 @@ _LEAST_SEEN = 5.0
 _BACK = 0.02
 _LEAST_RISE = 0.2
 """Least share of all motion that is a rise: with less, what was recorded goes the other way."""
-_LEFT = 0.03
-"""Share of the greatest force below which what presses may part from the specimen."""
 # Of the greatest force, where no instrument is stated.
 _READING = 0.002
 _HELD = 0.95
@@ -136,7 +135,7 @@ class Course:
             force=self.force[:count],
             count=self.count[:count],
             arrival=min(self.arrival, end),
-            samples=_part(self.samples, kept),
+            samples=self.samples.part(kept),
         )
 
 
@@ -167,10 +166,10 @@ def read_specimen(
             source, "rows", f"{len(given)} samples are too few", f"record at least {_LEAST_SAMPLES} during loading"
         )
     # One sample that overshoots doesn't count.
-    recording = replace(given, displacement=without_outliers(given.displacement))
+    recording = before_it_tears(replace(given, displacement=without_outliers(given.displacement)))
     calm, noise = recording.displacement, sample_noise(recording.displacement)
     _check_motion(calm, starts_at_contact, source)
-    start, arrived, _ = _loaded_and_held(calm, noise)
+    start, arrived, _ = _loaded_and_held(recording, noise)
     loading = recording.force[start : arrived + 1]
     _check(loading, source)
     errors = instrument or _shown(recording, sample_noise(loading), noise, start, arrived)
@@ -189,9 +188,21 @@ def read_table(recording: Recording, instrument: Instrument | None = None) -> Se
 
     Its errors, unless stated, are what its loads are off a smooth curve.
     """
-    d, force = recording.displacement, recording.force
-    errors = instrument or _shown(recording, roughness(d, force), 0.0, 0, int(np.argmax(d)))
-    return Segmentation(recording, contact_at_start(), d, errors, Scales.of_specimen(recording))
+    _, top, end = _loaded_and_held(recording, 0.0)
+    loading, back = recording.part(slice(end)), recording.part(slice(top, None))
+    d, force = loading.displacement, loading.force
+    if end < len(recording):
+        ways = np.linspace(float(back.displacement.min()), float(d[top]), 100)
+        up, down = np.interp(ways, *_rising(loading)), np.interp(ways, *_rising(back))
+        loading = replace(loading, hysteresis=float(np.sum(up - down) / np.sum(up)))
+    loading = before_it_tears(loading)
+    errors = instrument or _shown(loading, roughness(d, force), 0.0, 0, int(np.argmax(d)))
+    return Segmentation(loading, contact_at_start(), loading.displacement, errors, Scales.of_specimen(loading))
+
+
+def _rising(recording: Recording) -> tuple[FloatArray, FloatArray]:
+    order = np.argsort(recording.displacement, kind="stable")
+    return recording.displacement[order], recording.force[order]
 
 
 def course_of(trial: Segmentation, returns: bool = False) -> Course:
@@ -210,13 +221,13 @@ def course_of(trial: Segmentation, returns: bool = False) -> Course:
         If there is too little of it.
     """
     recording, contact, calm = trial.recording, trial.contact, trial.recording.displacement
-    start, arrived, end = _loaded_and_held(calm, trial.displacement_noise)
-    whole = _part(recording, slice(start, _parted(recording, end) if returns else end))
+    start, arrived, end = _loaded_and_held(recording, trial.displacement_noise)
+    whole = recording.part(slice(start, _parted(recording, end) if returns else end))
     after = whole.displacement > contact.displacement
     first = int(np.argmax(after))
     speed = _speed(whole.time[first : end - start], calm[start + first : end])
     touched = float(whole.time[first] - (calm[start + first] - contact.displacement) / speed)
-    kept = _part(whole, slice(first, None))
+    kept = whole.part(slice(first, None))
     kept = replace(
         kept,
         time=kept.time - touched,
@@ -252,12 +263,13 @@ def course_of(trial: Segmentation, returns: bool = False) -> Course:
     return found
 
 
-def _loaded_and_held(calm: FloatArray, noise: float) -> tuple[int, int, int]:
+def _loaded_and_held(recording: Recording, noise: float) -> tuple[int, int, int]:
     """Return where motion starts, where it arrives, and where it first goes back."""
+    calm = recording.displacement
     deepest = float(calm.max())
     travel = deepest - float(calm[0])
     back = max(_BACK * travel, 5 * noise)
-    end = first_return(calm, back, 0.3 * travel)
+    end = first_return(calm, recording.force, back, 0.3 * travel)
     if end < len(calm):
         # From where it began to.
         end = int(np.flatnonzero(calm[:end] > calm[:end].max() - 0.2 * back)[-1]) + 1
@@ -270,7 +282,7 @@ def _loaded_and_held(calm: FloatArray, noise: float) -> tuple[int, int, int]:
 def _parted(recording: Recording, end: int) -> int:
     """Return where, after the first return, hardly any force is left."""
     force = recording.force - recording.force[:end].min()
-    left = force[end:] < _LEFT * force[:end].max()
+    left = force[end:] < PARTED * force[:end].max()
     return end + int(np.argmax(left)) if left.any() else len(force)
 
 
@@ -344,12 +356,6 @@ def _stations(kept: Recording, depth: float, arrival: float) -> NDArray[np.intp]
         if moved or waited:
             begun_at, begun = at, now
     return numbers
-
-
-def _part(recording: Recording, part: slice | NDArray[np.bool_]) -> Recording:
-    return replace(
-        recording, time=recording.time[part], displacement=recording.displacement[part], force=recording.force[part]
-    )
 
 
 QUICKENING = "viscoelasticity.quickening"

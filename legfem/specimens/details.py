@@ -73,6 +73,17 @@ class SpecimenNotice(StrEnum):
     KIND = "kind_of_test"
     ALTERNATIVE_ASSUMED = "alternative_assumed"
     LAYER_ASKED = "layer_asked_for"
+    TORN = "recording_torn"
+    RETURN_LEFT_OUT = "return_left_out"
+
+
+def cut_short(recordings: Sequence[SpecimenRecording]) -> Iterator[Notice]:
+    """Yield which recordings count only in part."""
+    for one in recordings:
+        if one.recording.torn:
+            yield Notice.of(SpecimenNotice.TORN, name=one.name, used=float(one.recording.displacement[-1]))
+        if np.isfinite(one.recording.hysteresis):
+            yield Notice.of(SpecimenNotice.RETURN_LEFT_OUT, name=one.name, lost=one.recording.hysteresis)
 
 
 def probabilities(each: Mapping[str, Sequence[_Fit]]) -> dict[str, float]:

@@ -27,7 +27,7 @@ from legfem.inverse.verdict import Diagnosis
 from legfem.jobs.store import code_fingerprint
 from legfem.specimens.agreement import TestsAgreement, agreement_of_tests
 from legfem.specimens.artefacts import SizeDependence, size_dependence
-from legfem.specimens.details import SpecimenNotice
+from legfem.specimens.details import SpecimenNotice, cut_short
 from legfem.specimens.folder import FILE, SpecimenFolder, stiffness_doubts, tissue_asked_for
 from legfem.specimens.mechanisms import Scale, mechanisms_of
 from legfem.specimens.sizes import LeftOut, Sizes, SpecimenRecording
@@ -207,7 +207,7 @@ def _diagnosed(
 
 def _observed(folder: SpecimenFolder, used: Sequence[SpecimenRecording]) -> Observations:
     observed = observe([one.trial for one in used])
-    told, timed = list(observed.notices), used[0].recording.timed
+    told, timed = [*observed.notices, *cut_short(used)], used[0].recording.timed
     if folder.instrument is None:
         told.append(Notice.of(FitNotice.NO_ACCURACY_STATED, file=FILE))
     if not timed:

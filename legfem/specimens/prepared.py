@@ -12,7 +12,7 @@ from legfem.inverse.notice import Notice
 from legfem.inverse.outcome import Outcome, solve_test
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, finish
-from legfem.specimens.details import SpecimenNotice
+from legfem.specimens.details import SpecimenNotice, cut_short
 from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.laws import REFERENCE_MPA, begin_at
@@ -57,7 +57,7 @@ def prepare(
     tissues = tuple(one.of_law("neo-hookean") for one in folder.tissues)
     models = [SpecimenForward(sizes, depth, tissues, usual) for sizes, depth in deepest.items()]
     outcomes = _solved_once(models, out, jobs, progress)
-    used, left, notices = list[SpecimenRecording](), list(folder.left_out), list[Notice]()
+    used, left, notices = list[SpecimenRecording](), list(folder.left_out), [*cut_short(folder.recordings)]
     within = dict[Sizes, float]()
     for one in folder.recordings:
         outcome = outcomes[one.sizes]

@@ -249,7 +249,9 @@ class SpecimenProblem:
         for k, (one, ahead) in enumerate(zip(recordings, aheads, strict=True)):
             at, (expected, sd) = one.course.contact.displacement, one.detected.expected
             # What is solved goes so deep.
-            place = max(min(expected + ahead, one.detected.latest), at + one.course.depth - now.depths[now.parts[k].test])
+            place = max(
+                min(expected + ahead, one.detected.latest), at + one.course.depth - now.depths[now.parts[k].test]
+            )
             if abs(place - at) > SETTLED * sd:
                 with suppress(InputError):
                     moved[k] = one.begun(place, self.folder.returns)

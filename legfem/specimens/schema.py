@@ -151,10 +151,10 @@ class SpecimenFile(_Tests):
             if not self.kind.cube:
                 able = ", ".join(f"[{one.table}]" for one in kinds().values() if one.cube)
                 raise input_files.trouble("recordings.table", f"is for the tests {able}", "remove it, or the test")
-            if self.tissue.relaxes:
-                raise input_files.trouble(
-                    "tissue.relaxes", "a table has no time to relax in", "remove it, or give recordings"
-                )
+            for key in ("relaxes", "returns"):
+                if getattr(self.tissue, key):
+                    problem = "a table has no time, without which a law has one curve"
+                    raise input_files.trouble(f"tissue.{key}", problem, "remove it, or give recordings")
         return self
 
     @model_validator(mode="after")
