@@ -157,7 +157,7 @@ def check_trial(trial: Segmentation) -> None:
             source, "rows", f"{len(recording)} samples are too few", f"record at least {MINIMAL_SAMPLES} during loading"
         )
     _check_motion(trial)
-    _check_touch(trial)
+    check_touch(trial)
     contact, way = trial.detected.displacement, trial.scales.way
     depth = float(smooth[trial.deepest]) - contact
     # Smoothing and contact are known to about the reading's noise: don't refuse for that.
@@ -198,7 +198,14 @@ def _check_motion(trial: Segmentation) -> None:
         )
 
 
-def _check_touch(trial: Segmentation) -> None:
+def check_touch(trial: Segmentation) -> None:
+    """Check that a force rises as the displacement grows.
+
+    Raises
+    ------
+    InputError
+        If it falls, or stays as it is.
+    """
     smooth, force, spread, least = trial.smooth, trial.recording.force, trial.force_noise, trial.scales.rise
     low, high = float(smooth.min()), float(smooth.max())
     before = max(3, int(np.argmax(smooth - smooth[0] > 0.05 * (high - low))))
@@ -216,5 +223,5 @@ def _check_touch(trial: Segmentation) -> None:
             trial.source,
             "force_N",
             f"never touches: the force changes by {rise:.2g} N, and its noise is {spread:.2g} N",
-            f"remove this trial, or record it until the cylinder presses the leg{hint}",
+            f"remove this recording, or press deeper{hint}",
         )

@@ -328,7 +328,7 @@ def detected_onset(observed: Observations, trial: int) -> Prior:
             contact.estimate - contact.displacement, IN_AIR_SD_MM * way, "linear", "detection in the recording"
         )
     place, sd = contact.expected
-    sd = float(np.clip(sd, *(way * end for end in ONSET_SDS_MM)))
+    sd = float(np.clip(sd, way * ONSET_SDS_MM[0], way * ONSET_SDS_MM[1]))
     return Prior(place - contact.displacement, sd, "linear", "detection in the recording")
 
 

@@ -155,9 +155,11 @@ def stations_of(trials: Sequence[Segmentation]) -> Stations:
             duration = abs(end - before) / rate
             times.append(times[-1] + duration)
             displacements.append(end)
-            ends = before + (last - before) * np.array([0.6, count - 0.4]) / count
+            begun, last = (before + (last - before) * step / count for step in (0.6, count - 0.4))
             low, high = max(p.displacement.min() for p in parts), min(p.displacement.max() for p in parts)
-            d = np.linspace(*(np.clip(ends, low, high) if low < high else ends), count)
+            if low < high:
+                begun, last = (min(max(end, low), high) for end in (begun, last))
+            d = np.linspace(begun, last, count)
             t = times[-2] + (d - before) / (end - before) * duration
         phases += [phase] * len(d)
         numbers += [number] * len(d)

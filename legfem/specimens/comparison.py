@@ -20,7 +20,7 @@ from legfem.inverse.fibre_ratio import SHAPE_SD_OF_FIBRES
 from legfem.inverse.fit import ChannelFit
 from legfem.inverse.intervals import by_third, third_of
 from legfem.inverse.outcome import JointForward, Outcome
-from legfem.inverse.readings import INSTRUMENT
+from legfem.inverse.readings import INSTRUMENT, OFFSET
 from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.nuisances import OnsetEffect, OwnStiffness, kinds_of, power_of, tells_ratio, were_turned
@@ -38,8 +38,7 @@ LEAST_GAIN_SD = 0.01
 SHAPE_SD_OF_LAYERS = 0.05
 """Layers of unlike stiffness bend a curve by a few percent: so do what the law leaves out of how
 tissue stiffens, and the rounding of edges."""
-_STEP = 1e-5
-_GAIN, _ZERO, _OFFSET = range(len(INSTRUMENT))
+_GAIN, _ZERO, _ = range(len(INSTRUMENT))
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,10 +243,7 @@ class SpecimenComparison(Comparison):
 
     def slopes(self, force: FloatArray, readings: FloatArray) -> list[FloatArray]:
         """Return what every recording's stations (N) lose per mm of contact, of models' forces."""
-        ends = np.repeat(readings[None], 2, axis=0)
-        ends[:, _OFFSET] += (-_STEP, _STEP)
-        early, late = self._felt(force, ends)
-        lost = (early - late) / (2 * _STEP)
+        lost = -slopes_by_readings(partial(self._felt, force), readings)[OFFSET]
         if self.own is not None:
             lost = self.own(self._felt(force, readings)) * lost
         return [lost[span] for span in self.spans]

@@ -25,6 +25,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import trapezoid
 from scipy.linalg import solve_banded
 
 from legfem.common.errors import InputError
@@ -32,6 +33,7 @@ from legfem.common.units import FloatArray
 from legfem.data import Instrument, Recording, Scales, Segmentation, segment
 from legfem.data.contact import PARTED, Contact, contact_at_start, first_return
 from legfem.data.instrument_faults import standing_force
+from legfem.data.quality import check_touch
 from legfem.data.segmentation import before_it_tears
 from legfem.data.smoothing import sample_noise, without_outliers
 from legfem.data.stress_tables import roughness
@@ -170,10 +172,11 @@ def read_specimen(
     calm, noise = recording.displacement, sample_noise(recording.displacement)
     _check_motion(calm, starts_at_contact, source)
     start, arrived, _ = _loaded_and_held(recording, noise)
-    loading = recording.force[start : arrived + 1]
-    _check(loading, source)
-    errors = instrument or _shown(recording, sample_noise(loading), noise, start, arrived)
-    return segment(recording, errors, starts_at_contact, Scales.of_specimen(recording, power))
+    force_noise = sample_noise(recording.force[start : arrived + 1])
+    errors = instrument or _shown(recording, force_noise, noise, start, arrived)
+    trial = segment(recording, errors, starts_at_contact, Scales.of_specimen(recording, power))
+    check_touch(trial)
+    return trial
 
 
 def _shown(recording: Recording, force_sd: float, displacement_sd: float, start: int, arrived: int) -> Instrument:
@@ -190,19 +193,14 @@ def read_table(recording: Recording, instrument: Instrument | None = None) -> Se
     """
     _, top, end = _loaded_and_held(recording, 0.0)
     loading, back = recording.part(slice(end)), recording.part(slice(top, None))
-    d, force = loading.displacement, loading.force
     if end < len(recording):
-        ways = np.linspace(float(back.displacement.min()), float(d[top]), 100)
-        up, down = np.interp(ways, *_rising(loading)), np.interp(ways, *_rising(back))
-        loading = replace(loading, hysteresis=float(np.sum(up - down) / np.sum(up)))
+        again = loading.part(loading.displacement >= back.displacement.min())
+        taken, given = (float(trapezoid(one.force, one.displacement)) for one in (again, back))
+        loading = replace(loading, hysteresis=1 + given / taken)
     loading = before_it_tears(loading)
-    errors = instrument or _shown(loading, roughness(d, force), 0.0, 0, int(np.argmax(d)))
-    return Segmentation(loading, contact_at_start(), loading.displacement, errors, Scales.of_specimen(loading))
-
-
-def _rising(recording: Recording) -> tuple[FloatArray, FloatArray]:
-    order = np.argsort(recording.displacement, kind="stable")
-    return recording.displacement[order], recording.force[order]
+    d = loading.displacement
+    errors = instrument or _shown(loading, roughness(d, loading.force), 0.0, 0, int(np.argmax(d)))
+    return Segmentation(loading, contact_at_start(), d, errors, Scales.of_specimen(loading))
 
 
 def course_of(trial: Segmentation, returns: bool = False) -> Course:
@@ -302,34 +300,6 @@ def _check_motion(calm: FloatArray, starts_at_contact: bool, source: object) -> 
             f"starts at {begun:.4g} mm, and goes on by {rise:.3g} "
             "mm, where starts_at_contact says that it counts from first touch",
             "subtract where it touches, or leave starts_at_contact out",
-        )
-
-
-def _check(force: FloatArray, source: object) -> None:
-    where = str(source)
-    if len(force) < _LEAST_SAMPLES:
-        raise InputError(
-            where,
-            "rows",
-            f"{len(force)} samples of loading are too few",
-            f"record at least {_LEAST_SAMPLES}: sample faster or press more slowly",
-        )
-    few = max(2, len(force) // 20)
-    rise = float(np.median(force[-few:]) - np.median(force[:few]))
-    noise = sample_noise(force)
-    if rise < -5 * noise:
-        raise InputError(
-            where,
-            "force_N",
-            f"falls by {-rise:.3g} N in loading",
-            "change its sign: displacement and force are positive in the test's direction",
-        )
-    if rise <= 5 * noise:
-        raise InputError(
-            where,
-            "force_N",
-            f"never touches: rises by {rise:.3g} N, noise {noise:.2g} N",
-            "remove this recording, or press deeper",
         )
 
 
