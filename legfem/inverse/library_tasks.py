@@ -13,6 +13,7 @@ from legfem.common.progress import Progress
 from legfem.common.units import mpa_to_kpa
 from legfem.data.phases import LOADING
 from legfem.inverse.body_models import BodyModels, Columns
+from legfem.inverse.catalogue import LawName
 from legfem.inverse.library import Detail, pair_strength
 from legfem.inverse.mechanism import Stiffness, TissueMechanism, Values, null_of
 from legfem.inverse.observations import Observations
@@ -26,7 +27,7 @@ CHANGES_AT = (-0.35, 0.35)
 """Logarithms of C10 over the middle's, at which changes are tabulated."""
 
 
-STIFFENING = {"neo-hookean": 0.0, "reduced-polynomial": 0.8}
+STIFFENING: Mapping[LawName, float] = {"neo-hookean": 0.0, "reduced-polynomial": 0.8}
 """ln(1 + C20 / C10) at which changes are tabulated, by a tissue's law."""
 _SCREENED = 3
 """Strengths from which a mechanism is screened by fewer."""

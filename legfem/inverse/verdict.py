@@ -1,22 +1,23 @@
 """What is found in recordings: the verdict, explanations, what may hide, where the base model errs; and its answer."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import logsumexp
 
 from legfem.common.numbers import decimals, is_determined
 from legfem.common.units import mpa_to_kpa
 from legfem.inverse.answer import Answer, Finding, LikelyCause, Tone, Value
-from legfem.inverse.averaging import as_seen, robust_interval
+from legfem.inverse.averaging import POWER, as_seen, robust_interval
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, LawName
 from legfem.inverse.diagnosed_fit import cost_of_model, fits_of_trials, log_of_solutions
 from legfem.inverse.errors import ErrorModel
 from legfem.inverse.estimates import Estimate, correlations_of
-from legfem.inverse.evidence import possible_discrepancies
+from legfem.inverse.evidence import possible_discrepancies, probabilities
 from legfem.inverse.explanation import Explained, Explanation, unknown_course
 from legfem.inverse.fit import Fit, Goodness, Identity, KindDetails, versions
 from legfem.inverse.hidden import HiddenEnd, Limit, profile_of
@@ -53,6 +54,8 @@ ADEQUATE = 0.5
 """Probability of the base model alone, of all that was weighed, from which the recordings are called consistent."""
 DIFFER = 0.01
 """Probability of so large differences of recordings below which they are said to differ."""
+IMPROBABLE = 0.05
+"""Probability of a law up to which its C10 doesn't count."""
 SHOWN_MOST = 6
 
 
@@ -99,6 +102,26 @@ class Diagnosis:
     """A part of a trial that something unknown touched: all else is said of the rest."""
     provisional: bool = False
     """Whether the time that it was given was over before all was solved that it rests on."""
+    other_laws: tuple["Diagnosis", ...] = ()
+    """Of the same recordings by other laws, where they were tried."""
+
+    @cached_property
+    def by_law(self) -> "list[tuple[Diagnosis, float]]":
+        """Diagnoses by all laws that were tried, and how probable they are."""
+        every = [self, *self.other_laws]
+        chances = probabilities([POWER * logsumexp([e.log_weight for e in one.explained.every]) for one in every])
+        return list(zip(every, map(float, chances), strict=True))
+
+    def over_laws(self, others: "Sequence[Diagnosis]") -> "Diagnosis":
+        """Return this diagnosis beside those by other laws, or theirs where this one's law is improbable."""
+        beside = replace(self, other_laws=tuple(others))
+        (_, own), *_ = beside.by_law
+        best, _ = max(beside.by_law, key=lambda one: one[1])
+        return (
+            beside
+            if own > IMPROBABLE
+            else replace(best, other_laws=(self, *(one for one in others if one is not best)))
+        )
 
     @property
     def equally(self) -> bool:
@@ -177,7 +200,16 @@ class Diagnosis:
 
     @cached_property
     def intervals(self) -> dict[str, tuple[float, float]]:
-        """95 % intervals of C10 and C20 (MPa), by full name, over all explanations, by their probability.
+        """Those of `own_intervals`, of C10 over all laws that are not improbable."""
+        probable = [one for one, chance in self.by_law if chance > IMPROBABLE and not one.withheld]
+        ends = [one.own_intervals[DEEP_C10] for one in probable if DEEP_C10 in one.own_intervals]
+        if self.withheld or not ends:
+            return self.own_intervals
+        return {**self.own_intervals, DEEP_C10: (min(low for low, _ in ends), max(high for _, high in ends))}
+
+    @cached_property
+    def own_intervals(self) -> dict[str, tuple[float, float]]:
+        """95 % intervals of C10 and C20 (MPa), by full name, over all explanations by this law, by their probability.
 
         Of unexplained recordings all that was searched: what they give may be off by any amount.
         """

@@ -75,6 +75,7 @@ class SpecimenNotice(StrEnum):
     LAYER_ASKED = "layer_asked_for"
     TORN = "recording_torn"
     RETURN_LEFT_OUT = "return_left_out"
+    LAW_DECIDES = "law_decides"
 
 
 def cut_short(recordings: Sequence[SpecimenRecording]) -> Iterator[Notice]:

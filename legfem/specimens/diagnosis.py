@@ -10,10 +10,11 @@ import numpy as np
 
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress
+from legfem.common.units import mpa_to_kpa
 from legfem.common.wording import Argument
 from legfem.data import Instrument
 from legfem.inverse.accuracy import Accuracy
-from legfem.inverse.catalogue import DEEP_C10, RATIO
+from legfem.inverse.catalogue import DEEP_C10, RATIO, LawName
 from legfem.inverse.diagnose import DiagnosisInput, diagnose
 from legfem.inverse.fit import Identity
 from legfem.inverse.library import Detail
@@ -43,6 +44,8 @@ _LATTICE = tuple(product(LOGS, (0.0, 0.03, 0.1, 0.3, 0.8, 1.6)))
 none."""
 _REACH = 3.5
 """Reach of the library in ln C10: what relaxes fast hides how little lasts."""
+_OTHERWISE = 1.1
+"""Factor by which an end of C10's interval differs where laws do."""
 _DRAWN = Accuracy(size_sd=1e-3)
 """Accuracy of a specimen that was simulated."""
 
@@ -178,7 +181,6 @@ def _diagnosed(
     observed, sizes = _observed(folder, used), used[0].sizes
     solved = solved_responses(folder, sizes, observed, responses)
     progress.stage(f"how stiff {used[0].specimen} is, roughly")
-    stiffening = STIFFENING[folder.base_law]
     if np.isnan(solved.curve(_SOME_C10, 0.0)).any():
         raise InputError(
             folder.directory,
@@ -186,23 +188,42 @@ def _diagnosed(
             f"its test can't be solved to {solved.depth:.3g} mm",
             "check the sizes, or record less deep",
         )
-    middle = middle_of(observed, solved, stiffening)
     last = max(float(s.protocol.time[-1]) for s in observed.protocols)
-    scale = Scale(observed.depth, float(observed.force.max()), last, middle, asked.bulk_ratio)
-    every, unable = mechanisms_of(sizes, scale, used[0].recording.timed)
-    able, _ = shown_mechanisms(every, observed, {})
-    detail = Detail.of_all(able, pairs=False)
-    library = build_library(solved, solved, observed, able, jobs, progress, middle, stiffening, detail, _LATTICE)
-    library = replace(library, missing={**unable, **library.missing}, reach=_REACH)
-    observed, stiff = observed.with_channels(library.beside.names), stiffness_doubts(folder, middle)
-    doubts = (*folder.doubts, *(one for one in stiff if one.field not in folder.confirmed))
-    observed = replace(observed, notices=(*doubted(doubts), *observed.notices))
     accuracy = Accuracy() if folder.origin == "measured" else _DRAWN
     shown = [(one.course.instrument.force_sd, one.course.instrument.displacement_sd) for one in used]
     force_sd, displacement_sd = map(float, np.sqrt(np.mean(np.square(shown), axis=0)))
     instrument = folder.instrument or Instrument(force_sd, displacement_sd, stated=False)
-    given = DiagnosisInput(observed, instrument, folder.base_law, library, every, whose, "specimens", accuracy=accuracy)
-    return diagnose(given, solved, progress, seed), tuple(left)
+
+    def by_law(law: LawName) -> Diagnosis:
+        middle = middle_of(observed, solved, STIFFENING[law])
+        scale = Scale(observed.depth, float(observed.force.max()), last, middle, asked.bulk_ratio)
+        every, unable = mechanisms_of(sizes, scale, used[0].recording.timed)
+        able, _ = shown_mechanisms(every, observed, {})
+        detail = Detail.of_all(able, pairs=False)
+        tables = build_library(
+            solved, solved, observed, able, jobs, progress, middle, STIFFENING[law], detail, _LATTICE
+        )
+        library = replace(tables, missing={**unable, **tables.missing}, reach=_REACH)
+        seen, stiff = observed.with_channels(library.beside.names), stiffness_doubts(folder, middle)
+        doubts = (*folder.doubts, *(one for one in stiff if one.field not in folder.confirmed))
+        seen = replace(seen, notices=(*doubted(doubts), *seen.notices))
+        given = DiagnosisInput(seen, instrument, law, library, every, whose, "specimens", accuracy=accuracy)
+        return diagnose(given, solved, progress, seed)
+
+    found = by_law(folder.base_law)
+    if found.verdict != "consistent":
+        # What one law leaves out another may have: where nothing is missing, more stiffening is among what may hide.
+        found = found.over_laws([by_law(law) for law in STIFFENING if law != folder.base_law])
+        found = replace(found, observed=replace(found.observed, notices=(*_laws_told(found), *found.observed.notices)))
+    return found, tuple(left)
+
+
+def _laws_told(found: Diagnosis) -> Iterator[Notice]:
+    """Yield what laws make of C10, where they differ."""
+    given = [(one, chance, one.own_intervals.get(DEEP_C10, ())) for one, chance in found.by_law if not one.withheld]
+    if any(max(ends) / min(ends) > _OTHERWISE for ends in zip(*(own for *_, own in given), strict=False)):
+        each = [(one.law.replace("-", " "), *map(mpa_to_kpa, own), chance) for one, chance, own in given]
+        yield Notice.of(SpecimenNotice.LAW_DECIDES, each=each)
 
 
 def _observed(folder: SpecimenFolder, used: Sequence[SpecimenRecording]) -> Observations:
