@@ -54,7 +54,7 @@ ADEQUATE = 0.5
 """Probability of the base model alone, of all that was weighed, from which the recordings are called consistent."""
 DIFFER = 0.01
 """Probability of so large differences of recordings below which they are said to differ."""
-IMPROBABLE = 0.05
+IMPROBABLE = 0.01
 """Probability of a law up to which its C10 doesn't count."""
 SHOWN_MOST = 6
 

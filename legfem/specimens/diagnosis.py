@@ -214,11 +214,11 @@ def _diagnosed(
     if found.verdict != "consistent":
         # What one law leaves out another may have: where nothing is missing, more stiffening is among what may hide.
         found = found.over_laws([by_law(law) for law in STIFFENING if law != folder.base_law])
-        found = replace(found, observed=replace(found.observed, notices=(*_laws_told(found), *found.observed.notices)))
+        found = replace(found, observed=replace(found.observed, notices=(*laws_told(found), *found.observed.notices)))
     return found, tuple(left)
 
 
-def _laws_told(found: Diagnosis) -> Iterator[Notice]:
+def laws_told(found: Diagnosis) -> Iterator[Notice]:
     """Yield what laws make of C10, where they differ."""
     given = [(one, chance, one.own_intervals.get(DEEP_C10, ())) for one, chance in found.by_law if not one.withheld]
     if any(max(ends) / min(ends) > _OTHERWISE for ends in zip(*(own for *_, own in given), strict=False)):
