@@ -58,13 +58,13 @@ def test_a_recording_left_out_is_predicted_by_its_specimen_s_own_stiffness(tmp_p
     (tmp_path / "specimen.toml").write_text(bars)
     found = lf.identify(lf.load_specimen(tmp_path), "reduced-polynomial", leave_out=["soft1"])
     (predicted,) = left_out(found["reduced-polynomial"])
-    assert predicted.r_squared > 0.999 and predicted.scale == pytest.approx(1.0, abs=0.01)
+    assert predicted.force.r_squared > 0.999 and predicted.scale == pytest.approx(1.0, abs=0.01)
     words = " ".join(found.summary().split())
     assert "with the stiffness of its specimen in the other recordings" in words
     found = lf.identify(lf.load_specimen(tmp_path), "neo-hookean", leave_out=["soft"])
     predicted = left_out(found["neo-hookean"])[0]
     # Another specimen's stiffness can't be known; its course can.
-    assert predicted.r_squared < 0.9 < predicted.shape_r_squared
+    assert predicted.force.r_squared < 0.9 < predicted.shape_r_squared
 
 
 def test_derivatives_with_factors_are_those_of_the_factors_too() -> None:

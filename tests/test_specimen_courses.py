@@ -186,8 +186,8 @@ def test_cycles_are_predicted_as_they_were_driven(tmp_path: Path) -> None:
     folder = lf.load_specimen(_cycled(tmp_path, returns=True))
     found = lf.identify(folder, "reduced-polynomial", leave_out=["middle"])["reduced-polynomial"]
     (predicted,) = (one for one in compared(found) if not one.fitted)
-    print(predicted.r_squared, {n: e.value for n, e in found.estimates.items()})
-    assert predicted.r_squared > 0.995
+    print(predicted.force.r_squared, {n: e.value for n, e in found.estimates.items()})
+    assert predicted.force.r_squared > 0.995
     assert found.estimates["deep.C10"].value == pytest.approx(4e-3, rel=0.1)
 
 

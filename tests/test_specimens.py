@@ -49,10 +49,10 @@ def test_any_law_takes_the_stiffness_that_was_pulled(tmp_path: Path, law, plante
     (tmp_path / "specimen.toml").write_text(toml)
     found = lf.identify(lf.load_specimen(tmp_path), law, leave_out=["more"])[law]
     (predicted,) = (one for one in compared(found) if not one.fitted)
-    print(found.values, predicted.r_squared, predicted.rmse / predicted.course.peak)
+    print(found.values, predicted.force.r_squared, predicted.force.rms / predicted.course.peak)
     if law != "yeoh":
         # Beyond the strain fitted; Yeoh's last two coefficients trade off below it.
-        assert predicted.r_squared > 0.999
+        assert predicted.force.r_squared > 0.999
     found = lf.identify(lf.load_specimen(tmp_path), law)[law]
     assert rms_percent(found) < 0.5
     assert found.estimates["deep.C10"].value == pytest.approx(5e-3, rel=0.03)
@@ -66,8 +66,8 @@ def test_a_third_rate_with_its_hold_is_predicted_from_two(tmp_path: Path) -> Non
     assert folder.relaxes
     found = lf.identify(folder, "reduced-polynomial", leave_out=["middle"])["reduced-polynomial"]
     (predicted,) = (one for one in compared(found) if not one.fitted)
-    print(predicted.r_squared)
-    assert predicted.name == "middle" and predicted.r_squared > 0.99
+    print(predicted.force.r_squared)
+    assert predicted.name == "middle" and predicted.force.r_squared > 0.99
     ratio = found.estimates["viscoelasticity.ratio"]
     assert 2.0 < ratio.value < 4.0 and ratio.ci95[0] < ratio.value < ratio.ci95[1]
     assert ratio.ci95[1] - ratio.ci95[0] < ratio.value
@@ -141,7 +141,7 @@ def test_specimens_of_several_sizes_are_one_tissue(tmp_path: Path) -> None:
     assert [one.name for one in folder.recordings] == ["day0/recordings/one", "day1/recordings/one"]
     found = lf.identify(folder, "reduced-polynomial", leave_out=["s1"])["reduced-polynomial"]
     (predicted,) = (one for one in compared(found) if not one.fitted)
-    assert predicted.recording.specimen == "s1" and predicted.r_squared > 0.999
+    assert predicted.recording.specimen == "s1" and predicted.force.r_squared > 0.999
     assert predicted.scale == pytest.approx(1.0, abs=0.01)
 
 

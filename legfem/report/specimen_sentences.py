@@ -129,7 +129,7 @@ def tested(results: Sequence[SpecimenFit]) -> list[str]:
             elif details.stiffness:
                 stiff = f"; with {one.scale:.2f} times the stiffness of a typical specimen, {one.shape_r_squared:.3f}"
             lines.append(
-                f"left out, {one.name}: predicted with R² {one.r_squared:.3f}, rmse {load(one.rmse)} "
-                f"({100 * one.rmse / one.course.peak:.2g} % of {load(one.course.peak)}){stiff}."
+                f"left out, {one.name}: predicted with R² {one.force.r_squared:.3f}, rmse {load(one.force.rms)} "
+                f"({100 * one.force.rms / one.course.peak:.2g} % of {load(one.course.peak)}){stiff}."
             )
     return lines

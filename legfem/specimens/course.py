@@ -170,7 +170,7 @@ def read_specimen(
     # One sample that overshoots doesn't count.
     recording = before_it_tears(replace(given, displacement=without_outliers(given.displacement)))
     calm, noise = recording.displacement, sample_noise(recording.displacement)
-    _check_motion(calm, starts_at_contact, source)
+    _check_motion(calm, source)
     start, arrived, _ = _loaded_and_held(recording, noise)
     force_noise = sample_noise(recording.force[start : arrived + 1])
     errors = instrument or _shown(recording, force_noise, noise, start, arrived)
@@ -284,22 +284,13 @@ def _parted(recording: Recording, end: int) -> int:
     return end + int(np.argmax(left)) if left.any() else len(force)
 
 
-def _check_motion(calm: FloatArray, starts_at_contact: bool, source: object) -> None:
-    begun, rise = float(calm[0]), float(calm.max() - calm[0])
-    if rise < _LEAST_RISE * float(np.ptp(calm)):
+def _check_motion(calm: FloatArray, source: object) -> None:
+    if float(calm.max() - calm[0]) < _LEAST_RISE * float(np.ptp(calm)):
         raise InputError(
             f"{source}",
             "displacement_mm",
             f"falls by {np.ptp(calm):.3g} mm, and never grows",
             "change its sign: displacement and force are positive in the test's direction",
-        )
-    if starts_at_contact and abs(begun) > rise:
-        raise InputError(
-            f"{source}",
-            "displacement_mm",
-            f"starts at {begun:.4g} mm, and goes on by {rise:.3g} "
-            "mm, where starts_at_contact says that it counts from first touch",
-            "subtract where it touches, or leave starts_at_contact out",
         )
 
 

@@ -10,7 +10,6 @@ the face, where a camera sees the side, weigh the alternatives beside the forces
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from functools import cached_property
 from types import MappingProxyType
 from typing import Any
 
@@ -332,8 +331,7 @@ class SpecimenDetails(KindDetails):
             "rate_mm_per_s": course.rate if course.samples.timed else None,
             "depth_mm": course.depth,
             "displacement_mm": course.displacement,
-            "rmse_N": one.rmse,
-            "r_squared": one.r_squared,
+            "rmse_N": one.force.rms,
             "scale": one.scale,
             "r_squared_at_that_scale": one.shape_r_squared,
         }
@@ -382,7 +380,7 @@ def _doubts_about_accuracy(fit: Fit[SpecimenDetails]) -> Iterator[Doubt]:
 
 @dataclass(frozen=True, eq=False)
 class RecordingFit(TestFit):
-    """A recording beside the fit, which its own samples tell of too."""
+    """A recording beside the fit."""
 
     recording: SpecimenRecording = field(kw_only=True)
 
@@ -390,28 +388,6 @@ class RecordingFit(TestFit):
     def course(self) -> Course:
         """The recording's stations and samples after first contact."""
         return self.recording.course
-
-    @cached_property
-    def _samples(self) -> tuple[FloatArray, FloatArray]:
-        """Forces of the samples within the course, and those predicted there, N."""
-        course = self.course
-        inside = course.samples.time <= course.time[-1]
-        known, predicted = (np.concatenate([[0.0], one]) for one in (course.time, self.force.predicted))
-        return course.samples.force[inside], np.interp(course.samples.time[inside], known, predicted)
-
-    def _missed(self, scale: float = 1.0) -> FloatArray:
-        force, predicted = self._samples
-        return np.asarray(scale * predicted - force)
-
-    @property
-    def rmse(self) -> float:
-        """Root mean square of the samples' differences, N."""
-        return float(np.sqrt(np.mean(self._missed() ** 2)))
-
-    @property
-    def r_squared(self) -> float:
-        """Share of the samples' variance that is predicted."""
-        return r_squared(float(np.sum(self._missed() ** 2)), self._samples[0])
 
     @property
     def scale(self) -> float:
@@ -422,7 +398,8 @@ class RecordingFit(TestFit):
     @property
     def shape_r_squared(self) -> float:
         """Share of the variance that is predicted with the stiffness that fits best."""
-        return r_squared(float(np.sum(self._missed(self.scale) ** 2)), self._samples[0])
+        missed = self.scale * self.force.predicted - self.course.force
+        return r_squared(float(missed @ missed), self.course.force)
 
 
 def compared(fit: Fit[SpecimenDetails]) -> list[RecordingFit]:
@@ -432,5 +409,5 @@ def compared(fit: Fit[SpecimenDetails]) -> list[RecordingFit]:
 
 def rms_percent(fit: Fit[SpecimenDetails]) -> float:
     """Root mean square of the fit's differences over each recording's greatest force, %."""
-    shares = [(one.rmse / one.course.peak) ** 2 for one in compared(fit) if one.fitted]
+    shares = [(one.force.rms / one.course.peak) ** 2 for one in compared(fit) if one.fitted]
     return 100 * float(np.sqrt(np.mean(shares)))

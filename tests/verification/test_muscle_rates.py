@@ -19,12 +19,12 @@ def test_the_middle_rate_is_predicted_from_the_others(tmp_path: Path, memory: st
     folder = lf.load_specimen(write_rates(tmp_path, MEMORIES[memory]))
     law = "reduced-polynomial"
     (predicted,) = left_out(lf.identify(folder, law, leave_out=["middle"])[law])
-    print(memory, predicted.r_squared, predicted.shape_r_squared)
-    assert predicted.r_squared >= LEAST
+    print(memory, predicted.force.r_squared, predicted.shape_r_squared)
+    assert predicted.force.r_squared >= LEAST
 
 
 def test_a_rate_ten_times_slower_is_predicted(tmp_path: Path) -> None:
     folder = lf.load_specimen(write_rates(tmp_path, MEMORIES["strain-dependent"]))
     law = "reduced-polynomial"
     (predicted,) = left_out(lf.identify(folder, law, leave_out=["slow"])[law])
-    assert predicted.r_squared >= LEAST
+    assert predicted.force.r_squared >= LEAST

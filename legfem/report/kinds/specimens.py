@@ -168,7 +168,7 @@ def _next(best: SpecimenFit) -> list[str]:
 
 def curves_of(results: Sequence[SpecimenFit]) -> list[Curves]:
     """Recordings beside the laws, over displacement and where one holds over time, those with the poorest fit first."""
-    worst = sorted(compared(least_akaike(results)), key=lambda one: one.r_squared)
+    worst = sorted(compared(least_akaike(results)), key=lambda one: one.force.r_squared)
     # Of each of several tests one at least.
     first = {one.recording.test: one for one in reversed(worst)}.values()
     worst = sorted(worst, key=lambda one: one not in first)[: max(_MOST_CURVES, len(first))]
@@ -190,8 +190,8 @@ def _recordings(results: Sequence[SpecimenFit]) -> list[web.Block]:
     bars = [
         LabelledBar(
             f"{one.name}{'' if one.fitted else ' (left out, predicted)'}",
-            max(one.r_squared, 0.0),
-            f"{one.r_squared:.4f}, {' of '.join(map(one.recording.axes.load_text, (one.rmse, one.course.peak)))}",
+            max(one.force.r_squared, 0.0),
+            f"{one.force.r_squared:.4f}, {one.recording.axes.load_text(one.force.rms)}",
         )
         for one in every
     ]
@@ -235,8 +235,8 @@ def _test_in_numbers(samples: Sequence[RecordingFit], law: str, test: str) -> we
             f"{axes.way_unit}/s": f"{axes.ways * one.course.rate:.3g}" if one.course.samples.timed else "no time",
             axes.way_unit: f"{axes.ways * one.course.depth:.3g}",
             f"peak {axes.load_unit}": f"{axes.loads * one.course.peak:.4g}",
-            f"rmse {axes.load_unit}": f"{axes.loads * one.rmse:.3g}",
-            "R²": f"{one.r_squared:.4f}",
+            f"rmse {axes.load_unit}": f"{axes.loads * one.force.rms:.3g}",
+            "R²": f"{one.force.r_squared:.4f}",
             "own/joint": f"{one.scale:.3f}",
             "": "" if one.fitted else "left out",
         }
