@@ -29,7 +29,7 @@ from legfem.jobs.store import code_fingerprint
 from legfem.specimens.agreement import TestsAgreement, agreement_of_tests
 from legfem.specimens.artefacts import SizeDependence, size_dependence
 from legfem.specimens.details import SpecimenNotice, cut_short
-from legfem.specimens.folder import FILE, SpecimenFolder, stiffness_doubts, tissue_asked_for
+from legfem.specimens.folder import FILE, SpecimenFolder, doubts_of, tissue_asked_for
 from legfem.specimens.mechanisms import Scale, mechanisms_of
 from legfem.specimens.sizes import LeftOut, Sizes, SpecimenRecording
 from legfem.specimens.variants import SpecimenVariants
@@ -204,9 +204,8 @@ def _diagnosed(
             solved, solved, observed, able, jobs, progress, middle, STIFFENING[law], detail, _LATTICE
         )
         library = replace(tables, missing={**unable, **tables.missing}, reach=_REACH)
-        seen, stiff = observed.with_channels(library.beside.names), stiffness_doubts(folder, middle)
-        doubts = (*folder.doubts, *(one for one in stiff if one.field not in folder.confirmed))
-        seen = replace(seen, notices=(*doubted(doubts), *seen.notices))
+        seen = observed.with_channels(library.beside.names)
+        seen = replace(seen, notices=(*doubted(doubts_of(folder, middle)), *seen.notices))
         given = DiagnosisInput(seen, instrument, law, library, every, whose, "specimens", accuracy=accuracy)
         return diagnose(given, solved, progress, seed)
 

@@ -266,13 +266,14 @@ def _sizes_sd(given: SpecimenFile) -> float:
     return (1.0 if given.origin == "measured" else 0.1) / 100 if stated is None else stated / 100
 
 
-def stiffness_doubts(folder: SpecimenFolder, c10: float) -> list[Doubt]:
-    """Return what is unlikely in how stiff (C10, MPa) a folder's recordings are."""
+def doubts_of(folder: SpecimenFolder, c10: float, others: Sequence[Doubt] = ()) -> tuple[Doubt, ...]:
+    """Return a folder's doubts with others, and with what is unlikely in how stiff (C10, MPa) its recordings are."""
     names = [folder.id, folder.title]
     if len(folder.tissues) > 1:
         names = [one.name for one in folder.tissues if "C10" not in one.stated]
     field = folder.recordings[0].sizes.kind.load_field
-    return list(doubts_about_stiffness(folder.directory / "recordings", c10, names, field))
+    more = (*others, *doubts_about_stiffness(folder.directory / "recordings", c10, names, field))
+    return (*folder.doubts, *(one for one in more if one.field not in folder.confirmed))
 
 
 def _ask_for_tables(given: SpecimenFile, paths: Sequence[Path]) -> None:

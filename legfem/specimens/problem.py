@@ -13,7 +13,7 @@ from types import MappingProxyType
 import numpy as np
 from scipy.special import stdtrit
 
-from legfem.common.errors import Doubt, InputError
+from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.common.wording import Argument
 from legfem.inverse.catalogue import IdentifiedLaw, LawName, model_values
@@ -43,7 +43,7 @@ from legfem.specimens.details import (
     weighed,
 )
 from legfem.specimens.face import face_fit
-from legfem.specimens.folder import SpecimenFolder, stiffness_doubts
+from legfem.specimens.folder import SpecimenFolder, doubts_of
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.laws import REFERENCE_MPA, ParameterRequest, identified_law
 from legfem.specimens.model_discrepancy import LawMisfit, fitted_change, misfit_of
@@ -189,7 +189,8 @@ class SpecimenProblem:
         undetermined = [Notice.of(SpecimenNotice.RATIO_UNDETERMINED, text=why)] if why else []
         found_here = notices_about(result, in_air, (*self.prepared.notices, *undetermined, *told))
         unused = (Notice.of(SpecimenNotice.NOT_USED, **asdict(one)) for one in self.prepared.left_out)
-        return replace(result, notices=(*doubted(self._doubts()), *unused, *found_here))
+        doubts = doubts_of(self.folder, self.prepared.c10, self.prepared.doubts)
+        return replace(result, notices=(*doubted(doubts), *unused, *found_here))
 
     def _missed(
         self, found: Found[SpecimenComparison], covariance: FloatArray
@@ -274,21 +275,16 @@ class SpecimenProblem:
         seen = own.predict(outcome, readings).values
         return [_test_fit(one, seen[span], fitted=False) for one, span in zip(others, own.spans, strict=True)], told
 
-    def _doubts(self) -> tuple[Doubt, ...]:
-        doubted = [
-            one
-            for one in (*self.prepared.doubts, *stiffness_doubts(self.folder, self.prepared.c10))
-            if one.field not in self.folder.confirmed
-        ]
-        return (*self.folder.doubts, *doubted)
+
+_PLAIN, _USUAL = ParameterRequest(), SearchRequest()
 
 
 def fit_specimens(
     folder: SpecimenFolder,
     laws: Sequence[LawName],
-    asked: ParameterRequest | None = None,
+    asked: ParameterRequest = _PLAIN,
     leave_out: Sequence[str] = (),
-    request: SearchRequest | None = None,
+    request: SearchRequest = _USUAL,
 ) -> list[Fit[SpecimenDetails]]:
     """Fit laws to all recordings of a folder together.
 
@@ -312,15 +308,14 @@ def fit_specimens(
     SearchError
         If too few full solves reach the recordings' depth.
     """
-    fits = _fit_once(folder, laws, asked or ParameterRequest(), leave_out, request or SearchRequest())
+    fits = _fit_once(folder, laws, asked, leave_out, request)
     best = least_akaike(fits).details.agreement
     # Laws can only be compared on the same recordings: where a test stands apart, by the best of them, it does by all.
     shared = best if best is not None and best.apart else None
 
     def across(joint: Fit[SpecimenDetails]) -> Fit[SpecimenDetails]:
         def without(tests: Sequence[str]) -> Fit[SpecimenDetails]:
-            again = [joint.law], asked or ParameterRequest(), (*leave_out, *tests), request or SearchRequest()
-            return _fit_once(folder, *again)[0]
+            return _fit_once(folder, [joint.law], asked, (*leave_out, *tests), request)[0]
 
         agreement = shared or joint.details.agreement
         return joint if agreement is None else across_tests(joint, agreement, without, shared is not None)

@@ -305,14 +305,11 @@ def doubts_about_sizes(toml: Path, table: str, entry: FileTable) -> Iterator[Dou
 
 def doubts_about_shape(toml: Path, sizes: Sizes) -> Iterator[Doubt]:
     """Yield doubts about a specimen so slender that it would buckle, or narrower than what presses it."""
-    covered = sizes.kind.covers(sizes.body)
-    if covered is not None:
-        share, key = covered
-        yield from _COVERED.doubts(toml, key, share, "check that both are diameters or widths in mm")
-    found = sizes.kind.slenderness(sizes.body)
-    if found is not None:
-        slender, key = found
-        yield from _SLENDER.doubts(toml, key, slender, "check that sizes are in mm and mm²")
+    kind, body = sizes.kind, sizes.body
+    for usual, found in ((_COVERED, kind.covers(body)), (_SLENDER, kind.slenderness(body))):
+        if found is not None:
+            ratio, key = found
+            yield from usual.doubts(toml, key, ratio, "check that both are sizes of the same kind, in mm and mm²")
 
 
 def doubts_about_course(source: str, course: Course, sizes: Sizes) -> Iterator[Doubt]:
