@@ -120,6 +120,9 @@ def test_a_diagnosis_of_two_pieces_on_a_rig_that_yields_says_so(
     if finding:
         assert "a rig that yields" in said
         assert " consistent " not in said.replace("consistent by itself", "")
+    # A reader of one specimen's page is warned, too.
+    own = " ".join(found["s0"].summary().split())
+    assert ("The constant depends on the thickness" in own) is finding
 
 
 def stress(strain: np.ndarray) -> np.ndarray:

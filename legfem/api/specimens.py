@@ -19,7 +19,7 @@ from legfem.report.diagnosis_document import parameter_rows
 from legfem.report.folder import REPORT, made_in_place
 from legfem.report.page import WebPage
 from legfem.report.specimen_results import specimens_document, specimens_page
-from legfem.specimens.diagnosis import DiagnosedSpecimen, diagnose_specimens
+from legfem.specimens.diagnosis import DiagnosedSpecimen, diagnose_specimens, said_together
 from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.laws import laws_named, request_of_texts
 from legfem.specimens.problem import fit_specimens
@@ -153,6 +153,12 @@ def diagnose_folder(
         made.append(one)
         if out is not None and one.diagnosis is not None:
             _of_specimen(folder, one).write(_place(folder, one.id, out))
+    told = said_together(made)
+    for place, one in enumerate(made if told else ()):
+        if one.diagnosis is not None:
+            made[place] = replace(one, diagnosis=one.diagnosis.told(told))
+            if out is not None:
+                _of_specimen(folder, made[place]).write(_place(folder, one.id, out))
     found = DiagnosedFolder(folder, tuple(made), out)
     if out is not None:
         found._write_all(out)

@@ -360,14 +360,11 @@ def segment(
     found = Segmentation(recording, contact_at_start(), smooth, instrument, scales)
     if starts_at_contact:
         return found
-    pressed = float(smooth.max()) - found.detected.displacement
-    if (
-        found.detected.in_air
-        and scales is not LEG
-        and 5 * found.displacement_noise < pressed < _MOSTLY_AIR * scales.way
-    ):
-        return segment(recording, instrument, scales=replace(scales, way=pressed / SHORT_OF_TRAVEL))
-    return found.touching(found.detected)
+    found = found.touching(found.detected)
+    pressed = float(smooth.max()) - found.contact.displacement if found.contact.in_air else np.inf
+    if scales is LEG or not 5 * found.displacement_noise < pressed < _MOSTLY_AIR * scales.way:
+        return found
+    return segment(recording, instrument, scales=replace(scales, way=pressed / SHORT_OF_TRAVEL))
 
 
 def _mark_separation(trial: Segmentation, labels: NDArray[np.str_]) -> None:

@@ -112,6 +112,10 @@ class Diagnosis:
         chances = probabilities([POWER * logsumexp([e.log_weight for e in one.explained.every]) for one in every])
         return list(zip(every, map(float, chances), strict=True))
 
+    def told(self, notices: Sequence[Notice]) -> "Diagnosis":
+        """Return the diagnosis with notices before its own."""
+        return replace(self, observed=replace(self.observed, notices=(*notices, *self.observed.notices)))
+
     def over_laws(self, others: "Sequence[Diagnosis]") -> "Diagnosis":
         """Return this diagnosis beside those by other laws, or theirs where this one's law is improbable."""
         beside = replace(self, other_laws=tuple(others))

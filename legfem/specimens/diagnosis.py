@@ -103,6 +103,13 @@ def tests_finding(found: Sequence[DiagnosedSpecimen], after: bool = False) -> Te
     return agreement_of_tests(c10 - 1, alike[:, 0], alike, alike, covariance, tests)
 
 
+def said_together(found: Sequence[DiagnosedSpecimen]) -> tuple[Notice, ...]:
+    """Return what specimens say together that no diagnosis of one of them can."""
+    thickness, tests = thickness_finding(found), tests_finding(found)
+    told = [Notice.of(SpecimenNotice.GOES_WITH_THICKNESS, text=thickness.text)] if thickness else []
+    return (*told, *([Notice.of(SpecimenNotice.TESTS_DISAGREE, text=tests.text)] if tests and tests.disagree else []))
+
+
 def diagnose_specimens(
     folder: SpecimenFolder, names: Sequence[str], responses: Path | None, jobs: int, progress: Progress, seed: int = 0
 ) -> Iterator[DiagnosedSpecimen]:
@@ -213,7 +220,7 @@ def _diagnosed(
     if found.verdict != "consistent":
         # What one law leaves out another may have: where nothing is missing, more stiffening is among what may hide.
         found = found.over_laws([by_law(law) for law in STIFFENING if law != folder.base_law])
-        found = replace(found, observed=replace(found.observed, notices=(*laws_told(found), *found.observed.notices)))
+        found = found.told(tuple(laws_told(found)))
     return found, tuple(left)
 
 
