@@ -155,11 +155,7 @@ def stations_of(trials: Sequence[Segmentation]) -> Stations:
             duration = abs(end - before) / rate
             times.append(times[-1] + duration)
             displacements.append(end)
-            begun, last = (before + (last - before) * step / count for step in (0.6, count - 0.4))
-            low, high = max(p.displacement.min() for p in parts), min(p.displacement.max() for p in parts)
-            if low < high:
-                begun, last = (min(max(end, low), high) for end in (begun, last))
-            d = np.linspace(begun, last, count)
+            d = _places(before, last, count, parts)
             t = times[-2] + (d - before) / (end - before) * duration
         phases += [phase] * len(d)
         numbers += [number] * len(d)
@@ -167,6 +163,15 @@ def stations_of(trials: Sequence[Segmentation]) -> Stations:
         t_at += list(t)
     protocol = Protocol(tuple(times), tuple(displacements))
     return Stations(protocol, np.array(phases), np.array(numbers), np.array(d_at), np.array(t_at))
+
+
+def _places(before: float, last: float, count: int, parts: Sequence[Segment]) -> FloatArray:
+    """Return places (n,) along a way, mm, within what all trials recorded of it."""
+    first, last = (before + (last - before) * step / count for step in (0.6, count - 0.4))
+    low, high = max(p.displacement.min() for p in parts), min(p.displacement.max() for p in parts)
+    if low < high:
+        first, last = (min(max(end, low), high) for end in (first, last))
+    return np.linspace(first, last, count)
 
 
 def stations_along(protocol: Protocol) -> Stations:
