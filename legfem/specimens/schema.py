@@ -105,7 +105,7 @@ class TissueOptions(input_files.FileTable):
     returns: bool = False
     """Whether unloading, and what follows it, is used too."""
     law: BaseLaw = "neo-hookean"
-    """Law whose shortcomings `legfem diagnose` looks for."""
+    """Law whose shortcomings `legfem diagnose` looks for; C10 is over both laws where one leaves something out."""
     relaxes: bool | None = None
     """Whether the stress relaxes; without it, that is so if a recording holds still."""
 
