@@ -4,6 +4,7 @@ import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -234,31 +235,21 @@ _OF_PULLS = re.compile(r"tensile|(?<!ex)tension|\bzug|traction|tracción|trazion
 
 def _converted(path: Path, sheet: Sheet, quantity: Quantity, channel: SourceColumn, area: float | None) -> FloatArray:
     unit = unit_named(channel.unit)
-    field = f"recordings.{quantity}"
+    refused = partial(InputError, path, f"recordings.{quantity}.unit")
     measured: Quantity = "pressure" if quantity == "force" and area is not None else quantity
     if unit is None or unit.quantity != measured:
-        raise InputError(
-            path,
-            f"{field}.unit",
-            f"'{channel.unit}' is not a unit of {measured}",
-            f"give {UNIT_OF[measured]} or a multiple of it",
-        )
+        remedy = f"give {UNIT_OF[measured]} or a multiple of it"
+        raise refused(f"'{channel.unit}' is not a unit of {measured}", remedy)
     columns = [c for c in sheet.columns if c.name == channel.column]
     # Of two that are called alike one is in volts, perhaps, or both are one signal.
     columns = [c for c in columns if c.known_unit == unit] or columns
     if len(columns) != 1 and not (columns and all(np.array_equal(c.values, columns[0].values) for c in columns)):
         names = ", ".join(f"'{c.name}'" for c in sheet.columns)
-        many = f"{len(columns)} columns '{channel.column}'" if columns else "there is no column "
-        raise InputError(
-            path, f"{field}.column", many if columns else f"{many}'{channel.column}'", f"give one of {names}"
-        )
+        many = f"{len(columns)} columns" if columns else "there is no column"
+        raise InputError(path, f"recordings.{quantity}.column", f"{many} '{channel.column}'", f"give one of {names}")
     if columns[0].known_unit not in (None, unit):
-        raise InputError(
-            path,
-            f"{field}.unit",
-            f"'{channel.unit}', but the file says '{columns[0].unit}'",
-            "give the file's unit, or correct the file",
-        )
+        problem = f"'{channel.unit}', but the file says '{columns[0].unit}'"
+        raise refused(problem, "give the file's unit, or correct the file")
     size = area if measured == "pressure" and area is not None else 1.0
     return columns[0].values * size * unit.factor * channel.sign
 

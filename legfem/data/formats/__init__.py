@@ -6,6 +6,7 @@ import lzma
 import tempfile
 import zipfile
 from collections.abc import Callable
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 
@@ -123,11 +124,11 @@ def read_sheets(path: Path) -> list[Sheet]:
     InputError
         If the file is missing, too large, of no known kind, damaged, a microscope's, or holds no table of numbers.
     """
-    ending = path.suffix.lower()
+    ending, refused = path.suffix.lower(), partial(InputError, path, "file")
     if not path.is_file():
         raise _no_file(path)
     if path.stat().st_size == 0:
-        raise InputError(path, "file", "is empty", "copy or export it again")
+        raise refused("is empty", "copy or export it again")
     check_size(path, path.stat().st_size)
     refuse_force_curve(path)
     refuse_what_holds_no_table(path)
@@ -147,19 +148,13 @@ def read_sheets(path: Path) -> list[Sheet]:
         raise
     except Exception as error:  # a damaged file: its library raises whatever it meets
         said = " ".join(str(error).split())[:120] or type(error).__name__
-        raise InputError(
-            path,
-            "file",
+        raise refused(
             f"can't be read as {ending or 'what it begins as'} ({said})",
             "it may be damaged, or of another kind than its name says: copy or export it again",
         ) from error
     if not sheets:
-        raise InputError(
-            path,
-            "file",
-            "contains no columns of numbers with names",
-            "export time, displacement and force, each with its name",
-        )
+        problem = "contains no columns of numbers with names"
+        raise refused(problem, "export time, displacement and force, each with its name")
     return sheets
 
 
