@@ -68,7 +68,7 @@ def trial_doubts(trials: Sequence[Segmentation]) -> Iterator[Doubt]:
         yield from _spike_doubts(trial.source, trial.recording)
         yield from _gap_doubts(trial)
         yield from _joined_doubts(trial)
-        yield from _start_doubts(trial)
+        yield from start_doubts(trial)
     yield from instrument_doubts(trials)
 
 
@@ -196,8 +196,8 @@ def _joined_doubts(trial: Segmentation) -> Iterator[Doubt]:
         )
 
 
-def _start_doubts(trial: Segmentation) -> Iterator[Doubt]:
-    """Yield a doubt about where displacement begins."""
+def start_doubts(trial: Segmentation) -> Iterator[Doubt]:
+    """Yield a doubt about where displacement begins; raise InputError where it can't be from first touch."""
     d, contact = trial.smooth, trial.contact
     travel, start, deepest = float(d.max() - d[0]), float(d[0]), float(d.max())
     if contact.known and abs(start) > max(_OFF_START * travel, 5.0 * trial.instrument.displacement_sd):
@@ -208,7 +208,7 @@ def _start_doubts(trial: Segmentation) -> Iterator[Doubt]:
             f"taken to be {deepest:.3g} mm deep, and would be {travel:.3g} mm if it touches where it starts",
             "subtract where it touches, or leave starts_at_contact out",
         )
-        yield from found.refused_if(trial.scales is LEG and abs(start) > LEG.depth)
+        yield from found.refused_if(abs(start) > (LEG.depth if trial.scales is LEG else travel))
 
 
 def cut_off(displacement: FloatArray, force: FloatArray) -> float:

@@ -119,13 +119,10 @@ class Diagnosis:
     def over_laws(self, others: "Sequence[Diagnosis]") -> "Diagnosis":
         """Return this diagnosis beside those by other laws, or theirs where this one's law is improbable."""
         beside = replace(self, other_laws=tuple(others))
-        (_, own), *_ = beside.by_law
+        if beside.by_law[0][1] > IMPROBABLE:
+            return beside
         best, _ = max(beside.by_law, key=lambda one: one[1])
-        return (
-            beside
-            if own > IMPROBABLE
-            else replace(best, other_laws=(self, *(one for one in others if one is not best)))
-        )
+        return replace(best, other_laws=tuple(one for one in (self, *others) if one is not best))
 
     @property
     def equally(self) -> bool:

@@ -276,9 +276,8 @@ def _rest_of(subject: Subject, found: Diagnosis) -> Subject:
     for number, (one, trial) in enumerate(zip(subject.recordings, subject.trials, strict=True)):
         touched = found.aside.readings & (observed.trial[observed.nearest] == number)
         end = trial.touched + observed.time[observed.nearest][touched].min(initial=np.inf)
-        times, way, force = (column[one.time < end] for column in (one.time, one.displacement, one.force))
         if not (touched.any() and found.aside.whole):
-            kept.append(replace(one, time=times, displacement=way, force=force))
+            kept.append(one.part(one.time < end))
     return replace(subject, recordings=tuple(kept))
 
 

@@ -33,6 +33,7 @@ from legfem.common.units import FloatArray
 from legfem.data import Instrument, Recording, Scales, Segmentation, segment
 from legfem.data.contact import PARTED, Contact, contact_at_start, first_return
 from legfem.data.instrument_faults import standing_force
+from legfem.data.plausibility import start_doubts
 from legfem.data.quality import check_touch
 from legfem.data.segmentation import before_it_tears
 from legfem.data.smoothing import sample_noise, without_outliers
@@ -175,6 +176,7 @@ def read_specimen(
     force_noise = sample_noise(recording.force[start : arrived + 1])
     errors = instrument or _shown(recording, force_noise, noise, start, arrived)
     trial = segment(recording, errors, starts_at_contact, Scales.of_specimen(recording, power))
+    list(start_doubts(trial))
     check_touch(trial)
     return trial
 
