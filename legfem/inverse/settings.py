@@ -201,6 +201,8 @@ class SearchRequest:
         Values that are held, in place of those that the folder gives.
     depth : float, optional
         Greatest displacement to use, mm.
+    start : Mapping[str, float]
+        Values about which a law that has no other free ones is looked for first, in place of where legs lie.
     settings : IdentificationSettings
         Of the search.
     out : Path, optional
@@ -216,6 +218,7 @@ class SearchRequest:
     parameters: Sequence[Parameter] | None = None
     fixed: Values = field(default_factory=dict)
     depth: float | None = None
+    start: Values = field(default_factory=dict)
     settings: IdentificationSettings = field(default_factory=IdentificationSettings)
     out: Path | None = None
     responses: Path | None = None

@@ -118,10 +118,12 @@ class Diagnoser:
         solve = partial(build_library, fine, coarse, observed, asked, self.jobs, progress, middle, STIFFENING[law])
         return solve, fine
 
-    def identified(self, subject: Subject, progress: Progress) -> Identified:
-        """Return the base model's fit, as an identification has it."""
+    def identified(self, subject: Subject, progress: Progress, start: Mapping[str, float] | None = None) -> Identified:
+        """Return the base model's fit, as an identification has it, looked for first at values (MPa)."""
         law = subject.tissues["deep"].law
-        request = SearchRequest(out=self.folder, responses=self.folder, jobs=self.jobs, progress=progress)
+        request = SearchRequest(
+            out=self.folder, responses=self.folder, start=start or {}, jobs=self.jobs, progress=progress
+        )
         # A neo-Hookean fit is weighed by errors about one with C20, as where both laws are identified.
         every = fit_leg(subject, LAWS if law == LAWS[0] else [law], request, [choose_correction("auto", subject)])
         (found,) = (one for one in every if one.law == law)
@@ -151,7 +153,7 @@ class Diagnoser:
                 nearest = min(STIFFENINGS, key=lambda one: abs(one - math.log1p(c20 / c10)))
                 screened = self.given(subject, observed, partial(complete, lattice=[(0.0, nearest)]), None)
                 self.deadline.check()
-            given = self.given(subject, observed, complete, self.identified(subject, told))
+            given = self.given(subject, observed, complete, self.identified(subject, told, first.base_model.fit.values))
         except TimeIsUpError:
             if screened is None:
                 return first

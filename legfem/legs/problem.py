@@ -288,6 +288,12 @@ def leg_problem(
     )
     forward = forward or section_forward(leg, request)
     unknowns = laws_of(leg.sites[0], laws, forward.nominal, parameters, fixed)
+    begun = {
+        name: replace(law, starts=(request.start,))
+        for name, law in unknowns.items()
+        if {*law.names} <= {*request.start}
+    }
+    unknowns |= begun
     if not several:
         for law in unknowns.values():
             weighting_of(law, request.settings.weighting, bool(tests[0].observed.channels))
