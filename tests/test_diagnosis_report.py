@@ -59,6 +59,16 @@ def flat(text: str) -> str:
     return " ".join(text.split())
 
 
+def test_a_page_of_what_there_was_time_for_claims_nothing_of_the_rest(found, subject):
+    assert found["consistent"].limits
+    cut = replace(
+        found["consistent"], provisional=True, limits=(), assessment=replace(found["named"].assessment, scores=())
+    )
+    text = flat(text_of(cut, subject))
+    assert "Verdict so far: CONSISTENT" in text and "Nothing was tested: there was no time." in text
+    assert "None of them can change" not in text and "The table below says how strong" not in text
+
+
 @pytest.mark.parametrize("verdict", CASES)
 def test_page_states_verdict_origin_and_open_questions(found, subject, verdict):
     page = text_of(found[verdict], subject)

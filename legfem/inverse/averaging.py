@@ -38,7 +38,7 @@ POWER = 0.5
 WITH_UNSEEN = 0.5
 """Probability that C10 is asked for as such recordings give it, and not without what they don't show: a judgement."""
 UNWEIGHED = 0.5
-"""Of ln C10, 95 %: what may be left out that wasn't weighed, times the root of the share that it is of all."""
+"""Of ln C10 and ln C20, 95 %: what wasn't weighed and may be left out, times the root of its share of all."""
 _MOST = 500
 """Distributions that a parameter's is told by: its ends are those of all within a ten thousandth."""
 _COUNTS = 1e-4
@@ -92,7 +92,7 @@ def averaged_interval(
     mixture = _beside_unseen(each, parameter.prior, unseen)
     tail = (1 - 0.95) / 2
     low, middle, high = (parameter.prior.value_at(mixture.quantile(p)) for p in (tail, 0.5, 1 - tail))
-    if name == DEEP_C10 and explained.share < 1.0 and low > 0.0:
+    if name in (DEEP_C10, DEEP_C20) and explained.share < 1.0 and low > 0.0:
         more = UNWEIGHED * math.sqrt(1.0 - explained.share)
         low = middle * math.exp(-math.hypot(math.log(middle / low), more))
         high = middle * math.exp(math.hypot(math.log(high / middle), more))

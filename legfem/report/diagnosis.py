@@ -177,7 +177,7 @@ def _physics(found: Diagnosis) -> list[web.Block]:
         tables.phase_table(found),
     ]
     if found.verdict == "consistent":
-        blocks += _hidden(found)
+        blocks += _hidden(found) if found.limits else []
     elif not found.models:
         return [*blocks, web.Prose(_closest(found))]
     else:
@@ -225,8 +225,8 @@ def _looks(found: Diagnosis) -> str:
     if found.verdict == "consistent":
         looks += (
             f" That is no proof that nothing was left out: an effect that looks like a change of {stiffness}, or that "
-            "could not be tested, is not detected. The table below says how strong each may be."
-        )
+            "could not be tested, is not detected."
+        ) + " The table below says how strong each may be." * bool(found.limits)
     if found.models:
         looks += " A mechanism that legfem does not know and that looks the same is not ruled out."
     return looks

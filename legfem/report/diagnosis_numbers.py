@@ -234,7 +234,8 @@ def flag(model: Explanation, name: str, null: float | None) -> str:
 def score_blocks(found: Diagnosis) -> list[Block]:
     """Return the score tests of the base model, the strongest first."""
     if not found.assessment.scores:
-        return [Prose("Nothing was tested: these recordings cannot show any of the mechanisms.")]
+        why = "there was no time" if found.provisional else "these recordings cannot show any of the mechanisms"
+        return [Prose(f"Nothing was tested: {why}.")]
     rows = [
         {
             "mechanism": plain(score.name),

@@ -29,7 +29,8 @@ def verdict_sentence(found: Diagnosis) -> str:
         f"{capital(statements(one))}: {percent(one.probability)} of what may be left out.{_in_part(found, one)}"
         for one in found.models
     ]
-    return " ".join(filter(None, [f"Verdict: {found.verdict.upper()}.", *each, air(found)]))
+    verdict = f"Verdict{' so far' * found.provisional}: {found.verdict.upper()}."
+    return " ".join(filter(None, [verdict, *each, air(found)]))
 
 
 def air(found: Diagnosis) -> str:
