@@ -1,48 +1,41 @@
 """Layers over the muscle: fat of another stiffness, or that slides; fascia and skin of another tension than assumed."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from dataclasses import replace
+from typing import Any
 
 from legfem.common.units import kpa_to_mpa
 from legfem.inverse.advice import LabStep, either, recorded
 from legfem.inverse.mechanism import IndentedLeg, Solution, TissueMechanism, Values, factor, strength
-from legfem.inverse.parameter import Parameter
 
 FAT_IMAGED = LabStep("image the fat's thickness under load", recorded("fat_thickness", "section_displacement"))
 
 
-@dataclass(frozen=True)
 class SuperficialStiffness(TissueMechanism):
     """The fat's stiffness, over the one given."""
 
-    name: ClassVar[str] = "superficial-stiffness"
-    statement: ClassVar[str] = "the superficial tissue (fat) is stiffer or softer than assumed"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        factor("factor", "on C10", (0.1, 9.0), 0.9, "reported stiffness of fat differs tenfold"),
-    )
-    scaled: ClassVar[tuple[str, ...]] = ("superficial.C10",)
-    would_be: ClassVar[str] = "fat of {} times the assumed stiffness"
-    alters_nuisances: ClassVar[bool] = True
-    steps: ClassVar[tuple[LabStep, ...]] = (LabStep("press gently with a small tip (2 mm deep)"), FAT_IMAGED)
-    next_experiment: ClassVar[str] = either(*steps)
-    measured_sd: ClassVar[float | None] = 0.25
+    name = "superficial-stiffness"
+    statement = "the superficial tissue (fat) is stiffer or softer than assumed"
+    parameters = (factor("factor", "on C10", (0.1, 9.0), 0.9, "reported stiffness of fat differs tenfold"),)
+    scaled = ("superficial.C10",)
+    would_be = "fat of {} times the assumed stiffness"
+    alters_nuisances = True
+    steps = (LabStep("press gently with a small tip (2 mm deep)"), FAT_IMAGED)
+    next_experiment = either(*steps)
+    measured_sd = 0.25
     """An estimate."""
-    strengths: ClassVar[tuple[float, ...]] = (0.4, 1.7, 3.5, 8.0)
+    strengths = (0.4, 1.7, 3.5, 8.0)
 
 
-@dataclass(frozen=True)
 class FatStiffening(TissueMechanism):
     """A second and a third coefficient of the fat's energy, where the model has one."""
 
-    name: ClassVar[str] = "superficial-stiffening"
-    statement: ClassVar[str] = "the superficial tissue (fat) stiffens as it is squeezed"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        strength("coefficient", "kPa", "of the fat's energy's third power", 3.0, (0.0, 60.0)),
-    )
-    steps: ClassVar[tuple[LabStep, ...]] = (replace(FAT_IMAGED, words=f"{FAT_IMAGED.words}, at several depths"),)
-    next_experiment: ClassVar[str] = either(*steps)
-    strengths: ClassVar[tuple[float, ...]] = (1.0, 6.0, 25.0)
+    name = "superficial-stiffening"
+    statement = "the superficial tissue (fat) stiffens as it is squeezed"
+    parameters = (strength("coefficient", "kPa", "of the fat's energy's third power", 3.0, (0.0, 60.0)),)
+    steps = (replace(FAT_IMAGED, words=f"{FAT_IMAGED.words}, at several depths"),)
+    next_experiment = either(*steps)
+    strengths = (1.0, 6.0, 25.0)
 
     def terms(self, leg: IndentedLeg) -> Sequence[Any]:
         """Return the fat with more coefficients of its energy."""
@@ -63,7 +56,6 @@ _LEAST = 1e-3
 """Share of the way below which nothing slides."""
 
 
-@dataclass(frozen=True)
 class FatSliding(TissueMechanism):
     r"""Sliding of the fat over the fascia between none (grown together) and free, on a face that doesn't open.
 
@@ -74,18 +66,16 @@ class FatSliding(TissueMechanism):
     Free of all, fat could turn round the leg, which what holds it beyond the section doesn't let it.
     """
 
-    name: ClassVar[str] = "fat-sliding"
-    statement: ClassVar[str] = "the fat slides along the fascia: the two are not grown together"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        strength("sliding", "-", "share of the way from grown together to free", 0.6, (0.0, 1.0)),
-    )
-    would_be: ClassVar[str] = "fat that slides along the fascia, {} of the way to free"
-    next_experiment: ClassVar[str] = "film fat and fascia with ultrasound beside the cylinder while it presses"
-    steps: ClassVar[tuple[LabStep, ...]] = (LabStep(next_experiment, recorded("section_displacement")),)
-    measured_sd: ClassVar[float | None] = 0.2
+    name = "fat-sliding"
+    statement = "the fat slides along the fascia: the two are not grown together"
+    parameters = (strength("sliding", "-", "share of the way from grown together to free", 0.6, (0.0, 1.0)),)
+    would_be = "fat that slides along the fascia, {} of the way to free"
+    next_experiment = "film fat and fascia with ultrasound beside the cylinder while it presses"
+    steps = (LabStep(next_experiment, recorded("section_displacement")),)
+    measured_sd = 0.2
     """An estimate: speckle is followed to some 0.3 mm beside ways of one or two."""
-    variant: ClassVar[str] = "fat slides"
-    strengths: ClassVar[tuple[float, ...]] = (0.4, 0.78)
+    variant = "fat slides"
+    strengths = (0.4, 0.78)
 
     def terms(self, leg: IndentedLeg) -> Sequence[Any]:
         """Return the face."""
@@ -102,13 +92,12 @@ class FatSliding(TissueMechanism):
         return Solution(self.variant, {"sliding.shear": kpa_to_mpa(borne)})
 
 
-@dataclass(frozen=True)
 class FasciaStiffness(TissueMechanism):
     """The fascia's stiffness times thickness, over the one given."""
 
-    name: ClassVar[str] = "fascia-stiffness"
-    statement: ClassVar[str] = "the fascia is stiffer, softer, thicker or thinner than assumed"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "fascia-stiffness"
+    statement = "the fascia is stiffer, softer, thicker or thinner than assumed"
+    parameters = (
         factor(
             "factor",
             "stiffness times thickness over the assumed one",
@@ -117,32 +106,27 @@ class FasciaStiffness(TissueMechanism):
             "crural fascia is reported from 0.1 to 100 MPa",
         ),
     )
-    scaled: ClassVar[tuple[str, ...]] = ("fascia.C10",)
-    would_be: ClassVar[str] = "a fascia of {} times the assumed stiffness"
-    alters_nuisances: ClassVar[bool] = True
-    next_experiment: ClassVar[str] = "measure the fascia by shear-wave elastography"
-    measured_sd: ClassVar[float | None] = 0.4
+    scaled = ("fascia.C10",)
+    would_be = "a fascia of {} times the assumed stiffness"
+    alters_nuisances = True
+    next_experiment = "measure the fascia by shear-wave elastography"
+    measured_sd = 0.4
     """An estimate: a sheet thinner than a wave is long."""
-    strengths: ClassVar[tuple[float, ...]] = (0.2, 3.0, 9.0, 26.0)
+    strengths = (0.2, 3.0, 9.0, 26.0)
 
 
-@dataclass(frozen=True)
 class FasciaPrestress(TissueMechanism):
     """Tension of the fascia in the imaged state."""
 
-    name: ClassVar[str] = "prestress"
-    statement: ClassVar[str] = "the fascia was under tension before the test"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        strength("tension", "kPa", "tension of the fascia at rest", 100.0, (0.0, 500.0)),
-    )
-    would_be: ClassVar[str] = "a fascia under a tension of {}"
-    alters_nuisances: ClassVar[bool] = True
-    next_experiment: ClassVar[str] = (
-        "measure the pressure in the compartment at rest, or shear-wave speeds along the fascia"
-    )
-    measured_sd: ClassVar[float | None] = 40.0
+    name = "prestress"
+    statement = "the fascia was under tension before the test"
+    parameters = (strength("tension", "kPa", "tension of the fascia at rest", 100.0, (0.0, 500.0)),)
+    would_be = "a fascia under a tension of {}"
+    alters_nuisances = True
+    next_experiment = "measure the pressure in the compartment at rest, or shear-wave speeds along the fascia"
+    measured_sd = 40.0
     """An estimate: 1 kPa of pressure times the fascia's radius over its thickness."""
-    strengths: ClassVar[tuple[float, ...]] = (20.0, 100.0, 300.0)
+    strengths = (20.0, 100.0, 300.0)
 
     def terms(self, leg: IndentedLeg) -> Sequence[Any]:
         """Return the fascia's tension."""
@@ -155,7 +139,6 @@ class FasciaPrestress(TissueMechanism):
         return Solution(parameters={"fascia.prestress.tension": kpa_to_mpa(values["tension"])})
 
 
-@dataclass(frozen=True)
 class DermisTension(TissueMechanism):
     """The dermis as a membrane on the fat, which both papers leave out.
 
@@ -164,9 +147,9 @@ class DermisTension(TissueMechanism):
     and C10 from indentation with images (1.11 MPa; Tran et al. 2007) 2 N/mm.
     """
 
-    name: ClassVar[str] = "dermis"
-    statement: ClassVar[str] = "the skin bears tension: it is a sheet stiffer than the fat under it"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "dermis"
+    statement = "the skin bears tension: it is a sheet stiffer than the fat under it"
+    parameters = (
         strength(
             "stiffness",
             "N/mm",
@@ -176,14 +159,12 @@ class DermisTension(TissueMechanism):
             "Diridollou 2000, Hendriks 2006 and Tran 2007: 0.04 to 2 N/mm",
         ),
     )
-    would_be: ClassVar[str] = "a skin of a stiffness of {}"
-    alters_nuisances: ClassVar[bool] = True
-    next_experiment: ClassVar[str] = (
-        "lift the skin with a suction cup, or stretch it between two pads, beside the indenter"
-    )
-    measured_sd: ClassVar[float | None] = 0.1
+    would_be = "a skin of a stiffness of {}"
+    alters_nuisances = True
+    next_experiment = "lift the skin with a suction cup, or stretch it between two pads, beside the indenter"
+    measured_sd = 0.1
     """An estimate: a third of a usual stiffness."""
-    strengths: ClassVar[tuple[float, ...]] = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0)
+    strengths = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0)
 
     def terms(self, leg: IndentedLeg) -> Sequence[Any]:
         """Return the membrane."""

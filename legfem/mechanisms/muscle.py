@@ -1,10 +1,9 @@
 """Muscle: compressible, fibrous, stiffening, tensing, or stiffer in one place than elsewhere."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cache
 from itertools import product
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.stats import norm
@@ -28,46 +27,42 @@ from legfem.inverse.mechanism import (
     strength,
 )
 from legfem.inverse.observations import Observations
-from legfem.inverse.parameter import Parameter, Prior
+from legfem.inverse.parameter import Prior
 from legfem.mechanisms import AWAY, ONSET, moments, passing
 
 if TYPE_CHECKING:
     from legfem.mechanics.materials import Hyperelastic
 
 
-@dataclass(frozen=True)
 class Compressibility(TissueMechanism):
     """The deep tissue's D1, over the one given."""
 
-    name: ClassVar[str] = "compressibility"
-    statement: ClassVar[str] = "the muscle is more (or less) compressible than assumed"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "compressibility"
+    statement = "the muscle is more (or less) compressible than assumed"
+    parameters = (
         factor(
             "factor", "D1 over the assumed one", (0.1, 60.0), 1.3, "reported bulk moduli of muscle differ a hundredfold"
         ),
     )
-    scaled: ClassVar[tuple[str, ...]] = ("deep.D1",)
-    would_be: ClassVar[str] = "a muscle of {} times the assumed compressibility"
-    next_experiment: ClassVar[str] = "image the section under load and measure how its area changes"
-    steps: ClassVar[tuple[LabStep, ...]] = (LabStep(next_experiment, recorded("section_displacement")),)
-    measured_sd: ClassVar[float | None] = 0.7
+    scaled = ("deep.D1",)
+    would_be = "a muscle of {} times the assumed compressibility"
+    next_experiment = "image the section under load and measure how its area changes"
+    steps = (LabStep(next_experiment, recorded("section_displacement")),)
+    measured_sd = 0.7
     """An estimate: areas to 0.5 % beside changes of 1 %."""
-    strengths: ClassVar[tuple[float, ...]] = (0.3, 3.0, 9.0, 26.0)
+    strengths = (0.3, 3.0, 9.0, 26.0)
 
 
-@dataclass(frozen=True)
 class StrainStiffening(TissueMechanism):
     """One more term of the energy's series in (I1 - 3)."""
 
-    name: ClassVar[str] = "strain-stiffening"
-    statement: ClassVar[str] = "the deep tissue stiffens with strain more than the law used can describe"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        strength("coefficient", "kPa", "coefficient of the energy's next power of strain", 1.5, (0.0, 20.0)),
-    )
-    steps: ClassVar[tuple[LabStep, ...]] = (DEEPER, LabStep("press with a smaller indenter: larger strains"))
-    next_experiment: ClassVar[str] = either(*steps)
-    strengths: ClassVar[tuple[float, ...]] = (0.3, 1.2, 4.0)
-    stands_for_C20: ClassVar[bool] = True
+    name = "strain-stiffening"
+    statement = "the deep tissue stiffens with strain more than the law used can describe"
+    parameters = (strength("coefficient", "kPa", "coefficient of the energy's next power of strain", 1.5, (0.0, 20.0)),)
+    steps = (DEEPER, LabStep("press with a smaller indenter: larger strains"))
+    next_experiment = either(*steps)
+    strengths = (0.3, 1.2, 4.0)
+    stands_for_C20 = True
 
     def terms(self, leg: IndentedLeg) -> Sequence[Any]:
         """Return the tissue with a third coefficient of its energy."""
@@ -85,7 +80,6 @@ class StrainStiffening(TissueMechanism):
         return Solution(parameters={"deep.C30": kpa_to_mpa(values["coefficient"])})
 
 
-@dataclass(frozen=True)
 class MuscleContraction(Mechanism):
     """The muscle tenses from a moment on, in every trial, and may let go after a while: its stiffness rises smoothly.
 
@@ -93,9 +87,9 @@ class MuscleContraction(Mechanism):
     needed; `legfem.mechanics.terms.muscle` is the same thing in the finite-element model, of a muscle that stays tense.
     """
 
-    name: ClassVar[str] = "muscle-contraction"
-    statement: ClassVar[str] = "the muscle tensed during the test and became stiffer"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "muscle-contraction"
+    statement = "the muscle tensed during the test and became stiffer"
+    parameters = (
         strength("stiffening", "-", "rise of the deep stiffness over itself", 0.2, (0.0, 3.0)),
         ONSET,
         shape(
@@ -107,9 +101,9 @@ class MuscleContraction(Mechanism):
         ),
         AWAY,
     )
-    would_be: ClassVar[str] = "a muscle that tenses and becomes stiffer by a share of {}"
-    next_experiment: ClassVar[str] = "repeat with electromyography of the calf, or ask for a relaxed leg and compare"
-    measured_sd: ClassVar[float | None] = 0.03
+    would_be = "a muscle that tenses and becomes stiffer by a share of {}"
+    next_experiment = "repeat with electromyography of the calf, or ask for a relaxed leg and compare"
+    measured_sd = 0.03
     """An estimate."""
 
     def starts(self, observed: Observations) -> tuple[Values, ...]:
@@ -131,7 +125,6 @@ _UNSEEN = 5
 _SOURCE = "the table of fibres' own errors"
 
 
-@dataclass(frozen=True)
 class MuscleFibres(Mechanism):
     r"""Force times :math:`f(d; r)^{1 + \sum_k a_k e_k(d)}`, see `legfem.legs.correction_of_leg`.
 
@@ -140,9 +133,9 @@ class MuscleFibres(Mechanism):
     shows where the base model has ends.
     """
 
-    name: ClassVar[str] = "muscle-fibres"
-    statement: ClassVar[str] = "muscle is fibrous along the leg: its fibres bend at the cylinder's ends, and resist"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "muscle-fibres"
+    statement = "muscle is fibrous along the leg: its fibres bend at the cylinder's ends, and resist"
+    parameters = (
         factor(
             "ratio",
             "of the muscle's shear moduli along the leg and across",
@@ -153,19 +146,19 @@ class MuscleFibres(Mechanism):
         error_mode("size", "error of the table that is mostly alike at all depths", _SOURCE),
         error_mode("course", "error of the table that changes along the depth", _SOURCE),
     )
-    next_experiment: ClassVar[str] = (
+    next_experiment = (
         "press with the cylinder across the leg or with an end-on punch, or measure the muscle by "
         "shear-wave elastography along its fibres and across"
     )
-    measured_sd: ClassVar[float | None] = 0.15
+    measured_sd = 0.15
     """An estimate: moduli to 10 % each."""
 
-    expected: ClassVar[float] = 5.0
+    expected = 5.0
     """All skeletal muscle is fibrous; its part that presses on a cylinder may lie otherwise."""
-    unseen_statement: ClassVar[str] = (
+    unseen_statement = (
         "muscle is stiffer along its fibres than across them, and pressing one place does not show by how much"
     )
-    hides_in_stiffness: ClassVar[bool] = True
+    hides_in_stiffness = True
 
     def unseen_factors(self, between: tuple[float, float], observed: Observations) -> FloatArray:
         """Return how much stiffer a muscle has to be that is alike in all directions, for as much force.
@@ -229,7 +222,6 @@ def _places(site: Site, depth_and_side: Sequence[tuple[float, float]]) -> FloatA
     return np.asarray(touch + np.outer(fascia + depth, travel) + np.outer(side, across(travel)))
 
 
-@dataclass(frozen=True)
 class UnevenMuscle(TissueMechanism):
     r"""A lump, or a weak spot, somewhere under the indenter.
 
@@ -240,9 +232,9 @@ class UnevenMuscle(TissueMechanism):
     solution with a hard lump at each place counts with the square of g over its own there.
     """
 
-    name: ClassVar[str] = "uneven-muscle"
-    statement: ClassVar[str] = "a region of the muscle is stiffer or softer than the rest of it"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "uneven-muscle"
+    statement = "a region of the muscle is stiffer or softer than the rest of it"
+    parameters = (
         factor(
             "factor",
             "on the stiffness there",
@@ -272,11 +264,11 @@ class UnevenMuscle(TissueMechanism):
             (_RADII_MM[0], _RADII_MM[-1]),
         ),
     )
-    would_be: ClassVar[str] = "a region of the muscle of {} times the stiffness of the rest"
-    next_experiment: ClassVar[str] = "press at a second place of the calf, or map the muscle by shear-wave elastography"
-    expected: ClassVar[float] = 3.0
+    would_be = "a region of the muscle of {} times the stiffness of the rest"
+    next_experiment = "press at a second place of the calf, or map the muscle by shear-wave elastography"
+    expected = 3.0
     """Aponeuroses and tendons run through every calf, and vessels: what isn't known is whether they matter."""
-    variant: ClassVar[str] = "uneven"
+    variant = "uneven"
 
     def acts_in(self, values: Values, site: Site) -> tuple[FloatArray, float]:
         """Return the lump."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -21,14 +21,10 @@ from legfem.inverse.mechanism import (
     strength,
 )
 from legfem.inverse.observations import Observations
-from legfem.inverse.parameter import Parameter, Prior
+from legfem.inverse.parameter import Prior
 from legfem.mechanisms import AWAY, ONSET, moments, passing
 
-if TYPE_CHECKING:
-    from legfem.mechanics.contact import TangentialName
 
-
-@dataclass(frozen=True)
 class LegMovement(Mechanism):
     r"""The leg moves from a moment on, and back after a while, in every trial alike.
 
@@ -38,9 +34,9 @@ class LegMovement(Mechanism):
     displacement is all that is asked for.
     """
 
-    name: ClassVar[str] = "leg-movement"
-    statement: ClassVar[str] = "the leg moved during the test: it gave way to the cylinder or came towards it"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "leg-movement"
+    statement = "the leg moved during the test: it gave way to the cylinder or came towards it"
+    parameters = (
         strength("shift", "mm", "how far it moved away from the cylinder", 0.7, (-5.0, 5.0)),
         ONSET,
         shape(
@@ -48,9 +44,9 @@ class LegMovement(Mechanism):
         ),
         AWAY,
     )
-    would_be: ClassVar[str] = "a leg that moves away by {}"
-    next_experiment: ClassVar[str] = "film the shin against the frame during the test, strap the leg, and repeat"
-    measured_sd: ClassVar[float | None] = 0.15
+    would_be = "a leg that moves away by {}"
+    next_experiment = "film the shin against the frame during the test, strap the leg, and repeat"
+    measured_sd = 0.15
     """An estimate: a mark of 1 mm, seen to a fraction."""
 
     def starts(self, observed: Observations) -> tuple[Values, ...]:
@@ -71,7 +67,6 @@ _LEAST = 1e-5
 """mm/N: as good as none."""
 
 
-@dataclass(frozen=True)
 class SupportCompliance(TissueMechanism):
     r"""Springs in series with the whole leg, or tibia and fibula each on springs of their own.
 
@@ -81,9 +76,9 @@ class SupportCompliance(TissueMechanism):
     proportion between the two, by a share at the bones.
     """
 
-    name: ClassVar[str] = "support-compliance"
-    statement: ClassVar[str] = "the leg's support or the rig gave way: bones and frame moved with the force"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "support-compliance"
+    statement = "the leg's support or the rig gave way: bones and frame moved with the force"
+    parameters = (
         strength("compliance", "mm/N", "displacement per force", 0.2, (0.0, 2.0)),
         shape(
             "at_bones",
@@ -93,16 +88,14 @@ class SupportCompliance(TissueMechanism):
             (0.0, 1.0),
         ),
     )
-    would_be: ClassVar[str] = "a support that gives way by {}"
-    next_experiment: ClassVar[str] = (
-        "measure the shin's displacement during the test, or press a rigid block on the same rig"
-    )
-    measured_sd: ClassVar[float | None] = 0.02
+    would_be = "a support that gives way by {}"
+    next_experiment = "measure the shin's displacement during the test, or press a rigid block on the same rig"
+    measured_sd = 0.02
     """An estimate: the skin over the shin yields 0.1 to 0.2 mm at 10 N."""
-    variant: ClassVar[str] = "bones on springs"
-    null_variant: ClassVar[str] = variant
-    strengths: ClassVar[tuple[float, ...]] = (0.1, 0.4, 1.2)
-    does_without: ClassVar[bool] = True
+    variant = "bones on springs"
+    null_variant = variant
+    strengths = (0.1, 0.4, 1.2)
+    does_without = True
 
     def starts(self, observed: Observations) -> tuple[Values, ...]:
         """Return a usual compliance at the bones and in the frame, and a great one."""
@@ -140,7 +133,6 @@ class SupportCompliance(TissueMechanism):
         return Solution(self.variant, springs, null=self.null_variant, null_in_series=compliance)
 
 
-@dataclass(frozen=True)
 class ContactSlip(TissueMechanism):
     """Slip between none (the tape holds) and free.
 
@@ -148,24 +140,22 @@ class ContactSlip(TissueMechanism):
     without friction, the two ends of Coulomb's law.
     """
 
-    name: ClassVar[str] = "contact-slip"
-    statement: ClassVar[str] = "the skin slipped along the cylinder: the tape did not hold"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        strength("slip", "-", "share of the way from sticking to free", 0.6, (0.0, 1.0)),
-    )
-    would_be: ClassVar[str] = "a skin that slips along the cylinder, {} of the way to no friction"
-    next_experiment: ClassVar[str] = "mark the skin at the cylinder's edge and film it, or repeat with fresh tape"
-    measured_sd: ClassVar[float | None] = 0.15
+    name = "contact-slip"
+    statement = "the skin slipped along the cylinder: the tape did not hold"
+    parameters = (strength("slip", "-", "share of the way from sticking to free", 0.6, (0.0, 1.0)),)
+    would_be = "a skin that slips along the cylinder, {} of the way to no friction"
+    next_experiment = "mark the skin at the cylinder's edge and film it, or repeat with fresh tape"
+    measured_sd = 0.15
     """An estimate: marks are read to 0.5 mm beside ways of some mm."""
-    variant: ClassVar[str] = "frictionless"
-    tangential: "ClassVar[TangentialName | None]" = "frictionless"
-    null_variant: ClassVar[str] = "sticking"
+    variant = "frictionless"
+    tangential = "frictionless"
+    null_variant = "sticking"
     # Fat that slides folds more often under a contact as stiff and as sharp as the tape's. Compared
     # with a skin that sticks to this one, the change is the same within 0.1 % of the greatest
     # force.
-    contact_softness: ClassVar[float] = 0.4
-    contact_onset: ClassVar[float | None] = 0.03
-    strengths: ClassVar[tuple[float, ...]] = (1.0,)
+    contact_softness = 0.4
+    contact_onset = 0.03
+    strengths = (1.0,)
 
     def solution(self, values: Values) -> Solution:
         """Return the model without friction; only a whole slip is solved."""
@@ -180,37 +170,33 @@ class ContactSlip(TissueMechanism):
         return values["slip"]
 
 
-@dataclass(frozen=True)
 class IndenterTilt(TissueMechanism):
     """The line of travel, turned about the point of first touch."""
 
-    name: ClassVar[str] = "indenter-tilt"
-    statement: ClassVar[str] = "the cylinder did not travel in the direction stated"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        strength("angle", "degrees", "of the travel from the one stated", 8.0, (-20.0, 20.0)),
-    )
-    would_be: ClassVar[str] = "a travel turned by {} from the one stated"
-    alters_nuisances: ClassVar[bool] = True
-    next_experiment: ClassVar[str] = "photograph the cylinder against the leg at both ends of the travel"
-    measured_sd: ClassVar[float | None] = 1.5
+    name = "indenter-tilt"
+    statement = "the cylinder did not travel in the direction stated"
+    parameters = (strength("angle", "degrees", "of the travel from the one stated", 8.0, (-20.0, 20.0)),)
+    would_be = "a travel turned by {} from the one stated"
+    alters_nuisances = True
+    next_experiment = "photograph the cylinder against the leg at both ends of the travel"
+    measured_sd = 1.5
     """An estimate."""
-    strengths: ClassVar[tuple[float, ...]] = (-8.0, 8.0)
+    strengths = (-8.0, 8.0)
 
     def solution(self, values: Values) -> Solution:
         """Return the model pressed along the turned line."""
         return Solution(tilt_deg=values["angle"])
 
 
-@dataclass(frozen=True)
 class ForceDrift(Mechanism):
     """The load cell's zero moves with time, from the start of each trial."""
 
-    name: ClassVar[str] = "force-drift"
-    statement: ClassVar[str] = "the load cell's zero drifted in time"
-    parameters: ClassVar[tuple[Parameter, ...]] = (strength("rate", "N/s", "drift of the zero", 0.005, (-0.1, 0.1)),)
-    would_be: ClassVar[str] = "a zero that drifts by {}"
-    next_experiment: ClassVar[str] = "record a minute in air before and after each trial, and compare the zeros"
-    measured_sd: ClassVar[float | None] = 0.0005
+    name = "force-drift"
+    statement = "the load cell's zero drifted in time"
+    parameters = (strength("rate", "N/s", "drift of the zero", 0.005, (-0.1, 0.1)),)
+    would_be = "a zero that drifts by {}"
+    next_experiment = "record a minute in air before and after each trial, and compare the zeros"
+    measured_sd = 0.0005
     """An estimate: 0.05 N over 100 s."""
 
     def added_force(self, values: Values, observed: Observations) -> FloatArray:
@@ -218,20 +204,13 @@ class ForceDrift(Mechanism):
         return values["rate"] * observed.time
 
 
-@dataclass(frozen=True)
 class ContactOnset(Mechanism):
     """Displacement doesn't count from first touch, though it is stated to."""
 
-    name: ClassVar[str] = "contact-onset"
-    statement: ClassVar[str] = (
-        "the displacement was not counted from first contact: the leg was touched later or earlier"
-    )
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        strength("offset", "mm", "displacement at first contact", 1.0, (-3.0, 5.0)),
-    )
-    next_experiment: ClassVar[str] = (
-        "start the recording in air, 2 mm before the skin, so that first contact can be seen"
-    )
+    name = "contact-onset"
+    statement = "the displacement was not counted from first contact: the leg was touched later or earlier"
+    parameters = (strength("offset", "mm", "displacement at first contact", 1.0, (-3.0, 5.0)),)
+    next_experiment = "start the recording in air, 2 mm before the skin, so that first contact can be seen"
 
     def untestable(self, observed: Observations) -> str | None:
         """Return whether first contact is stated."""
@@ -263,9 +242,9 @@ class EndEffects(Mechanism):
 
     correction: TabulatedCorrection | None = None
 
-    name: ClassVar[str] = "end-effects"
-    statement: ClassVar[str] = "the cylinder is short: tissue moves along the leg and its ends carry force"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "end-effects"
+    statement = "the cylinder is short: tissue moves along the leg and its ends carry force"
+    parameters = (
         strength("scale", "-", "of the idealised leg's correction P(d)", 1.0, (0.0, 3.0)),
         error_mode("leg_length", "P's error for the leg's unknown length", _SOURCE),
         error_mode("calibration", "P's error by the mesh it was found on", _SOURCE),
@@ -277,8 +256,8 @@ class EndEffects(Mechanism):
         "first_contact": "first contact",
     }
     """Names of the correction's errors by parameter."""
-    would_be: ClassVar[str] = "ends of the cylinder that count {} times what is usual"
-    next_experiment: ClassVar[str] = "repeat with a cylinder of twice the length"
+    would_be = "ends of the cylinder that count {} times what is usual"
+    next_experiment = "repeat with a cylinder of twice the length"
 
     def untestable(self, observed: Observations) -> str | None:
         """Return whether there is a correction."""

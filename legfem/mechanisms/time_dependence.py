@@ -1,9 +1,8 @@
 """What depends on time: tissues relax, over a spectrum of times; fluid drains; repeats soften or stiffen a leg."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.stats import norm
@@ -27,7 +26,6 @@ from legfem.inverse.parameter import Parameter, Prior
 
 if TYPE_CHECKING:
     from legfem.mechanics.materials import Hyperelastic
-    from legfem.mechanics.model import Formulation
 
 
 TIMES_S = (0.1, 0.35, 1.2, 4.2, 14.0, 48.0, 170.0, 600.0)
@@ -123,19 +121,18 @@ SLOW = shape(
 )
 
 
-@dataclass(frozen=True)
 class TissueRelaxation(TissueMechanism):
     """A spectrum of Prony branches of the deep tissue's deviatoric stress."""
 
-    name: ClassVar[str] = "viscoelasticity"
-    statement: ClassVar[str] = "the deep tissue relaxes: its force depends on the rate and fades while held"
-    parameters: ClassVar[tuple[Parameter, ...]] = (*SPECTRUM, SLOW)
-    kin: ClassVar[str] = RELAXES
-    next_experiment: ClassVar[str] = f"{HOLD_A_MINUTE.words}, and {TWO_RATES.words}"
-    unseen_statement: ClassVar[str] = "tissue relaxes while it is held, and one rate does not show by how much"
-    variant: ClassVar[str] = "viscoelastic"
-    along_path: ClassVar[bool] = True
-    region: ClassVar[str] = "deep"
+    name = "viscoelasticity"
+    statement = "the deep tissue relaxes: its force depends on the rate and fades while held"
+    parameters = (*SPECTRUM, SLOW)
+    kin = RELAXES
+    next_experiment = f"{HOLD_A_MINUTE.words}, and {TWO_RATES.words}"
+    unseen_statement = "tissue relaxes while it is held, and one rate does not show by how much"
+    variant = "viscoelastic"
+    along_path = True
+    region = "deep"
 
     def untestable(self, observed: Observations) -> str | None:
         """Return whether there are a hold, an unloading or two rates."""
@@ -199,13 +196,12 @@ class TissueRelaxation(TissueMechanism):
         return Solution(self.variant, given)
 
 
-@dataclass(frozen=True)
 class SuperficialViscoelasticity(TissueRelaxation):
     """The same of the fat."""
 
-    name: ClassVar[str] = "superficial-viscoelasticity"
-    statement: ClassVar[str] = "the superficial tissue (fat) relaxes while it is held"
-    region: ClassVar[str] = "superficial"
+    name = "superficial-viscoelasticity"
+    statement = "the superficial tissue (fat) relaxes while it is held"
+    region = "superficial"
 
 
 _USUAL = 0.03
@@ -214,7 +210,6 @@ _BULK_OVER_SHEAR = 30.0
 """Of undrained muscle, about: what shares of a drop are found with."""
 
 
-@dataclass(frozen=True)
 class PoroelasticDrainage(TissueMechanism):
     r"""Darcy flow of fluid through the deep tissue, whose skeleton keeps a share of its stiffness in volume.
 
@@ -223,9 +218,9 @@ class PoroelasticDrainage(TissueMechanism):
     ratio :math:`\nu` (F ~ shear modulus over :math:`1 - \nu`).
     """
 
-    name: ClassVar[str] = "poroelastic-drainage"
-    statement: ClassVar[str] = "fluid is squeezed through the tissue and its volume follows in time"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "poroelastic-drainage"
+    statement = "fluid is squeezed through the tissue and its volume follows in time"
+    parameters = (
         strength("permeability", "mm4/(N s)", "Darcy's, of the deep tissue", 400.0, (0.0, 3000.0)),
         shape(
             "skeleton",
@@ -235,15 +230,15 @@ class PoroelasticDrainage(TissueMechanism):
             (0.003, 0.5),
         ),
     )
-    kin: ClassVar[str] = RELAXES
-    next_experiment: ClassVar[str] = (
+    kin = RELAXES
+    next_experiment = (
         "hold for several minutes with indenters of two sizes: drainage takes time with the size "
         "squared, relaxation does not"
     )
-    variant: ClassVar[str] = "porous"
-    formulation: "ClassVar[Formulation | None]" = "porous"
-    along_path: ClassVar[bool] = True
-    strengths: ClassVar[tuple[float, ...]] = (10.0, 80.0, 400.0, 1600.0)
+    variant = "porous"
+    formulation = "porous"
+    along_path = True
+    strengths = (10.0, 80.0, 400.0, 1600.0)
 
     def untestable(self, observed: Observations) -> str | None:
         """Return whether there are a hold, an unloading or two rates."""
@@ -276,7 +271,6 @@ def _drop(skeleton: float) -> float:
     return (0.5 - poisson) / (1 - poisson)
 
 
-@dataclass(frozen=True)
 class Preconditioning(Mechanism):
     r"""The deep tissue is stiffer in the first trials, by a share that fades and varies with depth.
 
@@ -291,9 +285,9 @@ class Preconditioning(Mechanism):
     with a share r that stays.
     """
 
-    name: ClassVar[str] = "preconditioning"
-    statement: ClassVar[str] = "the tissue softened from one trial to the next: it was not preconditioned"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "preconditioning"
+    statement = "the tissue softened from one trial to the next: it was not preconditioned"
+    parameters = (
         strength("softening", "-", "excess stiffness of the first trial", 0.15, (-0.5, 1.5)),
         shape(
             "fading",
@@ -317,9 +311,9 @@ class Preconditioning(Mechanism):
             (0.0, 1.0),
         ),
     )
-    would_be: ClassVar[str] = "a first trial that is stiffer than the later ones by a share of {} (softer, if negative)"
-    next_experiment: ClassVar[str] = "cycle five to ten times before recording, and rest between trials"
-    measured_sd: ClassVar[float | None] = 0.03
+    would_be = "a first trial that is stiffer than the later ones by a share of {} (softer, if negative)"
+    next_experiment = "cycle five to ten times before recording, and rest between trials"
+    measured_sd = 0.03
     """An estimate: the gains of trials, over several cycles."""
 
     def untestable(self, observed: Observations) -> str | None:

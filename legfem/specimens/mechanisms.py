@@ -4,7 +4,6 @@ import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 
@@ -19,30 +18,28 @@ from legfem.mechanisms.rig import ContactSlip, SupportCompliance
 from legfem.specimens.sizes import Sizes
 
 
-@dataclass(frozen=True)
 class RigCompliance(Mechanism):
     r"""Springs in series: :math:`d_{tissue} = d - c F`; a specimen has no bones."""
 
-    name: ClassVar[str] = SupportCompliance.name
-    statement: ClassVar[str] = "the rig or the base gave way with the force"
-    parameters: ClassVar[tuple[Parameter, ...]] = SupportCompliance.parameters[:1]
-    next_experiment: ClassVar[str] = "press a rigid block on the same rig, and subtract what that yields"
+    name = SupportCompliance.name
+    statement = "the rig or the base gave way with the force"
+    parameters = SupportCompliance.parameters[:1]
+    next_experiment = "press a rigid block on the same rig, and subtract what that yields"
 
     def displacement_loss(self, values: Values, observed: Observations, force: FloatArray) -> FloatArray:
         """Return what the rig takes up."""
         return values["compliance"] * force
 
 
-@dataclass(frozen=True)
 class GripSlip(Mechanism):
     r"""From a displacement on a share of the travel is lost: :math:`d_{tissue} = d - s \max(\hat d - d_0, 0)`.
 
     With :math:`\hat d` the farthest so far: what slipped doesn't come back.
     """
 
-    name: ClassVar[str] = "grip-slip"
-    statement: ClassVar[str] = "the grips slipped: a part of the travel did not reach the specimen"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "grip-slip"
+    statement = "the grips slipped: a part of the travel did not reach the specimen"
+    parameters = (
         strength("share", "-", "share of the travel that is lost", 0.15, (0.0, 0.9)),
         Parameter(
             "onset",
@@ -52,7 +49,7 @@ class GripSlip(Mechanism):
             statement="from which displacement on, over the greatest",
         ),
     )
-    next_experiment: ClassVar[str] = "mark the specimen at the grips and film it, hold it in sandpaper, and repeat"
+    next_experiment = "mark the specimen at the grips and film it, hold it in sandpaper, and repeat"
 
     def untestable(self, observed: Observations) -> str | None:
         """Return whether nothing but the force was recorded."""
