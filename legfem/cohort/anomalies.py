@@ -1,14 +1,17 @@
 """What no single leg shows: copied recordings, exchanged sides, a rig that drifts, outliers, and what is missing."""
 
+import math
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date, datetime
 
 import numpy as np
+import pandas as pd
 
 from legfem.cohort.members import Member
 from legfem.cohort.rows import Row, cohort_model, measured
+from legfem.cohort.statistics import values_of
 from legfem.common.numbers import fit_probability
 from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import called
@@ -20,9 +23,9 @@ _DRIFTS = 0.05
 """Probability by chance, in any rig of a cohort, up to which a step is said."""
 
 
-def drifts(known: Mapping[str, Member], rows: Sequence[Row]) -> Iterator[str]:
+def drifts(members: Sequence[Member], rows: Sequence[Row]) -> Iterator[str]:
     """Say which rigs' C10 steps at a date, in the same people where they came several times."""
-    for rig, step in rig_steps(known, rows):
+    for rig, step in rig_steps(members, rows):
         size, low, high = (100 * np.expm1(step.size + k * step.sd) for k in (0, -2, 2))
         where = f"rig {rig}: " if rig else ""
         whose = "in the same people" if step.within else "from one set of people to another"
@@ -33,56 +36,33 @@ def drifts(known: Mapping[str, Member], rows: Sequence[Row]) -> Iterator[str]:
         )
 
 
-def rig_steps(known: Mapping[str, Member], rows: Sequence[Row]) -> Iterator[tuple[str, "DriftStep"]]:
+def rig_steps(members: Sequence[Member], rows: Sequence[Row]) -> Iterator[tuple[str, "DriftStep"]]:
     """Yield the rigs whose C10 steps at a date, and how."""
-    model = cohort_model(rows)
-    by_rig: dict[str, list[_Test]] = defaultdict(list)
-    for row, found in measured(rows, model):
-        member, one = known[row.member], found.measures.get("c10_deep")
-        when = day(member)
-        if when is not None and one is not None and one.value > 0:
-            side, rig = (str(member.given.get(name, "")) for name in ("side", "rig"))
-            by_rig[rig].append(_Test(when.toordinal(), member.person, side, member.group, float(np.log(one.value))))
+    table, _ = values_of(members, rows, "c10_deep")
+    tests = table[["person", "side", "rig", "group"]].fillna("").astype(str)
+    tests = tests.assign(day=table["date"].map(day), value=table["value"].astype(np.float64))
+    tests = tests[tests["day"].notna() & (tests["value"] > 0)]
     seen = []
-    for rig, tests in by_rig.items():
-        days, people, groups, values = zip(*((v.day, v.person, v.group, v.value) for v in _visits(tests)), strict=True)
-        step = largest_step(np.array(days, dtype=np.float64), np.array(people), np.array(groups), np.array(values))
-        seen += [] if step is None else [(rig, step)]
+    for rig, own in tests.assign(value=np.log(tests["value"])).groupby("rig", sort=False):
+        visits = _visits(own)
+        step = largest_step(*(visits[name].to_numpy() for name in ("day", "person", "group", "value")))
+        seen += [] if step is None else [(str(rig), step)]
     for rig, step in seen:
         if step.p_value * len(seen) <= _DRIFTS:
             yield rig, step
 
 
-def day(member: Member) -> date | None:
-    """Return the day of a member's test."""
-    text = str(member.given.get("date", ""))
-    return datetime.fromisoformat(text).date() if text else None
+def day(text: str | None) -> float:
+    """Return the ordinal of a test's day; not a number where none is stated."""
+    return float(datetime.fromisoformat(text).toordinal()) if text else math.nan
 
 
-@dataclass(frozen=True)
-class _Test:
-    day: int
-    person: str
-    side: str
-    group: str
-    value: float
-
-
-def _visits(tests: Sequence[_Test]) -> list[_Test]:
+def _visits(tests: pd.DataFrame) -> pd.DataFrame:
     """One value a person and day: both legs of a day err together."""
-    sides: dict[tuple[str, str], list[_Test]] = defaultdict(list)
-    for one in tests:
-        sides[one.person, one.side].append(one)
-    visits: dict[tuple[str, int], list[tuple[_Test, float]]] = defaultdict(list)
-    for own in sides.values():
-        several = len({one.day for one in own}) > 1
-        middle = float(np.mean([one.value for one in own])) if several else 0.0
-        for one in own:
-            visits[one.person, one.day].append((one, one.value - middle))
-    return [
-        _Test(when, person, "", there[0][0].group, float(np.mean([value for _, value in there])))
-        for (person, when), there in visits.items()
-    ]
+    sides = tests.groupby(["person", "side"], sort=False)
+    middle = sides["value"].transform("mean").where(sides["day"].transform("nunique") > 1, 0.0)
+    by_side = tests.assign(value=tests["value"] - middle).iloc[np.argsort(sides.ngroup(), kind="stable")]
+    return by_side.groupby(["person", "day"], sort=False).agg({"group": "first", "value": "mean"}).reset_index()
 
 
 @dataclass(frozen=True)
@@ -175,7 +155,7 @@ class Suspicion:
 def suspicions(members: Sequence[Member], rows: Sequence[Row]) -> list[Suspicion]:
     """Return what is odd across members, the gravest first."""
     known = {one.name: one for one in members}
-    drifting = [Suspicion(sentence, ()) for sentence in drifts(known, rows)]
+    drifting = [Suspicion(sentence, ()) for sentence in drifts(members, rows)]
     return [*_copies(rows), *_exchanged(known, rows), *drifting, *_outliers(known, rows)]
 
 

@@ -16,13 +16,13 @@ NumPyro samples it (NUTS); `studies.cohort` has the calibration by simulation.
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from datetime import date, datetime
+from datetime import date
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from legfem.cohort.anomalies import rig_steps
+from legfem.cohort.anomalies import day, rig_steps
 from legfem.cohort.members import Member, Members
 from legfem.cohort.rows import Measure, Row, cohort_model, measured
 from legfem.cohort.statistics import COVARIATES, design_of, values_of
@@ -193,15 +193,14 @@ def hierarchy_of(members: Sequence[Member], rows: Sequence[Row], key: str) -> tu
     InputError
         For fewer people than a population needs.
     """
-    known = {one.name: one for one in members}
     table, _ = values_of(members, [row for row in rows if row.judged.tone != "wrong"], key)
     table = table[table["value"] > 0]
     for name in COVARIATES:
         numbers = table[name].astype(np.float64)
         table[name] = np.log(numbers.where(numbers > 0))
-    days = table["date"].map(lambda text: datetime.fromisoformat(text).toordinal() if text else math.nan)
+    days = table["date"].map(day)
     steps = []
-    for rig, step in rig_steps(known, rows):
+    for rig, step in rig_steps(members, rows):
         name = f"step{rig and f'_of_{rig}'}"
         own = table["rig"].fillna("").astype(str) == rig
         table[name] = np.where(own & (days >= step.after), date.fromordinal(step.after).isoformat(), "before")

@@ -153,8 +153,8 @@ def values_of(members: Sequence[Member], rows: Sequence[Row], name: str) -> tupl
                 **given,
                 "measure": one,
                 "row": row.name,
+                "date": member.given.get("date"),
             }
-            | {"date": member.given.get("date")}
         )
     return pd.DataFrame(entries, columns=[*_COLUMNS, *FACTORS, *COVARIATES]), unit
 

@@ -111,9 +111,9 @@ def scored(
             said = intervals_of(json_types(statistics(members, rows)))
             for name, (_, low, high) in said.items():
                 inside[name] += low <= true[name] <= high
-            alarms += any(True for _ in drifts({one.name: one for one in members}, rows))
+            alarms += any(True for _ in drifts(members, rows))
             members, rows = redrawn(anew, errors, spread.drift, k)
-            noticed += any(True for _ in drifts({one.name: one for one in members}, rows))
+            noticed += any(True for _ in drifts(members, rows))
         header = ["of ln C10", "truth", "found (95 %)", f"interval holds the truth, {draws} draws"]
         lines = [
             [name, f"{true[name]:.3g}", f"{at:.3g} ({low:.3g} to {high:.3g})", f"{inside[name]}"]
