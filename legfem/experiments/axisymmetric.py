@@ -71,7 +71,6 @@ class AxisymmetricSettings:
     linear: LinearSettings = field(default_factory=LinearSettings)
     steps: StepSettings = field(default_factory=lambda: StepSettings(first=0.1, largest=0.5))
     formulation: Formulation = "mixed"
-    quadrature_degree: int = 4
 
 
 @dataclass(frozen=True)
@@ -211,7 +210,7 @@ class AxisymmetricTest[Sizes](AxisymmetricBody[Sizes], IndentationTest):
         )
         spaces = self.spaces_on(meshed, given.held, given.symmetry)
         start, direction = np.array([0.0, given.centre]), np.array([0.0, -1.0])
-        system = System(spaces, self.model, start, direction, settings.quadrature_degree)
+        system = System(spaces, self.model, start, direction)
         solver = NewtonSolver(system, settings.newton, settings.linear)
         contact = given.contact
         if isinstance(self.law, tuple):

@@ -6,7 +6,6 @@ from typing import Any, Literal
 
 import mpi4py.MPI  # noqa: F401  # first, see legfem.fem
 import numpy as np
-from dolfinx import fem
 from mpi4py import MPI
 
 from legfem.common.errors import AboveZero, Checked, InputError
@@ -18,7 +17,7 @@ from legfem.mechanics.model import LegModel, Term
 from legfem.mechanics.terms import PressureStabilisation, SkinPressure, Tissue
 from legfem.meshing.grid import Support
 from legfem.meshing.structured import END, LegMesh
-from legfem.solve.linear import LinearSettings, renew_factors
+from legfem.solve.linear import LinearSettings, by_skin_load, renew_factors
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.path import SolveReport
 from legfem.solve.protocol import Protocol
@@ -188,12 +187,7 @@ class LegCompression:
         given, rates = system.applied_pressure.x.array.copy(), []
         for change in changes:
             system.applied_pressure.x.array[:] = change
-            right = system.assemble_skin_load().x.petsc_vec
-            right.scale(-1.0)
-            rate = fem.Function(self.spaces.space)
-            linear.solve(right, rate.x.petsc_vec)
-            rate.x.scatter_forward()
-            rates.append(np.asarray(rate.x.array).copy())
+            rates.append(by_skin_load(linear, system))
         system.applied_pressure.x.array[:] = given
         linear.setTolerances(rtol=self.settings.linear.tolerance)
         return rates

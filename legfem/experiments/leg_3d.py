@@ -57,7 +57,6 @@ class SolidLegSettings:
     newton: NewtonSettings = field(default_factory=lambda: NewtonSettings(reuse=0.7))
     linear: LinearSettings = field(default_factory=LinearSettings)
     steps: StepSettings = field(default_factory=lambda: StepSettings.regular(largest=2.0))
-    quadrature_degree: int = 4
 
 
 def membrane_of(fascia: Hyperelastic, thickness: float) -> Fascia:
@@ -174,9 +173,8 @@ class LegIndentation3D(IndentationTest):
         meshed, settings = self.leg_mesh, self.settings
         held = (*meshed.supports, Support(END, (2,)))
         spaces = build_spaces(*meshed.tagged, "continuous", 2, meshed.regions, held)
-        system = System(
-            spaces, self.model, self.touch, self.pose.direction, settings.quadrature_degree, self._skin.nearest_at_level
-        )
+        rounding = self._skin.nearest_at_level
+        system = System(spaces, self.model, self.touch, self.pose.direction, rounding=rounding)
         solver = NewtonSolver(system, settings.newton, settings.linear)
         radius = self.indenter.radius
         reader = ChannelReader(system, files_of("3d"))
@@ -209,7 +207,6 @@ class IdealisedLegSettings:
     linear: LinearSettings = field(default_factory=LinearSettings)
     steps: StepSettings = field(default_factory=StepSettings.regular)
     formulation: Literal["displacement", "mixed"] = "mixed"
-    quadrature_degree: int = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -275,7 +272,7 @@ class IdealisedLegIndentation(IndentationTest):
         spaces = build_spaces(*meshed.tagged, settings.formulation, degree, meshed.regions, meshed.supports)
         start, direction = np.zeros(self.dimension), np.zeros(self.dimension)
         start[1], direction[1] = self.leg.radius + cylinder.radius, -1.0
-        system = System(spaces, self.model, start, direction, settings.quadrature_degree)
+        system = System(spaces, self.model, start, direction)
         solver = NewtonSolver(system, settings.newton, settings.linear)
         whole = float(meshed.copies) * (1.0 if self.dimension == 3 else cylinder.length)
         return IndentationModel(system, solver, settings.contact, cylinder.radius, whole, settings.steps)

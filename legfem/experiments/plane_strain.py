@@ -370,8 +370,9 @@ class PlaneStrainIndentation(indentation.IndentationTest):
         return ChannelReader(system, files_of("2d"), self.sights, TravelLine(meshed.touch, meshed.direction))
 
     def _placed(self, placement: LateralPlacement) -> indentation.IndentationModel:
-        self.system.place_indenter(self._touch(placement), placement.travel(self.section_mesh.direction))
-        self.system.shift_named = partial(self._shift, placement)
+        system = self.system
+        system.start, system.direction = self._touch(placement), placement.travel(self.section_mesh.direction)
+        system.shift_named = partial(self._shift, placement)
         return self.pressing
 
 

@@ -13,11 +13,10 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Self
+from typing import Self
 
 import mpi4py.MPI  # noqa: F401  # first, see legfem.fem
 import numpy as np
-from dolfinx import fem
 
 from legfem.common.units import FloatArray
 from legfem.experiments.axisymmetric import AxisymmetricBody
@@ -29,6 +28,7 @@ from legfem.mechanics.terms import Fibres, SkinPressure, Tissue
 from legfem.meshing.grid import Support
 from legfem.meshing.section import SKIN
 from legfem.meshing.structured import RIM, MeridianMeshSettings, mesh_meridian, supports
+from legfem.solve.linear import by_skin_load
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.path import ForceCurve, Path, SolveReport, Step
 from legfem.solve.protocol import Protocol
@@ -92,7 +92,7 @@ class SuctionTest(AxisymmetricBody[CupOnLayer], ProtocolTest):
             ((SKIN, opening), (RIM, outer)),
         )
         spaces = self.spaces_on(meshed, self.held)
-        system = System(spaces, self.model, quadrature_degree=settings.quadrature_degree)
+        system = System(spaces, self.model)
         return _Drawn(system, NewtonSolver(system, settings.newton, settings.linear))
 
     @property
@@ -159,7 +159,8 @@ class _Drawn(Meshed):
                 continue
             at.append(at[-1] + size)
             risen.append(rise)
-            change = self._by_suction(at[-1])
+            self.solver.refactor()
+            change = by_skin_load(self.solver.linear_solver, system, 1.0 / at[-1])
             if tracker is not None:
                 tracker.step(self.solver)
                 rates = tracker.state_rates()
@@ -185,14 +186,3 @@ class _Drawn(Meshed):
             time.perf_counter() - started,
             system.spaces.unknowns,
         )
-
-    def _by_suction(self, suction: float) -> FloatArray:
-        """Return the unknown's derivative by the suction (1/MPa) at the state just found."""
-        system = self.system
-        self.solver.refactor()
-        right: Any = system.assemble_skin_load().x.petsc_vec
-        right.scale(-1.0 / suction)
-        rate = fem.Function(system.spaces.space)
-        self.solver.linear_solver.solve(right, rate.x.petsc_vec)
-        rate.x.scatter_forward()
-        return np.asarray(rate.x.array).copy()

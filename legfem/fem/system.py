@@ -161,13 +161,6 @@ class System:
         """Move the indenter to a displacement (mm) along its line of travel."""
         self._centre.value[:] = self.start + displacement * self.direction
 
-    def place_indenter(self, start: FloatArray, direction: FloatArray) -> None:
-        """Set the centre at zero displacement (mm) and the unit vector of travel.
-
-        They take effect when the system is reset.
-        """
-        self.start, self.direction = start, direction
-
     @contextmanager
     def shifted(self, shift: Shift, size: float) -> Iterator[None]:
         """Move mesh and indenter, before the step and now, for as long as a context lasts."""

@@ -30,27 +30,23 @@ def deformation_gradient(u: Expr, radius: Expr | None = None) -> Expr:
         Shape (3, 3), dimensionless.
     """
     gradient = ufl.grad(u)
-    if gradient.ufl_shape == (3, 3):
-        return ufl.Identity(3) + gradient
-    return ufl.as_tensor(
-        [
-            [1 + gradient[0, 0], gradient[0, 1], 0],
-            [gradient[1, 0], 1 + gradient[1, 1], 0],
-            [0, 0, 1 if radius is None else 1 + u[0] / radius],
-        ]
-    )
+    return ufl.Identity(3) + gradient if gradient.ufl_shape == (3, 3) else _in_space(u, radius, 1)
 
 
 def displacement_gradient(u: Expr, radius: Expr | None = None) -> Expr:
     r"""Return :math:`F - I` as a 3x3 tensor; arguments as those of `deformation_gradient`."""
     gradient = ufl.grad(u)
-    if gradient.ufl_shape == (3, 3):
-        return gradient
+    return gradient if gradient.ufl_shape == (3, 3) else _in_space(u, radius, 0)
+
+
+def _in_space(u: Expr, radius: Expr | None, diagonal: int) -> Expr:
+    """Return a plane's gradient as a 3x3 tensor, with what is added on its diagonal."""
+    gradient, hoop = ufl.grad(u), 0 if radius is None else u[0] / radius
     return ufl.as_tensor(
         [
-            [gradient[0, 0], gradient[0, 1], 0],
-            [gradient[1, 0], gradient[1, 1], 0],
-            [0, 0, 0 if radius is None else u[0] / radius],
+            [diagonal + gradient[0, 0], gradient[0, 1], 0],
+            [gradient[1, 0], diagonal + gradient[1, 1], 0],
+            [0, 0, diagonal + hoop],
         ]
     )
 

@@ -19,6 +19,7 @@ from dolfinx import fem, la
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
+from legfem.common.units import FloatArray
 from legfem.fem.compiled import compiled
 from legfem.fem.spaces import LegSpaces
 from legfem.fem.system import System
@@ -143,6 +144,16 @@ def renew_factors(linear: PETSc.KSP) -> None:
     preconditioner = linear.getPC()
     if preconditioner.getType() == "python":
         preconditioner.getPythonContext().renew()
+
+
+def by_skin_load(linear: PETSc.KSP, system: System, share: float = 1.0) -> FloatArray:
+    """Return the unknown's derivative by a share of the skin's load, by the tangent as it was factorised last."""
+    right: Any = system.assemble_skin_load().x.petsc_vec
+    right.scale(-share)
+    rate = fem.Function(system.spaces.space)
+    linear.solve(right, rate.x.petsc_vec)
+    rate.x.scatter_forward()
+    return np.asarray(rate.x.array).copy()
 
 
 def prepare(matrix: PETSc.Mat, spaces: LegSpaces, settings: LinearSettings) -> None:
