@@ -19,7 +19,7 @@ from legfem.channels.kinds.contact import PRESSURE
 from legfem.common.errors import InputError
 from legfem.experiments.experiment import Solved
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
-from legfem.inverse.errors import covariance_of_places, errors_of_places
+from legfem.inverse.errors import covariance_of_places, shared_errors
 from legfem.inverse.observations import observe
 from legfem.legs.loading import load_subject
 from legfem.mechanics.contact import ContactSettings
@@ -114,7 +114,7 @@ def test_a_film_is_read_above_its_threshold_and_creeps(tmp_path):
     width = np.diff(channel.places).ravel()
     np.testing.assert_allclose(width, np.deg2rad(5.0) * leg.indenter.radius, rtol=1e-3)
     (one,) = observe(leg.trials).channels
-    creep = errors_of_places(one, one.values)["contact pressure: creep"]
+    creep = shared_errors(one, one.values, np.zeros(len(one.values)))["contact pressure: creep"]
     np.testing.assert_allclose(creep, 0.05 * np.log10(1 + one.time) * one.values)
 
 

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -103,8 +102,7 @@ def _trial_fits(model: Explanation, by_itself: Sequence[Mapping[str, OwnEstimate
         for channel, span in zip(observed.data.channels, observed.data.spans, strict=True):
             mine = np.flatnonzero(trial_of[span] == trial)
             if len(mine):
-                own = replace(channel, station=channel.station[mine], values=channel.values[mine], sd=channel.sd[mine])
-                channels.append(ChannelFit(own, fitted.prediction[span][mine]))
+                channels.append(ChannelFit(channel.part(mine), fitted.prediction[span][mine]))
         here = np.flatnonzero((trial_of == trial) & model.problem.counted)
         left = fitted.residual[here]
         square = float(left @ np.linalg.solve(total[np.ix_(here, here)], left)) if len(here) else 0.0

@@ -129,15 +129,9 @@ def shared_errors(one: StationChannel, predicted: FloatArray, force: FloatArray)
         found["gain"] = one.accuracy.gain * (predicted - one.kind.at_rest)
         if one.kind.is_force:
             found["cross-talk"] = one.accuracy.gain * force
-    return {f"{one.kind.title}: {name}": effect for name, effect in found.items()}
-
-
-def errors_of_places(one: StationChannel, predicted: FloatArray) -> dict[str, FloatArray]:
-    """Return by name what one standard deviation does of what readings at several places share, (k,)."""
-    if one.course is None:
-        return {}
-    read = PlacedReadings(one.place, one.time, one.frame, predicted)
-    found = FILE_OF[one.name].shared(read, one.accuracy)
+    if one.course is not None:
+        read = PlacedReadings(one.place, one.time, one.frame, predicted)
+        found |= FILE_OF[one.name].shared(read, one.accuracy)
     return {f"{one.kind.title}: {name}": effect for name, effect in found.items()}
 
 
@@ -326,7 +320,7 @@ def error_model(
         of_model.append(model_covariance(one, predicted, observed.way))
         blocks.append(own + of_model[-1] + covariance_of_places(one, predicted, laid))
         spread.append(np.sqrt(np.diag(blocks[-1])))
-        shared = shared_errors(one, predicted, one.weights @ force) | errors_of_places(one, predicted)
+        shared = shared_errors(one, predicted, one.weights @ force)
         # Channels that are read in one image have these together.
         shared |= {f"{one.kind.image}: {way}": effect for way, effect in laid.items()}
         for name, effect in shared.items():

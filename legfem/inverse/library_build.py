@@ -159,7 +159,7 @@ def _assembled(
     middle: float,
 ) -> Library:
     done = [(t, o) for t, o in zip(tasks, outcomes, strict=True) if o is not None]
-    elastic = [(t.point, o[ONE]) for t, o in done if t.is_elastic]
+    elastic = [(t.point, o[ONE]) for t, o in done if not (t.mechanism or t.derivatives or t.pair)]
     names = _known_channels(done)
     outcomes = _filled(tasks, outcomes, names)
     changes: dict[tuple[str, str], Table] = {}

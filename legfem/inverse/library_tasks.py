@@ -53,11 +53,6 @@ class Task:
     """Mechanism, with its strength, beside which what it is differentiated by is off."""
 
     @property
-    def is_elastic(self) -> bool:
-        """Whether it is of the base model alone."""
-        return self.mechanism is None and not self.derivatives and not self.pair
-
-    @property
     def label(self) -> str:
         """What progress says."""
         what = "elastic"

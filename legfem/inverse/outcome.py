@@ -212,10 +212,6 @@ class FullSolver:
                 self._take(values, found, "")
         return [self._known[key_of_values(values)] for values in points]
 
-    def was_reused(self, values: Values) -> bool:
-        """Return whether an earlier run had kept a point's solves."""
-        return key_of_values(values) in self.reused
-
     def _recalled(self, values: Values) -> dict[int, Outcome]:
         """Return what is kept of a point, by the number of the test."""
         each = enumerate(store.get((values, self.sensitivities)) if store else None for store in self._stores)

@@ -146,15 +146,8 @@ def log_of(found: Found[Any], mapped: bool = True) -> SearchLog:
 def _full_solve(trial: Trial, search: Search[Any]) -> FullSolve:
     outcome = trial.outcome
     cost = math.nan if trial.prediction is None else float(search.misfit.cost(trial.prediction.values))
-    return FullSolve(
-        MappingProxyType(dict(trial.values)),
-        cost,
-        trial.stage,
-        outcome.complete,
-        outcome.reason,
-        outcome.factorisations,
-        outcome.seconds,
-    )
+    told = outcome.complete, outcome.reason, outcome.factorisations, outcome.seconds
+    return FullSolve(MappingProxyType(dict(trial.values)), cost, trial.stage, *told)
 
 
 def _cost_map(search: Search[Any]) -> CostMap | None:

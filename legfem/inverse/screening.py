@@ -9,7 +9,7 @@ with its Bayes factor B over nothing; of two at once over the better one alone. 
 then what could become so, until no D that is left moves a probability by `MATTERS`.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy.special import expit, logit
@@ -74,10 +74,6 @@ def _adds(one: Explanation, found: Sequence[Explanation], more: float) -> bool:
 
 def lacking(one: Explanation, detail: Detail) -> Detail:
     """Return what of an explanation's mechanisms isn't solved in full."""
-    tabulated = list(_tabulated(one))
+    tabulated = [m.name for m in one.fit.mechanisms if isinstance(m, TissueMechanism)]
     whole = frozenset(tabulated) - detail.whole
     return Detail(whole, frozenset([frozenset(tabulated)] if len(tabulated) > 1 else []) - detail.pairs)
-
-
-def _tabulated(one: Explanation) -> Iterator[str]:
-    return (m.name for m in one.fit.mechanisms if isinstance(m, TissueMechanism))

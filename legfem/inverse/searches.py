@@ -78,7 +78,7 @@ class Found[C: Comparison]:
     @property
     def reused_solves(self) -> int:
         """How many of the solves an earlier run had kept."""
-        return sum(self.search.solver.was_reused(one.values) for one in self.outcomes)
+        return sum(key_of_values(one.values) in self.search.solver.reused for one in self.outcomes)
 
 
 class Searched[C: Comparison](Protocol):

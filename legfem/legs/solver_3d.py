@@ -27,7 +27,6 @@ from legfem.jobs.pool import Workers
 from legfem.legs.details import SpatialSites
 from legfem.legs.model_3d import ROUGHER, LegModels
 from legfem.legs.subject import SitedLeg
-from legfem.mechanics.terms import Fibres
 from legfem.solve.path import ForceCurve
 
 ROUGH_SOLVES = 2
@@ -143,7 +142,8 @@ def fibre_errors(curve: ForceCurve, fibres: FibreRatio, c10: float, displacement
     at = np.maximum(displacement, min(FIRST_RATIO, curve.depth))
     by = {name: curve.sensitivity(name, at) for name in FIBRE_PARAMETERS}
     at_two = fibres_of(c10, 2.0)
-    by_ratio = Fibres.slope_by_ratio(at_two.region, c10, by)
+    # In the ratio both moduli are linear, so that those at two are the derivatives.
+    by_ratio = sum(value * by[name] for name, value in at_two.parameters.items())
     by_extension = at_two.extension * by[f"{at_two.name}.extension"]
     in_tension = by_extension * (fibres.value - 1) * np.log(2.0)
     return dict(zip(FIBRE_ERRORS, (by_ratio * fibres.sd / curve(at), in_tension / curve(at)), strict=True))

@@ -1,13 +1,11 @@
 """Muscle: its fibres, its contraction, and a stiffness that isn't the same everywhere."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import ufl
 
 from legfem.common.errors import AboveZero, InputError, ZeroOrMore
-from legfem.common.units import FloatArray
 from legfem.mechanics.kinematics import Expr, isochoric_first_invariant
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.model import Body
@@ -80,27 +78,6 @@ class Fibres(EnergyTerm):
         """
         shear = 2 * C10 * (ratio - 1)
         return cls(region, shear, USUAL_EXTENSION * shear, axis)
-
-    @classmethod
-    def slope_by_ratio(cls, region: str, C10: float, by: Mapping[str, FloatArray]) -> FloatArray:
-        r"""Return the derivative by the ratio, C10 held, of what has derivatives by the moduli.
-
-        .. math:: \frac{\partial F}{\partial r} = 2 C_{10} \left(\frac{\partial F}{\partial s}
-                  + 4 \frac{\partial F}{\partial e}\right)
-
-        with the shear s and the extension e.
-
-        Parameters
-        ----------
-        region : str
-            Region of the body.
-        C10 : float
-            C10 of the region's law, MPa.
-        by : mapping
-            Derivatives (n,) by shear and extension, 1/MPa, by the parameters' names.
-        """
-        one = cls.of_ratio(region, C10, 2.0).parameters
-        return np.asarray(sum(value * by[name] for name, value in one.items()))
 
     def energy_density(self, body: Body, F: Expr) -> Expr:
         """Return the added energy (MPa) at a deformation gradient."""
