@@ -280,7 +280,7 @@ def _write_msh(mesh: NamedMesh, path: Path) -> None:
     names |= {name: np.array([tag, dimension - 1]) for name, tag in mesh.surfaces.items()}
     # FEBio Studio parts a mesh by its geometrical entities.
     data = {"gmsh:physical": tags, "gmsh:geometrical": tags}
-    made = _meshio(mesh.points, blocks, data, names)
+    made = meshio.Mesh(mesh.points, _cells(blocks), cell_data=data, field_data=names)
     made.write(path, "gmsh22", binary=False, float_fmt=".10g")
 
 
@@ -289,14 +289,15 @@ def _write_vtu(mesh: NamedMesh, path: Path) -> None:
     data = {"tag": [block.tags for block in blocks]}
     for name, tag in {**mesh.regions, **mesh.surfaces}.items():
         data[name] = [(block.tags == tag).astype(np.int64) for block in blocks]
-    _meshio(mesh.points, blocks, data).write(path, "vtu")
+    meshio.Mesh(mesh.points, _cells(blocks), cell_data=data).write(path, "vtu")
 
 
 def _write_xdmf(mesh: NamedMesh, path: Path) -> None:
     surfaces = path.with_name(f"{path.stem}-surfaces{path.suffix}")
     parts: tuple[tuple[Path, Sequence[Elements]], ...] = ((path, [mesh.cells]), (surfaces, mesh.facets))
     for file, blocks in parts:
-        made = _meshio(mesh.points[:, : mesh.dimension], blocks, {"tag": [block.tags for block in blocks]})
+        tags = {"tag": [block.tags for block in blocks]}
+        made = meshio.Mesh(mesh.points[:, : mesh.dimension], _cells(blocks), cell_data=tags)
         # Not every HDF5 that comes with DOLFINx can decompress.
         made.write(file, "xdmf", compression=None)
 
@@ -342,11 +343,5 @@ _FORMATS: dict[str, Callable[[NamedMesh, Path], None]] = {
 }
 
 
-def _meshio(
-    points: FloatArray,
-    blocks: Sequence[Elements],
-    data: dict[str, list[NDArray[np.int64]]],
-    names: dict[str, NDArray[np.int64]] | None = None,
-) -> meshio.Mesh:
-    cells = [(block.kind, block.nodes) for block in blocks]
-    return meshio.Mesh(points, cells, cell_data=data, field_data=names)
+def _cells(blocks: Sequence[Elements]) -> list[tuple[str, NDArray[np.int64]]]:
+    return [(block.kind, block.nodes) for block in blocks]
