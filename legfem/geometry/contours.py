@@ -131,12 +131,8 @@ def read_contours(path: Path, fascia_thickness: float) -> LegSection:
     path = Path(path)
     table = _with_parts(read_table(path, LEVELS_HEADER, text=("part",), optional=("level_mm", "loop", "i")))
     if "level_mm" in table:
-        raise InputError(
-            path,
-            "level_mm",
-            "these are contours at several levels",
-            "choose one: level_mm under [section] of subject.toml",
-        )
+        problem = "these are contours at several levels"
+        raise InputError(path, "level_mm", problem, "choose one: level_mm under [section] of subject.toml")
     for line, part in table["part"].items():
         if part not in PARTS:
             near = difflib.get_close_matches(part, PARTS, n=1)
@@ -180,12 +176,8 @@ def check_section(section: LegSection, source: str | Path) -> None:
     """
     for part in PARTS:
         if (points := len(section.contour(part))) < MINIMAL_POINTS:
-            raise InputError(
-                source,
-                part,
-                f"only {points} of its points lie apart",
-                f"give at least {MINIMAL_POINTS} around the part",
-            )
+            problem = f"only {points} of its points lie apart"
+            raise InputError(source, part, problem, f"give at least {MINIMAL_POINTS} around the part")
     polygons = {part: section.polygon(part) for part in PARTS}
     check_nested(polygons, "fascia", source)
     _check_fascia(section, polygons, source)
@@ -222,18 +214,10 @@ def check_girth(around: float, source: str | Path) -> None:
         return
     for unit, factor in (("centimetres", 10.0), ("metres", 1000.0), ("micrometres", 1e-3)):
         if low <= around * factor <= high:
-            raise InputError(
-                source,
-                "x_mm, y_mm",
-                f"the skin's girth is {around:.4g} mm, so these look like {unit}",
-                f"multiply the coordinates by {factor:g}",
-            )
-    raise InputError(
-        source,
-        "skin",
-        f"a girth of {around:.4g} mm is not a leg's",
-        f"give coordinates in mm ({low:g}-{high:g} mm around)",
-    )
+            problem = f"the skin's girth is {around:.4g} mm, so these look like {unit}"
+            raise InputError(source, "x_mm, y_mm", problem, f"multiply the coordinates by {factor:g}")
+    problem = f"a girth of {around:.4g} mm is not a leg's"
+    raise InputError(source, "skin", problem, f"give coordinates in mm ({low:g}-{high:g} mm around)")
 
 
 def check_nested(
@@ -298,14 +282,10 @@ def _check_fascia(section: LegSection, polygons: dict[str, Polygon], source: str
         raise refused(f"{thickness:g} mm is not positive", "give the fascia's thickness in mm (0.2-1.0 is usual)")
     thinnest = minimal_fat_thickness(section)
     if thickness >= thinnest:
-        raise refused(
-            f"the fascia ({thickness:g} mm) is thicker than the fat at its thinnest ({thinnest:.2f} mm)",
-            "reduce the thickness or move the fascia inwards there",
-        )
+        problem = f"the fascia ({thickness:g} mm) is thicker than the fat at its thinnest ({thinnest:.2f} mm)"
+        raise refused(problem, "reduce the thickness or move the fascia inwards there")
     for bone in ("tibia", "fibula"):
         room = polygons["fascia"].exterior.distance(polygons[bone])
         if thickness >= room:
-            raise refused(
-                f"the fascia's inner face ({thickness:g} mm inwards) meets the {bone} ({room:.2f} mm away)",
-                f"reduce the thickness or leave room between fascia and {bone}",
-            )
+            problem = f"the fascia's inner face ({thickness:g} mm inwards) meets the {bone} ({room:.2f} mm away)"
+            raise refused(problem, f"reduce the thickness or leave room between fascia and {bone}")

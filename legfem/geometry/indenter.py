@@ -76,12 +76,8 @@ class Indenter:
             For a ball, a punch or a cylinder that doesn't lie along the leg.
         """
         if not self.lies_along:
-            raise InputError(
-                source,
-                "indenter",
-                f"a section in plane strain cannot be pressed by a {self}",
-                Remedy("solve the leg in 3D: ", Command("identify", (Argument("model", "3d"),))),
-            )
+            remedy = Remedy("solve the leg in 3D: ", Command("identify", (Argument("model", "3d"),)))
+            raise InputError(source, "indenter", f"a section in plane strain cannot be pressed by a {self}", remedy)
 
 
 def first_touch(outline: FloatArray, radius: float, aim: FloatArray, direction: FloatArray) -> FloatArray:
@@ -103,12 +99,8 @@ def first_touch(outline: FloatArray, radius: float, aim: FloatArray, direction: 
     along = (outline - aim) @ direction
     near = np.abs((outline - aim) @ across(direction)) < 0.9 * radius
     if not near.any():
-        raise InputError(
-            "subject.toml",
-            "indenter.aim_mm",
-            "the indenter's line of travel misses the leg",
-            "give a point inside the leg and check direction_deg",
-        )
+        remedy = "give a point inside the leg and check direction_deg"
+        raise InputError("subject.toml", "indenter.aim_mm", "the indenter's line of travel misses the leg", remedy)
 
     def clearance(position: FloatArray | float) -> FloatArray:
         centres = aim + np.multiply.outer(position, direction)

@@ -68,12 +68,8 @@ class LegShape:
             raise InputError("shape", "bones", "there are none", "give the contours of one or more")
         for part, xy in contours.items():
             if xy.ndim != 3 or xy.shape[0] != len(levels) or xy.shape[2] != 2 or xy.shape[1] < 8:
-                raise InputError(
-                    "shape",
-                    part,
-                    f"contours of shape {xy.shape} do not fit {len(levels)} levels",
-                    "give one closed contour of 8 or more points a level",
-                )
+                problem = f"contours of shape {xy.shape} do not fit {len(levels)} levels"
+                raise InputError("shape", part, problem, "give one closed contour of 8 or more points a level")
             if not np.isfinite(xy).all():
                 raise InputError("shape", part, "a coordinate is not finite", "remove the point")
 

@@ -73,12 +73,8 @@ class CuttingPlane:
         normal = along - (along @ travel) * travel
         length = float(np.linalg.norm(normal))
         if length < 1e-6 or abs(normal[2]) / length < _ACROSS:
-            raise InputError(
-                source,
-                "indenter.direction",
-                "the plane of travel doesn't lie across the leg (z)",
-                "give the direction of travel, and the cylinder's axis along the leg",
-            )
+            remedy = "give the direction of travel, and the cylinder's axis along the leg"
+            raise InputError(source, "indenter.direction", "the plane of travel doesn't lie across the leg (z)", remedy)
         return CuttingPlane(position, normal)
 
     @property
@@ -141,12 +137,8 @@ def turn_about_travel(direction: FloatArray, axis: FloatArray, source: str) -> f
     travel, along = direction / np.linalg.norm(direction), axis / np.linalg.norm(axis)
     if abs(along @ travel) > _SQUARE:
         angle = np.degrees(np.arccos(np.clip(along @ travel, -1, 1)))
-        raise InputError(
-            source,
-            "indenter.axis",
-            f"stands at {angle:.0f} degrees to the direction",
-            "a cylinder travels square to its axis: correct axis or direction",
-        )
+        remedy = "a cylinder travels square to its axis: correct axis or direction"
+        raise InputError(source, "indenter.axis", f"stands at {angle:.0f} degrees to the direction", remedy)
     upright = _UP - (_UP @ travel) * travel
     turn = float(np.degrees(np.arctan2(along @ np.cross(travel, upright), along @ upright)))
     return (turn + 90.0) % 180.0 - 90.0
@@ -178,12 +170,8 @@ class RigidTransform:
             object.__setattr__(self, name, frozen_array(getattr(self, name)))
         R, t = self.rotation, self.translation
         if R.shape != (3, 3) or t.shape != (3,) or not np.isfinite(t).all():
-            raise InputError(
-                "transform",
-                "shape",
-                "is not a 3 x 3 rotation and a translation of 3 lengths (mm)",
-                "give R and t of x -> R x + t",
-            )
+            problem = "is not a 3 x 3 rotation and a translation of 3 lengths (mm)"
+            raise InputError("transform", "shape", problem, "give R and t of x -> R x + t")
         if not np.allclose(R @ R.T, np.eye(3), atol=1e-6) or np.linalg.det(R) < 0:
             raise InputError("transform", "rotation", "is not a rotation", "give an orthogonal matrix, det 1")
 

@@ -92,12 +92,8 @@ def joined(pieces: Sequence[Polygon], source: str | Path, where: str, bridge: fl
         muscles = _closed(muscles, bridge)
         apart = [p for p in getattr(muscles, "geoms", [muscles]) if p.area > least]
         if len(apart) > 1:
-            raise InputError(
-                source,
-                MUSCLE_HULL,
-                f"is in {len(apart)} pieces at {where}, more than {2 * bridge:g} mm apart",
-                "segment what lies between them as muscle too",
-            )
+            problem = f"is in {len(apart)} pieces at {where}, more than {2 * bridge:g} mm apart"
+            raise InputError(source, MUSCLE_HULL, problem, "segment what lies between them as muscle too")
     return largest_polygon(muscles, source, MUSCLE_HULL)
 
 
@@ -231,12 +227,8 @@ def _check_clearances(section: LegSection, bone: float, fat: float, source: str 
     for part, least in {"skin": fat, **dict.fromkeys(BONES, bone + section.fascia_thickness)}.items():
         gap = fascia.distance(section.polygon(part).exterior)
         if gap < 0.9 * least:
-            raise InputError(
-                source,
-                f"fascia to {part}",
-                f"{gap:.2f} mm left where {least:.2f} are needed",
-                "choose another level or correct the outlines",
-            )
+            problem = f"{gap:.2f} mm left where {least:.2f} are needed"
+            raise InputError(source, f"fascia to {part}", problem, "choose another level or correct the outlines")
 
 
 def _polygon(path: Path, part: str, points: FloatArray) -> Polygon:
@@ -265,12 +257,8 @@ def largest_polygon(shape: object, source: str | Path, part: str) -> Polygon:
     """
     pieces = [p for p in getattr(shape, "geoms", [shape]) if isinstance(p, Polygon) and p.area > 0]
     if not pieces:
-        raise InputError(
-            source,
-            part,
-            "with the clearances nothing of it is left inside the leg",
-            "choose another level or correct the outlines",
-        )
+        problem = "with the clearances nothing of it is left inside the leg"
+        raise InputError(source, part, problem, "choose another level or correct the outlines")
     return Polygon(max(pieces, key=lambda piece: piece.area).exterior)
 
 

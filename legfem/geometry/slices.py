@@ -79,12 +79,8 @@ def calf_levels(shape: LegShape) -> FloatArray:
     """
     low, high = float(shape.levels[0]), float(shape.levels[-1])
     if high - low < _HEIGHT_MM:
-        raise InputError(
-            "shape",
-            "levels",
-            f"{high - low:g} mm of leg are too short for slices over {_HEIGHT_MM:g} mm",
-            "give a longer segment",
-        )
+        problem = f"{high - low:g} mm of leg are too short for slices over {_HEIGHT_MM:g} mm"
+        raise InputError("shape", "levels", problem, "give a longer segment")
     room = _HEIGHT_MM / 2 + min(_WITHIN, (high - low - _HEIGHT_MM) / 2)
     centre = float(np.clip(largest_girth(shape), low + room, high - room))
     return centre + np.linspace(-_HEIGHT_MM / 2, _HEIGHT_MM / 2, 5)

@@ -172,10 +172,8 @@ def volume_of_array(
     refused = partial(InputError, source, "labels")
     if meaning is None:
         if array.min(initial=0) < 0 or array.max(initial=0) > 255:
-            raise refused(
-                f"range from {array.min()} to {array.max()}",
-                "give a label volume, not an image; 0 background, 1 superficial, 2 deep, 3 bone",
-            )
+            problem = f"range from {array.min()} to {array.max()}"
+            raise refused(problem, "give a label volume, not an image; 0 background, 1 superficial, 2 deep, 3 bone")
         labels = array.astype(np.uint8)
     else:
         if unknown := [name for name in meaning if name not in TISSUES]:
@@ -250,10 +248,8 @@ def check_anatomy(volume: LabelVolume) -> None:
     names = {label: name for name, label in TISSUES.items()}
     outermost = names[int(np.argmax(np.bincount(at_air, minlength=4)[1:])) + 1]
     if outermost != "superficial":
-        raise refused(
-            f"what is labelled {outermost} lies outermost, where fat is",
-            f"exchange superficial and {outermost} under [labels]",
-        )
+        problem = f"what is labelled {outermost} lies outermost, where fat is"
+        raise refused(problem, f"exchange superficial and {outermost} under [labels]")
     bone, deep = (int((volume.labels == label).sum()) for label in (BONE, DEEP))
     if bone > deep:
         raise refused(

@@ -35,12 +35,8 @@ def outlines_of_shape(shape: LegShape, plane: CuttingPlane, source: str) -> dict
     for part in SURFACES:
         name = HULL if part == MUSCLE_HULL else part
         if name not in shape.contours:
-            raise InputError(
-                source,
-                part,
-                f"missing at {plane}",
-                "label tibia and fibula apart from each other, or cut the leg elsewhere",
-            )
+            remedy = "label tibia and fibula apart from each other, or cut the leg elsewhere"
+            raise InputError(source, part, f"missing at {plane}", remedy)
         outlines[part] = Polygon(_contour(shape, name, plane, source))
     return outlines
 
@@ -53,12 +49,8 @@ def _contour(shape: LegShape, part: str, plane: CuttingPlane, source: str) -> Fl
     above[np.abs(above) < 1e-9] = 0.0
     passes = (above[:-1] <= 0) & (above[1:] >= 0)
     if not passes.any(axis=0).all():
-        raise InputError(
-            source,
-            part,
-            f"{plane} leaves the scan, {z[0]:.4g} to {z[-1]:.4g} mm",
-            "choose a level or a position within it",
-        )
+        problem = f"{plane} leaves the scan, {z[0]:.4g} to {z[-1]:.4g} mm"
+        raise InputError(source, part, problem, "choose a level or a position within it")
     at, along = np.argmax(passes, axis=0), np.arange(points.shape[1])
     low, high = above[at, along], above[at + 1, along]
     share = (-low / np.where(high > low, high - low, 1.0))[:, None]
@@ -211,12 +203,8 @@ def _outlines_of_contours(path: Path, plane: CuttingPlane) -> dict[str, Polygon]
     if plane.is_level and np.isclose(levels[nearest], level):
         return polygons_of(loops[nearest], path, f"level {level:g} mm")
     if len(levels) < 2:
-        raise InputError(
-            path,
-            "level",
-            f"there is no level {level:g} mm, only {levels[0]:g} mm",
-            "choose that level, or give contours at several",
-        )
+        problem = f"there is no level {level:g} mm, only {levels[0]:g} mm"
+        raise InputError(path, "level", problem, "choose that level, or give contours at several")
     outlines = [polygons_of(here, path, f"level {at:g} mm") for at, here in zip(levels, loops, strict=True)]
     try:
         shape = shape_of_outlines(levels, outlines, _FINE.n_points)

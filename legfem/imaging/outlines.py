@@ -76,12 +76,8 @@ def _around(xy: FloatArray, wavelength: float) -> FloatArray:
 def _along(xy: FloatArray, levels: FloatArray, wavelength: float) -> FloatArray:
     steps = np.diff(levels)
     if np.ptp(steps) > 1e-6 * steps.mean():
-        raise InputError(
-            "shape",
-            "levels",
-            "are not evenly spaced, so the leg can't be smoothed along them",
-            "resample the shape first",
-        )
+        problem = "are not evenly spaced, so the leg can't be smoothed along them"
+        raise InputError("shape", "levels", problem, "resample the shape first")
     n = len(levels)
     if n < 3:
         return xy
@@ -177,12 +173,8 @@ def read_shape(path: Path, between: tuple[float, float] = (-np.inf, np.inf)) -> 
         loops = [max(here.get(part, [np.empty((0, 2))]), key=len) for here in found]
         for level, loop in zip(levels, loops, strict=True):
             if len(loop) < 8:
-                raise InputError(
-                    path,
-                    f"{part}, level {level:g} mm",
-                    f"{len(loop)} points are too few",
-                    "give the contour of every part at every level, 8 points or more",
-                )
+                remedy = "give the contour of every part at every level, 8 points or more"
+                raise InputError(path, f"{part}, level {level:g} mm", f"{len(loop)} points are too few", remedy)
         contours[part] = loops
         points[part] = max(len(loop) for loop in loops)
     for part in (SKIN, HULL):
@@ -314,24 +306,16 @@ def _slices_with(masks: dict[str, NDArray[np.bool_]], volume: LabelVolume) -> ND
         gap = int(np.setdiff1d(between, every)[0])
         part = next(part for part, has in holds.items() if not has[gap])
         what = "is empty" if part == SKIN else f"lacks the {part}"
-        raise InputError(
-            volume.source,
-            f"slice {gap}",
-            f"{what} (z = {volume.levels[gap]:.1f} mm)",
-            "segment it, or cut the volume there",
-        )
+        problem = f"{what} (z = {volume.levels[gap]:.1f} mm)"
+        raise InputError(volume.source, f"slice {gap}", problem, "segment it, or cut the volume there")
     return between
 
 
 def _outline(mask: Any, volume: LabelVolume, part: str, k: int, settings: OutlineSettings) -> Polygon:
     """Return the outline of a part in a slice, without holes, mm; muscles apart are joined."""
     if mask[[0, -1]].any() or mask[:, [0, -1]].any():
-        raise InputError(
-            volume.source,
-            f"slice {k}",
-            f"the {part} is cut off by the volume's edge",
-            "give the whole leg, with background around it",
-        )
+        problem = f"the {part} is cut off by the volume's edge"
+        raise InputError(volume.source, f"slice {k}", problem, "give the whole leg, with background around it")
     pieces, number = ndimage.label(mask)
     if number <= 1:
         return _outline_of_piece(mask, volume, part, k, settings)
@@ -352,12 +336,8 @@ def _outline_of_piece(mask: Any, volume: LabelVolume, part: str, k: int, setting
     lines = contourpy.contour_generator(z=smooth.T).lines(0.5)
     closed = [line for line in lines if len(line) > 4 and np.allclose(line[0], line[-1])]
     if not closed:
-        raise InputError(
-            volume.source,
-            f"slice {k}",
-            f"the {part} is too small to have an outline",
-            "remove the specks, or use a finer volume",
-        )
+        problem = f"the {part} is too small to have an outline"
+        raise InputError(volume.source, f"slice {k}", problem, "remove the specks, or use a finer volume")
     index = max(closed, key=lambda line: abs(area_and_centroid(line)[0]))
     outline = Polygon(volume.origin[:2] + volume.spacing[:2] * (index + np.array(low) - 4))
     blurred = settings.blur**2 * float(volume.spacing[0] * volume.spacing[1])

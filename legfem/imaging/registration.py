@@ -128,12 +128,8 @@ def register_surfaces(moving: FloatArray, fixed: FloatArray, start: RigidTransfo
                 spread = 1.4826 * float(np.median(np.abs(off[used]))) + 1e-9
                 used &= np.abs(off) < _OUTLIER * spread
         if used.sum() < max(6, len(moving) // 10):
-            raise InputError(
-                "registration",
-                "bones",
-                f"only {int(used.sum())} of {len(moving)} points find a partner",
-                "give both scans in about the same posture, or a start",
-            )
+            problem = f"only {int(used.sum())} of {len(moving)} points find a partner"
+            raise InputError("registration", "bones", problem, "give both scans in about the same posture, or a start")
         pivot = moved[used].mean(axis=0)
         rows = _rows(moved[used] - pivot, normal[used])
         step = np.linalg.lstsq(rows, -off[used], rcond=None)[0]
@@ -162,12 +158,8 @@ def register_shapes(moving: LegShape, fixed: LegShape) -> Registration:
         If the two don't have the same bones, or see `register_surfaces`.
     """
     if set(moving.bones) != set(fixed.bones):
-        raise InputError(
-            "registration",
-            "bones",
-            f"{', '.join(moving.bones)} and {', '.join(fixed.bones)} are not the same",
-            "segment the same bones in both scans",
-        )
+        problem = f"{', '.join(moving.bones)} and {', '.join(fixed.bones)} are not the same"
+        raise InputError("registration", "bones", problem, "segment the same bones in both scans")
     there, here = _frame(fixed), _frame(moving)
     return register_surfaces(bone_points(moving), bone_points(fixed), there.after(here.inverse()))
 
@@ -205,12 +197,8 @@ def _patches(points: FloatArray) -> tuple[FloatArray, FloatArray, float]:
     centres, normals, counts = (np.concatenate(each) for each in zip(*found, strict=True))
     kept = counts >= LEAST_PATCH
     if kept.sum() < LEAST_SURFACE:
-        raise InputError(
-            "registration",
-            "points",
-            f"{len(points)} are too few or too far apart",
-            f"give the bones' surfaces, a point every {_SPACING_MM:g} mm or so",
-        )
+        remedy = f"give the bones' surfaces, a point every {_SPACING_MM:g} mm or so"
+        raise InputError("registration", "points", f"{len(points)} are too few or too far apart", remedy)
     return centres[kept], normals[kept], float(counts[kept].mean())
 
 

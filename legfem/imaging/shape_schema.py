@@ -42,11 +42,8 @@ class ShapeEntry(FileTable):
         given = [name for name in self.sources if getattr(self, name)]
         if len(given) != 1:
             *others, last = self.sources.values()
-            raise trouble(
-                "scan",
-                f"{len(given)} sources of the leg's shape are given",
-                f"give one of {', '.join(others)} and {last}",
-            )
+            problem = f"{len(given)} sources of the leg's shape are given"
+            raise trouble("scan", problem, f"give one of {', '.join(others)} and {last}")
         if self.series is not None and self.scan is None:
             raise trouble("series", "is given without a scan", "give the scan, or leave it out")
         return self

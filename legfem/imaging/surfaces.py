@@ -91,12 +91,8 @@ def read_surface(path: Path) -> Any:
         free = edges[count == 1]
         near = surface.vertices[free[0]].mean(axis=0) if len(free) else surface.centroid
         at = ", ".join(f"{c:.1f}" for c in near)
-        raise InputError(
-            path,
-            "surface",
-            f"has holes: {len(free)} free edges, one near ({at})",
-            "close it in the program that made it",
-        )
+        problem = f"has holes: {len(free)} free edges, one near ({at})"
+        raise InputError(path, "surface", problem, "close it in the program that made it")
     return surface
 
 
@@ -179,12 +175,8 @@ def _check_ends(skin: Polygon, plane: CuttingPlane, low: float, high: float, sou
     corners = np.asarray(skin.exterior.coords)
     z = corners @ plane.axes[:, 2] + (plane.point @ plane.normal) * plane.normal[2]
     if z.min() < low + _END or z.max() > high - _END:
-        raise InputError(
-            source,
-            SKIN,
-            f"ends within the section at {plane}",
-            f"the surface reaches from {low:.1f} to {high:.1f} mm: cut it elsewhere",
-        )
+        remedy = f"the surface reaches from {low:.1f} to {high:.1f} mm: cut it elsewhere"
+        raise InputError(source, SKIN, f"ends within the section at {plane}", remedy)
 
 
 type _Triangles = NDArray[np.intp]

@@ -139,12 +139,8 @@ def _series(path: Path) -> SimpleITK.Image:
     reader = SimpleITK.ImageSeriesReader()
     found = reader.GetGDCMSeriesIDs(str(path))
     if len(found) != 1:
-        raise InputError(
-            path,
-            "series",
-            f"the folder contains {len(found)} DICOM series",
-            "give a folder with the slices of one series",
-        )
+        problem = f"the folder contains {len(found)} DICOM series"
+        raise InputError(path, "series", problem, "give a folder with the slices of one series")
     reader.SetFileNames(reader.GetGDCMSeriesFileNames(str(path), found[0]))
     return reader.Execute()
 
