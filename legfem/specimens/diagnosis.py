@@ -3,6 +3,7 @@
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import product
 from pathlib import Path
 
@@ -147,21 +148,15 @@ def diagnose_specimens(
         started = time.perf_counter()
         title = folder.title if len(every) == 1 else f"{folder.title}: {name}"
         whose = Identity(name, title, folder.origin, folder.directory)
-        own = folder.test_of(every[name][0])
-        found = DiagnosedSpecimen(name, None, test=every[name][0].test)
+        first = every[name][0]
         try:
-            diagnosis, left = _diagnosed(own, whose, every[name], responses, jobs, progress, seed)
+            own = folder.test_of(first)
+            found, left = _diagnosed(own, whose, every[name], responses, jobs, progress, seed)
         except InputError as error:
-            yield replace(found, problem=error)
+            yield DiagnosedSpecimen(name, None, problem=error, test=first.test)
         else:
-            sizes = every[name][0].sizes
-            yield replace(
-                found,
-                diagnosis=diagnosis,
-                left_out=left,
-                seconds=time.perf_counter() - started,
-                extent=sizes.kind.extent(sizes.body),
-            )
+            seconds, extent = time.perf_counter() - started, first.sizes.kind.extent(first.sizes.body)
+            yield DiagnosedSpecimen(name, found, left, seconds=seconds, extent=extent, test=first.test)
 
 
 def _diagnosed(
@@ -251,20 +246,12 @@ def _observed(folder: SpecimenFolder, used: Sequence[SpecimenRecording]) -> Obse
 
 
 def _check_fibres(folder: SpecimenFolder, recordings: Sequence[SpecimenRecording]) -> None:
+    refused = partial(InputError, folder.directory / FILE)
     if len({one.sizes.fibres_text for one in recordings}) > 1:
-        raise InputError(
-            folder.directory / FILE,
-            f"specimen {recordings[0].specimen}",
-            "was tested in several directions of its fibres",
-            "give each a name of its own, for a diagnosis",
-        )
+        remedy = "give each a name of its own, for a diagnosis"
+        raise refused(f"specimen {recordings[0].specimen}", "was tested in several directions of its fibres", remedy)
     if any(one.fibrous and RATIO not in one.stated for one in folder.tissues):
-        raise InputError(
-            folder.directory / FILE,
-            "fibres.ratio",
-            "is open",
-            "state it, such as legfem.identify found, for a diagnosis",
-        )
+        raise refused("fibres.ratio", "is open", "state it, such as legfem.identify found, for a diagnosis")
 
 
 def solved_responses(
@@ -273,14 +260,6 @@ def solved_responses(
     """Return a specimen's responses by full solutions, a little deeper than was recorded."""
     depth = float(f"{_BEYOND * observed.depth:.3g}")
     variants = SpecimenVariants(sizes, depth, folder.tissues)
-    return SolvedResponses(
-        variants,
-        depth,
-        responses,
-        {
-            "model": "specimen with mechanisms",
-            "given": variants.described(PLAIN.variant),
-            "code": code_fingerprint("legfem.specimens.forward", type(sizes.kind).__module__),
-        },
-        step=depth / _POINTS,
-    )
+    code = code_fingerprint("legfem.specimens.forward", type(sizes.kind).__module__)
+    depends_on = {"model": "specimen with mechanisms", "given": variants.described(PLAIN.variant), "code": code}
+    return SolvedResponses(variants, depth, responses, depends_on, step=depth / _POINTS)

@@ -323,21 +323,11 @@ def doubts_about_course(source: str, course: Course, sizes: Sizes) -> Iterator[D
     kind, body = sizes.kind, sizes.body
     extent = kind.extent(body)
     if extent is not None:
-        yield from _SHARE[kind.presses(body)].doubts(
-            source,
-            "displacement_mm",
-            course.depth / extent,
-            f"check that {course.depth:.3g} mm are right, and the specimen's sizes",
-        )
+        remedy = f"check that {course.depth:.3g} mm are right, and the specimen's sizes"
+        yield from _SHARE[kind.presses(body)].doubts(source, "displacement_mm", course.depth / extent, remedy)
     yield from _SPEED.doubts(source, "time_s", course.rate, "check that time is in s (not min or ms)")
-    loading = course.samples.time <= course.arrival
-    yield from loading_doubts(
-        source,
-        course.samples.time[loading],
-        course.samples.displacement[loading],
-        course.samples.force[loading],
-        _CUT_OFF,
-    )
+    loading = course.samples.part(course.samples.time <= course.arrival)
+    yield from loading_doubts(source, loading.time, loading.displacement, loading.force, _CUT_OFF)
 
 
 def doubts_about_stiffness(source: Path, c10: float, names: Sequence[str], field: str) -> Iterator[Doubt]:
