@@ -18,7 +18,7 @@ from legfem.common.errors import InputError
 from legfem.common.input_files import FileTable, checked
 from legfem.data import seen_instrument
 from legfem.data.formats import recording_files
-from legfem.data.reader import read_samples
+from legfem.data.reader import read_samples, trials_in
 from legfem.data.recording import SourceColumns
 from legfem.legs.folder import plain_id, subject_text
 from legfem.legs.schema import SUBJECTS, SubjectFile, site_names, subject_entry
@@ -277,7 +277,7 @@ def shown_errors(folder: Path) -> tuple[float, float] | None:
         if given.given.instrument is not None:
             return None
         channels = given.given.recordings.channels()
-        files = recording_files(folder / given.recordings)
+        files = trials_in(recording_files(folder / given.recordings), channels)
         read = [read_samples(one, channels) for one in files]
     except InputError:
         return None

@@ -70,15 +70,17 @@ def look(
 
         from legfem.common.documents import write_atomically, write_document
         from legfem.common.errors import doubt_lines
-        from legfem.common.input_files import check_printable
+        from legfem.common.input_files import check_distinct, check_printable
         from legfem.data import Scales, among_repeats, segment
         from legfem.data.channel_reader import frames_in
         from legfem.data.columns import Proposal, propose
         from legfem.data.contact import LEAST_OF_A_LEG_MM, LEG
         from legfem.data.formats import read_sheets
         from legfem.data.formats.labels import Quantity
+        from legfem.data.formats.sheet import trial_of
         from legfem.data.plausibility import magnitude_doubts, trial_doubts
         from legfem.data.quality import quality_of
+        from legfem.data.reader import trials_in
         from legfem.data.recording import PLAIN_COLUMNS, read_plain, recording_of
         from legfem.report import instrument_file
         from legfem.report.page import PAGE, command_line
@@ -90,15 +92,13 @@ def look(
         check_printable(*files)
         asked: dict[Quantity, str | None] = {"time": time, "displacement": displacement, "force": force}
         named = {quantity: column for quantity, column in asked.items() if column is not None}
-        names = [path.stem for path in files]
-        if len(set(names)) < len(names):
-            twice = next(path for path in files if names.count(path.stem) > 1)
-            raise InputError(twice, "name", "two files have this name", "give each trial its own name")
         tables = [path for path in files if path.is_file() and frames_in(path)]
         files = [path for path in files if path not in tables]
         if not files:
             what = "is a table of points or readings beside a recording"
             raise InputError(tables[0], "time_s", what, "look at it together with its recording")
+        files = files if sheet is not None else trials_in(files, named=named)
+        check_distinct(files[-1], "name", map(trial_of, files), "give each trial a name of its own")
         read, tomls = [], {}
         for path in files:
             recording = read_plain(path)

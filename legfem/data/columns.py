@@ -111,6 +111,14 @@ def find_column(path: Path, sheet: Sheet, quantity: Quantity, given: str | None)
     return SourceColumn(chosen.name, chosen.unit), (f"{quantity}: '{chosen.name}' in {chosen.unit}, by its {why}{same}")
 
 
+def columns_of(path: Path, sheet: Sheet, given: Mapping[Quantity, str]) -> list[tuple[SourceColumn, str]] | None:
+    """Return the columns of a recording's quantities (see `find_column`); None of a table that has none."""
+    try:
+        return [find_column(path, sheet, q, given.get(q)) for q in QUANTITIES]
+    except InputError:
+        return None
+
+
 ABREAST = "columns"
 """Field of a refusal of trials that stand side by side."""
 _NUMBER = re.compile(r"[#\s_:.-]*\d+[:\s]*")

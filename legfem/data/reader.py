@@ -1,13 +1,17 @@
 """Reading a recording: an own table, an instrument's file, or a table that says clearly which columns are which."""
 
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from legfem.channels.kinds import IN_COLUMNS
 from legfem.common.errors import InputError
 from legfem.common.wording import Remedy
-from legfem.data.columns import look_command, propose
-from legfem.data.formats import read_sheets
-from legfem.data.formats.sheet import Column
+from legfem.data.columns import columns_of, look_command, propose
+from legfem.data.formats import READERS, read_sheets
+from legfem.data.formats.labels import Quantity
+from legfem.data.formats.sheet import Column, Sheet, file_of
+from legfem.data.formats.text import read_text
 from legfem.data.formats.times import BY_RATE
 from legfem.data.recording import (
     QUANTITIES,
@@ -42,7 +46,7 @@ def read_samples(path: Path, channels: SourceColumns | None = None, area: float 
     path = Path(path)
     if channels is not None:
         return recording_of(path, read_sheets(path), channels, area)
-    if _breaks_off(path) and (found := _other_dialect(path, area)) is not None:
+    if (_breaks_off(path) or file_of(path) != path) and (found := _other_dialect(path, area)) is not None:
         return found
     try:
         return read_plain_table(path, area)
@@ -56,6 +60,38 @@ def read_samples(path: Path, channels: SourceColumns | None = None, area: float 
             remedy = Remedy(f"{error.remedy}; or run ", look_command(path, {}), f", whose recordings.toml reads {seen}")
             raise InputError(path, error.field, error.problem, remedy) from None
         raise
+
+
+def trials_in(
+    files: Sequence[Path], channels: SourceColumns | None = None, named: Mapping[Quantity, str] | None = None
+) -> list[Path]:
+    """Return files, and in place of one that has a trial in each of several tables a path a trial (`file_of`).
+
+    Parameters
+    ----------
+    files
+        Of recordings.
+    channels
+        Where they hold the quantities; a table that it names is the only one.
+    named
+        Columns that a user named, by their quantity.
+    """
+    if channels is not None and channels.sheet is not None:
+        return list(files)
+    if channels is not None:
+        named = {q: f"{one.column}:{one.unit}" for q in QUANTITIES if (one := getattr(channels, q))}
+    found: list[Path] = []
+    for path in files:
+        tables = [path / sheet.name for sheet in _tables(path) if columns_of(path, sheet, named or {})]
+        found += tables if len(tables) > 1 else [path]
+    return found
+
+
+def _tables(path: Path) -> list[Sheet]:
+    """Return the tables of a file of a kind that may have several, and can be read."""
+    with suppress(InputError):  # what reads it says why it can't be
+        return read_sheets(path) if READERS.get(path.suffix.lower(), read_text) is not read_text else []
+    return []
 
 
 def _breaks_off(path: Path) -> bool:

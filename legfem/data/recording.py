@@ -17,7 +17,7 @@ from legfem.common.errors import InputError
 from legfem.common.input_files import read_table
 from legfem.common.units import MPA_PER_KPA, MPA_PER_MMHG, FloatArray, frozen_array
 from legfem.data.formats.labels import UNIT_OF, Quantity, unit_named
-from legfem.data.formats.sheet import Column, Sheet
+from legfem.data.formats.sheet import Column, Sheet, trial_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,7 +227,7 @@ def recording_of(path: Path, sheets: Sequence[Sheet], channels: SourceColumns, a
         if kind.name in seen
     ]
     pulled = any(_OF_PULLS.search(getattr(channels, q).column) for q in QUANTITIES)
-    return Recording(time, displacement, force, path.stem, path, tuple(read), pulled=pulled)
+    return Recording(time, displacement, force, trial_of(path), path, tuple(read), pulled=pulled)
 
 
 _OF_PULLS = re.compile(r"tensile|(?<!ex)tension|\bzug|traction|tracción|trazione", re.IGNORECASE)

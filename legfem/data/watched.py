@@ -12,6 +12,7 @@ from typing import Literal
 
 from legfem.common.errors import InputError
 from legfem.data.formats import READERS
+from legfem.data.formats.sheet import file_of
 from legfem.data.formats.text import read_text
 
 SETTLED_S, STALLED_S = 2.0, 10.0
@@ -46,7 +47,7 @@ def stamps_of(files: Iterable[Path]) -> dict[Path, Stamp]:
     found = {}
     for path in files:
         with suppress(FileNotFoundError):
-            seen = path.stat()
+            seen = file_of(path).stat()
             found[path] = seen.st_size, seen.st_mtime_ns
     return found
 

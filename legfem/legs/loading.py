@@ -11,7 +11,9 @@ from legfem.common.units import kpa_to_mpa
 from legfem.data import Instrument, Recording, SourceColumns, check_trial, read_samples, seen_instrument
 from legfem.data.channel_reader import is_channel_file, with_channels
 from legfem.data.formats import recording_files
+from legfem.data.formats.sheet import trial_of
 from legfem.data.plausibility import refuse_copies
+from legfem.data.reader import trials_in
 from legfem.data.recording import HEADER
 from legfem.geometry.indenter import Indenter, Site
 from legfem.geometry.section import LegSection, first_crossing
@@ -124,7 +126,8 @@ def load_subject(
 def trial_files(directory: Path, entry: SubjectEntry) -> list[Path]:
     """Return the files among a leg's recordings that may be trials: not what channels beside them are read from."""
     files = recording_files(directory / entry.recordings)
-    return [file for file in files if not is_channel_file(file, entry.given.channels, entry.site)]
+    own = [file for file in files if not is_channel_file(file, entry.given.channels, entry.site)]
+    return trials_in(own, entry.given.recordings.channels())
 
 
 def with_trials(leg: Subject, entry: SubjectEntry, files: Sequence[Path] | None, needed: bool = False) -> Subject:
@@ -187,7 +190,7 @@ def read_recordings(folder: Path, there: Sequence[Path], channels: SourceColumns
     if not files:
         raise InputError(folder, "*.csv", "there are no recordings", _where_recordings_are(folder, there))
     check_printable(*files)
-    check_distinct(folder, "trial", (file.stem for file in files), "keep one file for each trial, in one format")
+    check_distinct(folder, "trial", map(trial_of, files), "keep one file for each trial, in one format")
     return tuple(read_samples(file, channels) for file in files)
 
 

@@ -15,6 +15,7 @@ from legfem.data.columns import Proposal, propose
 from legfem.data.contact import LEG
 from legfem.data.formats import Sheet, read_sheets, recording_files
 from legfem.data.quality import quality_of
+from legfem.data.reader import trials_in
 from legfem.data.recording import PLAIN_COLUMNS, SourceColumns, recording_of
 from legfem.geometry.leg_shape import perimeter
 from legfem.geometry.section import fat_thickness, girth
@@ -257,6 +258,7 @@ def _recordings(
 ) -> tuple[SeenRecording, ...]:
     """Return what is seen in files, as ``trials`` have read those that a folder uses."""
     read = {trial.recording.source: trial for trial in trials}
+    files = trials_in(files, channels)
     return tuple(_recording(path, out, channels, of_specimen, site, read.get(path)) for path in files)
 
 

@@ -1,6 +1,5 @@
 """Which files of a specimen folder are recordings, and of which specimen."""
 
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -8,14 +7,18 @@ from legfem.common.errors import Doubt, InputError
 from legfem.common.input_files import check_distinct, check_printable
 from legfem.data.channel_reader import is_channel_file
 from legfem.data.formats import READERS, is_litter, recording_files
+from legfem.data.formats.sheet import file_of, trial_of
 from legfem.data.plausibility import unread_doubts
+from legfem.data.reader import trials_in
+from legfem.data.recording import SourceColumns
 from legfem.specimens.schema import SpecimenFile
 
 
 def unread_files(directory: Path, given: SpecimenFile, read: Sequence[Path]) -> Iterator[Doubt]:
     """Yield a doubt about files beside the recordings that nothing reads, if there are any."""
     folder = directory / "recordings"
-    others = [f for f in recording_files(folder) if f not in read and not is_channel_file(f, given.channels)]
+    there = {file_of(path) for path in read}
+    others = [f for f in recording_files(folder) if f not in there and not is_channel_file(f, given.channels)]
     name_them = "name every file under [[specimen]], remove the others, or give [recordings]"
     yield from unread_doubts(folder, others, f"{name_them} from `legfem data look --specimens`")
 
@@ -33,7 +36,7 @@ def named_recordings(directory: Path, toml: Path, given: SpecimenFile) -> list[t
         (k, pattern) for k, entry in enumerate(given.specimen) for pattern in entry.recordings
     ]
     for number, pattern in asked or [(None, "recordings/*")]:
-        files = _matching(toml, directory, pattern)
+        files = _matching(toml, directory, pattern, given.recordings.channels())
         if number is None:
             files = [path for path in files if path.suffix.lower() in suffixes]
             files = [path for path in files if not is_channel_file(path, given.channels)]
@@ -46,23 +49,25 @@ def named_recordings(directory: Path, toml: Path, given: SpecimenFile) -> list[t
                 "put one CSV file for each recording there: time_s,displacement_mm,force_N; or give "
                 "the channels of your instrument's files, from `legfem data look`",
             )
-        found += [(number, path) for path in files]
+        found += [(number, path) for path in trials_in(files, given.recordings.channels())]
     named = (path.relative_to(directory).as_posix() for _, path in found)
     check_distinct(toml, "specimen.recordings", named, "name every recording once")
     check_printable(*(path for _, path in found))
-    stems = Counter(path.stem for _, path in found)
+    trials = [trial_of(path) for _, path in found]
     return [
-        (path.stem if stems[path.stem] == 1 else path.relative_to(directory).with_suffix("").as_posix(), number, path)
-        for number, path in found
+        (one if trials.count(one) == 1 else (path.parent / one).relative_to(directory).as_posix(), number, path)
+        for one, (number, path) in zip(trials, found, strict=True)
     ]
 
 
-def _matching(toml: Path, directory: Path, pattern: str) -> list[Path]:
-    """Return the files of a pattern but what systems leave beside them (``._x.csv``, ``~$x.xlsx``)."""
+def _matching(toml: Path, directory: Path, pattern: str, channels: SourceColumns | None) -> list[Path]:
+    """Return the files of a pattern, or tables in one (``book.xlsx/Trial *``), but what systems leave (``._x.csv``)."""
     if Path(pattern).is_absolute() or ".." in Path(pattern).parts:
         raise InputError(toml, "specimen.recordings", f"{pattern!r} leaves the folder", "name files within it")
     try:
         found = sorted(path for path in directory.glob(pattern) if path.is_file())
+        if not found and file_of(directory / pattern).is_file():
+            found = [path for path in trials_in([file_of(directory / pattern)], channels) if path.match(pattern)]
     except ValueError:
         raise InputError(
             toml, "specimen.recordings", f"{pattern!r} is not a pattern of files", "give one such as recordings/a*.csv"

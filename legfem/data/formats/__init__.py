@@ -6,13 +6,13 @@ import lzma
 import tempfile
 import zipfile
 from collections.abc import Callable
-from functools import partial
+from functools import lru_cache, partial
 from importlib import import_module
-from pathlib import Path
+from pathlib import Path, PurePath
 
 from legfem.common.errors import InputError
 from legfem.data.formats.refused import refuse_force_curve, refuse_what_holds_no_table
-from legfem.data.formats.sheet import MOST_BYTES, Column, Sheet, check_size
+from legfem.data.formats.sheet import MOST_BYTES, Column, Sheet, check_size, file_of
 from legfem.data.formats.text import read_text
 
 __all__ = ["READERS", "Column", "Sheet", "read_sheets"]
@@ -117,19 +117,28 @@ def is_litter(path: Path) -> bool:
 
 
 def read_sheets(path: Path) -> list[Sheet]:
-    """Read all tables of an instrument's file.
+    """Read all tables of an instrument's file, or the one that a path names in it (`file_of`).
 
     Raises
     ------
     InputError
         If the file is missing, too large, of no known kind, damaged, a microscope's, or holds no table of numbers.
     """
-    ending, refused = path.suffix.lower(), partial(InputError, path, "file")
-    if not path.is_file():
+    file = file_of(path)
+    if not file.is_file():
         raise _no_file(path)
-    if path.stat().st_size == 0:
+    stamp = file.stat()
+    sheets = _read_sheets(file, stamp.st_size, stamp.st_mtime_ns)
+    return [one for one in sheets if file == path or PurePath(one.name) == path.relative_to(file)]
+
+
+@lru_cache(maxsize=1)
+def _read_sheets(path: Path, size: int, changed: int) -> tuple[Sheet, ...]:
+    """Read a file's tables, once for all of its trials."""
+    ending, refused = path.suffix.lower(), partial(InputError, path, "file")
+    if size == 0:
         raise refused("is empty", "copy or export it again")
-    check_size(path, path.stat().st_size)
+    check_size(path, size)
     refuse_force_curve(path)
     refuse_what_holds_no_table(path)
     with path.open("rb") as file:
@@ -155,7 +164,7 @@ def read_sheets(path: Path) -> list[Sheet]:
     if not sheets:
         problem = "contains no columns of numbers with names"
         raise refused(problem, "export time, displacement and force, each with its name")
-    return sheets
+    return tuple(sheets)
 
 
 def _no_file(path: Path) -> InputError:

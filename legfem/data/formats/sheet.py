@@ -112,6 +112,17 @@ def check_size(path: Path, size: int) -> None:
         )
 
 
+def file_of(path: Path) -> Path:
+    """Return the file that holds a trial's table, whose path names both, as ``tests.xlsx/Trial 1``; else the path."""
+    return path if path.exists() else next((one for one in path.parents if one.is_file()), path)
+
+
+def trial_of(path: Path) -> str:
+    """Return the name of a trial: its file's, or its table's in a file of several."""
+    file = file_of(path)
+    return path.stem if file == path else path.relative_to(file).as_posix().replace("/", "-")
+
+
 NAMELESS = "its columns have no names"
 """Remark on a table whose columns are named by their places."""
 NOT_CALCULATED = "formulas were never calculated"
