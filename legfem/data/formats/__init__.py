@@ -83,7 +83,7 @@ _UNPACK: dict[str, type[gzip.GzipFile | bz2.BZ2File | lzma.LZMAFile]] = {
 }
 READERS: dict[str, Reader] = {
     # LabVIEW's own heading may have been left out, or taken off.
-    **dict.fromkeys((".csv", ".txt", ".dat", ".tra", ".asc", ".tsv", ".tab", ".lvm", ".itx"), read_text),
+    **dict.fromkeys((".csv", ".txt", ".dat", ".tra", ".asc", ".tsv", ".tab", ".lvm", ".itx", ".ddf"), read_text),
     **dict.fromkeys((".xlsx", ".xlsm"), _workbook),
     ".xls": _old_workbook,
     ".ods": _open_document,

@@ -1,6 +1,7 @@
 """What a column's label says: the quantity that it names, and the unit."""
 
 import re
+from collections.abc import Iterable
 from typing import Literal, NamedTuple
 
 from legfem.common.units import MPA_PER_MMHG
@@ -159,3 +160,20 @@ def one_unit(named: str | None, stated: str | None) -> str | None:
 def names_quantity(label: str, quantity: Quantity) -> bool:
     """Tell whether a column is called like a quantity."""
     return re.search(WORDS[quantity], label, re.IGNORECASE) is not None
+
+
+_SIZE = re.compile(
+    r"[\w ]{0,12}?\b(?P<name>length|width|thickness|diameter|height|länge|messlänge|breite|dicke|durchmesser|höhe)"
+    r"\W*(?:[(\[](?P<unit>\w+)[)\]])?\W*(?P<value>\d+(?:[.,]\d+)?)\W*(?P<behind>\w+)?\W*",
+    re.IGNORECASE,
+)
+
+
+def sizes_in(lines: Iterable[str]) -> str:
+    """Return a specimen's sizes as lines of a heading state them, as ``Diameter: 12.0 mm``; empty without any."""
+    told = []
+    for found in filter(None, map(_SIZE.fullmatch, lines)):
+        unit = unit_named(found["unit"] or found["behind"] or "")
+        size = float(found["value"].replace(",", ".")) * (unit.factor if unit is not None else 0.0)
+        told += [f"{found['name'].lower()} {size:g} mm"] if size and unit and unit.quantity == "displacement" else []
+    return ", ".join(told)

@@ -20,6 +20,7 @@ from legfem.data.formats.labels import (
     name_and_unit,
     names_quantity,
     one_unit,
+    sizes_in,
     unit_named,
 )
 from legfem.data.formats.times import BY_RATE, CLOCK, times_by_rate, with_clock
@@ -165,7 +166,6 @@ def sheet_of_rows(
     heading = {tuple(row) for row in rows[:start] if width_of(row)}
     again = _printed_anew(rows, [k for k in kept if start <= k < end], heading, columns)
     samples = [k for k in kept if start <= k < end and k not in again]
-    _check_no_volts(path, rows[:start])
     titles, units = titles_and_units(rows[:start], columns)
     named = max(width, width_of(titles or ()))
     try:
@@ -201,12 +201,13 @@ def sheet_of_rows(
         unit = "s" if c == clock else one_unit(unit, units[k] if units else None)
         unit = unit or _unit_behind(rows, samples, c)
         found.append(Column(column, unit, values[:, k]))
+    found = _scaled(path, rows[:start], found)
     if not any(c.is_time for c in found):
         counted = with_clock(path, rows, range(start, end), width)
         if counted is not None:
             remark = "the time is counted from a clock's times"
             return sheet_of_rows(path, name, counted[0], (*remarks, *others, remark), counted[1])
-        rated = times_by_rate(rows[:start], [c.name for c in found], values)
+        rated = times_by_rate(rows[:start], [c.name for c in found], np.column_stack([c.values for c in found]))
         if rated is not None and count is not None and count != len(values):
             problem = f"its heading counts {count:.0f} samples, and {len(values)} follow: their times are not known"
             raise InputError(path, "rows", problem, "export it again, with a column of times")
@@ -228,6 +229,8 @@ def sheet_of_rows(
     told += [f"{below} lines below the numbers are passed over"] if below else []
     told += [f"headings among the numbers are passed over ({len(again)} lines)"] if again else []
     told += [f"{anew.sum()} rows that repeat the one before are left out"] if anew.any() else []
+    sizes = sizes_in(" ".join(map(text_of, row)) for row in rows[:start])
+    told += [f"its heading states the specimen's {sizes}"] if sizes else []
     told += [NAMELESS] if nameless else []
     return Sheet(name, tuple(found), (*remarks, *others, *told))
 
@@ -247,16 +250,32 @@ def _counts(values: FloatArray) -> bool:
 _IN_VOLTS = re.compile(r"\bin volts\b|\bunits/V\b", re.IGNORECASE)
 
 
-def _check_no_volts(path: Path, above: Sequence[Sequence[Cell]]) -> None:
-    """Refuse numbers that a heading calls volts, whose scales it states for a program of its own."""
-    found = next((text for row in above for cell in row if _IN_VOLTS.search(text := text_of(cell))), None)
-    if found is not None:
-        raise InputError(
-            path,
-            "columns",
-            f"are in volts, as the heading says ('{found}')",
-            "export displacement in mm and force in N",
-        )
+def _scaled(path: Path, above: Sequence[Sequence[Cell]], found: list[Column]) -> list[Column]:
+    """Return columns that a heading calls volts in the units of the calibration there, as Aurora's DMC writes it.
+
+    A reading is (volts + offset) scale. Source: V. B. Baliga, S. Senthivasan, *workloopR* (2020), ``rescale_data``.
+
+    Raises
+    ------
+    InputError
+        If the heading has no scales.
+    """
+    told = next((text for row in above for cell in row if _IN_VOLTS.search(text := text_of(cell))), None)
+    if told is None:
+        return found
+    rows = {text_of(cell_at(row, 0)).partition(" (")[0]: row[1:] for row in above}
+    table = [*zip(*(rows.get(key, ()) for key in ("Channel", "Units", "Scale", "Offset")), strict=False)]
+    scales = {text_of(name): (text_of(unit), scale, offset) for name, unit, scale, offset in table}
+    if not any(unit_named(unit) for unit, _, _ in scales.values()):
+        problem = f"are in volts, as the heading says ('{told}')"
+        raise InputError(path, "columns", problem, "export displacement in mm and force in N")
+    columns = [one for one in found if one.name not in scales]
+    for one in found:
+        unit, scale, offset = scales.get(one.name, ("", None, None))
+        if unit_named(unit) and isinstance(scale, float) and isinstance(offset, float):
+            name = f"command {one.name}" if one.name.startswith("AO") else one.name
+            columns.append(Column(name, unit, (one.values + offset) * scale))
+    return columns
 
 
 def _check_abreast(path: Path, titles: Sequence[str]) -> None:

@@ -1,0 +1,88 @@
+"""Files of further kinds of instruments: scales and sizes in headings, and what is no recording, by the right cause."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from openpyxl import Workbook
+
+from legfem.common.errors import InputError
+from legfem.data.columns import propose
+from legfem.data.formats import read_sheets
+from legfem.data.recording import Recording, recording_of
+
+T = np.arange(0.0, 2.0, 0.005)
+D = 4.0 * np.minimum(T, 2.0 - T)
+F = 0.08 * D**1.5
+"""s, mm and N of a press and its return."""
+
+
+def read(path: Path) -> Recording:
+    sheets = read_sheets(path)
+    return recording_of(path, sheets, propose(path, sheets).channels)
+
+
+def ddf(offset: float, units: str = "Units\tmm\tmN\t\t\tmm\tmN\n") -> str:
+    """Return a file of Aurora's DMC: two channels in volts, two unused ones, and two of commands."""
+    head = (
+        "DMCv5.3 Data File\nSample Frequency (Hz): 200\nReference Length: NaN mm\nCalibration Data:\n"
+        "Channel\tAI0\tAI1\tAI2\tAI3\tAO0\tAO1\n"
+        + units
+        + "Scale (units/V)\t2.0\t500.0\t0.0\t0.0\t2.0\t500.0\n"
+        + f"Offset (volts)\t{offset}\t0.0\t0.0\t0.0\t0.0\t0.0\nTADs\t0.0\t0.0\t0.0\t0.0\t0.0\t0.0\n"
+        "Test Comments:\n\nProtocol Array:\n\n0.2\tRamp\tLength Out\t6, 0.5\t\n0.2\tStop\t\t\t\n\n\n"
+        "Test Data in Volts:\n\nSample\tAI0\tAI1\tAI2\tAI3\tAO0\tAO1\tStim\n"
+    )
+    lines = (
+        f"{k}\t{D[k] / 2 - offset:.6f}\t{F[k] / 0.5:.6f}\t-0.04\t-0.01\t{D[k] / 2 * 1.3:.6f}\t0.000000\t0\n"
+        for k in range(len(T))
+    )
+    return head + "".join(lines)
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.25])
+def test_volts_of_aurora_become_what_its_scales_and_offsets_say(tmp_path: Path, offset: float) -> None:
+    path = tmp_path / "lever.ddf"
+    path.write_text(ddf(offset))
+    found = read(path)
+    np.testing.assert_allclose(found.time, T, atol=1e-9)
+    np.testing.assert_allclose(found.displacement, D, atol=3e-6)
+    np.testing.assert_allclose(found.force, F, atol=3e-6)
+
+
+def test_volts_whose_channels_have_no_units_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "lever.ddf"
+    path.write_text(ddf(0.0, "Units\t\t\t\t\t\t\n"))
+    with pytest.raises(InputError, match=r"lever.ddf: columns: are in volts, as the heading says"):
+        read(path)
+
+
+@pytest.mark.parametrize(
+    ("head", "said"),
+    [
+        ('"Length : 25.00 mm"\n"Width","1.2","cm"\n\n', "length 25 mm, width 12 mm"),
+        ("Specimen diameter (mm),12.5\nOperator,A\n", "diameter 12.5 mm"),
+        ("Messlänge,20,mm\nPrüfgeschwindigkeit,5,mm\n", "messlänge 20 mm"),
+    ],
+)
+def test_sizes_in_a_heading_are_said(tmp_path: Path, head: str, said: str) -> None:
+    path = tmp_path / "bar.csv"
+    rows = "".join(f"{t:.3f},{d:.4f},{f:.5f}\n" for t, d, f in zip(T, D, F, strict=True))
+    path.write_text(head + "Time (s),Extension (mm),Load (N)\n" + rows)
+    reasons = propose(path, read_sheets(path)).reasons
+    assert f"its heading states the specimen's {said}" in reasons
+
+
+def test_sizes_beside_a_sheet_s_table_are_said(tmp_path: Path) -> None:
+    book = Workbook()
+    page = book.active
+    assert page is not None
+    for row in (["Diameter", 8.0, "mm"], ["Height (mm)", 4.5], [], ["Time (s)", "Extension (mm)", "Load (N)"]):
+        page.append(row)
+    for row in np.column_stack([T, D, F]).tolist():
+        page.append(row)
+    book.save(tmp_path / "disc.xlsx")
+    reasons = propose(tmp_path / "disc.xlsx", read_sheets(tmp_path / "disc.xlsx")).reasons
+    assert "its heading states the specimen's diameter 8 mm, height 4.5 mm" in reasons
