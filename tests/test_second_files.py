@@ -86,3 +86,60 @@ def test_sizes_beside_a_sheet_s_table_are_said(tmp_path: Path) -> None:
     book.save(tmp_path / "disc.xlsx")
     reasons = propose(tmp_path / "disc.xlsx", read_sheets(tmp_path / "disc.xlsx")).reasons
     assert "its heading states the specimen's diameter 8 mm, height 4.5 mm" in reasons
+
+
+def points(head: str, columns: int) -> str:
+    return head + "".join(",".join(f"{0.1 * k + 0.01 * c:.3f}" for c in range(columns)) + "\n" for k in range(90))
+
+
+def grid(k: int) -> str:
+    return "\n".join(",".join(f"{k * (5 - abs(i - 4)):.2f}" for _ in range(6)) for i in range(9))
+
+
+FIELD = r"columns: are a camera's field of points, no recording's; give \[channels.face_strain\]"
+FILM = r"file: is a pressure film's frames, and no recording; give \[channels.contact_pressure\]"
+SWEEP = r"columns: are an oscillation's \(G', G''\), which is none of legfem's tests; export a step"
+STAGE = "index_x,index_y,x,y,z,displacement_x,displacement_y,displacement_z\n[],[],[mm],[mm],[mm],[mm],[mm],[mm]\n"
+SUBSETS = "SUBSET_ID,COORDINATE_X,COORDINATE_Y,DISPLACEMENT_X,DISPLACEMENT_Y,SIGMA,GAMMA,STATUS_FLAG\n"
+OTHER_KINDS = {
+    "stage.csv": (points("Stage: 3\nTime: 1.5 s\n" + STAGE, 8), FIELD),
+    "gom.csv": (points("#Stage: 1\n#id,x (mm),y (mm),z (mm),dx (mm),dy (mm),dz (mm),epsX,epsY\n", 9), FIELD),
+    "dice.txt": (points("*** DICe\n*** Reference image: a.tif\n" + SUBSETS, 8), FIELD),
+    "pixels.csv": (points("frame,x_px,y_px,u_px,v_px\n", 5), FIELD),
+    "multi.csv": (points("X [mm],Y [mm],Z [mm],U [mm],V [mm],W [mm],J,Lambda1\n", 8), FIELD),
+    "matrix_003.csv": (points("", 30), r"columns: has 30 columns without names, as a frame of a camera"),
+    "mat.asf": (
+        "DATA_TYPE MOVIE\nROWS 9\nCOLS 6\nSECONDS_PER_FRAME 0.1\nUNITS KPa\nASCII_DATA @@\n"
+        + "".join(f"Frame {k}\n{grid(k)}\n\n" for k in range(9)),
+        FILM,
+    ),
+    "mat.csv": ("".join(f"Frame:,{k}\nRows:,9\nUnits:,kPa\nSENSELS\n{grid(k)}\n\n" for k in range(9)), FILM),
+    "mat.asc": (points("pliance expert\nsensor type: S2013\ntime per frame [secs]: 0.02\n", 20), FILM),
+    "sweep.csv": (points("Frequency (Hz),Storage modulus (Pa),Loss modulus (Pa),Temperature (°C)\n", 4), SWEEP),
+    "short.csv": (points("f in Hz,G' in Pa,G'' in Pa\n", 3), SWEEP),
+    "bent.csv": (
+        points("Time (s),Crosshead (mm),Load (N),Flexural stress (MPa)\n", 4),
+        "columns: are a bending test's, which is none of legfem's; press, pull or shear the specimen",
+    ),
+    "rheometer.json": (
+        '{"Schema": {"Url": "https://software.tainstruments.com/schemas/TRIOSJSONExportSchema"}, "Results": {}}',
+        r"file: is JSON; .* angle and torque; an oscillation \(G', G''\) is no test of legfem's",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", OTHER_KINDS)
+def test_other_kinds_of_files_are_refused_by_what_they_are_with_what_to_give(tmp_path: Path, name: str) -> None:
+    text, cause = OTHER_KINDS[name]
+    (tmp_path / name).write_text(text)
+    with pytest.raises(InputError, match=cause) as refused:
+        read(tmp_path / name)
+    assert "\n" not in str(refused.value)
+    assert "--displacement" not in str(refused.value)
+
+
+def test_a_recording_with_moduli_or_points_beside_it_is_still_read(tmp_path: Path) -> None:
+    head = "Time (s),Gap (mm),Axial force (N),Storage modulus (MPa),Loss modulus (MPa),eps_x,eps_y\n"
+    rows = "".join(f"{t:.3f},{9 - d:.4f},{f:.5f},0,0,{d / 9:.4f},0.1\n" for t, d, f in zip(T, D, F, strict=True))
+    (tmp_path / "squeeze.csv").write_text(head + rows)
+    np.testing.assert_allclose(read(tmp_path / "squeeze.csv").force, F, atol=1e-5)

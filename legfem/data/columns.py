@@ -13,6 +13,7 @@ from legfem.channels.kinds import CHANNELS
 from legfem.common.errors import InputError
 from legfem.common.wording import Argument, Command, Remedy
 from legfem.data.formats.labels import UNIT_OF, Quantity, names_quantity, unit_named
+from legfem.data.formats.refused import refuse_other_kind
 from legfem.data.formats.sheet import FEWEST_ROWS, NAMELESS, NOT_CALCULATED, Column, Sheet
 from legfem.data.formats.times import check_no_clock
 from legfem.data.phases import before_tear
@@ -181,6 +182,8 @@ def _same_signal(a: Column, b: Column) -> bool:
 _LEAST_CORRELATION = 0.6
 _MOST_IN_A_ROW = 50
 """Numbers in a row, beyond which a table of few rows is one that lies on its side."""
+_MOST_COLUMNS = 16
+"""Columns without names from which on a table is no recording, but a frame."""
 _BY_PLACE = ("column 1:UNIT", "column 2:UNIT", "column 3:UNIT")
 
 
@@ -225,6 +228,8 @@ def propose(
             usable.append((sheet, [find_column(path, sheet, q, given.get(q)) for q in QUANTITIES]))
         except InputError as error:
             why = why or (sheet, error)
+    if not given:
+        refuse_other_kind(path, [c.name for sheet in sheets for c in sheet.columns], readable=bool(usable))
     if not usable:
         assert why is not None
         table = next((sheet for sheet in sheets if stretch_and_stress(sheet)), None)
@@ -328,6 +333,9 @@ def _without_names(path: Path, sheet: Sheet) -> InputError:
             f"its numbers are in rows of {count}, not in columns",
             "turn the table round: in a spreadsheet, Paste Special, Transpose",
         )
+    if count >= _MOST_COLUMNS:
+        told = f"has {count} columns without names, as a frame of a camera or a pressure film"
+        return refused(told, "write a table with a row a point, or sensel, and frame, for [channels]")
     to_zero = first[0] < 0 and abs(first[-1]) < 0.01 * abs(first[0])
     height = to_zero and np.ptp(np.diff(first)) < 0.01 * np.ptp(first)
     odd = "; the first goes up to 0 in equal steps, as a microscope's height does and no time" if height else ""

@@ -6,6 +6,7 @@ nanometres: none of legfem's tests. Read by its columns' names alone it would pa
 
 import re
 import zipfile
+from collections.abc import Sequence
 from pathlib import Path
 
 from legfem.common.errors import InputError
@@ -94,6 +95,42 @@ def _holds_curves(path: Path) -> bool:
     return _HEADING.search(told.encode()) is not None
 
 
+_A_STEP = "export a step, a ramp or a hold: time, displacement or angle, and force or torque"
+_OF_POINTS = (
+    "give [channels.face_strain], or section_displacement, a row a point and frame: time_s,x_mm,y_mm,ux_mm,uy_mm, on "
+    "the recording's clock and in mm (pixels times mm a pixel)"
+)
+_OF_SENSELS = (
+    "give [channels.contact_pressure] a row a sensel and frame: time_s,angle_deg,pressure_kPa, their mean along the "
+    "cylinder, and as angle 57.3 times the way from the face's deepest point over the cylinder's radius"
+)
+_BENDS = r"flexural|(three|four|3|4).?point.bend|biege|durchbiegung"
+_FIELD = r"^subset_id$|^[uv]_pi?x|^(eps|u|displ?(acement)?)_?[xy]$|^lambda.?1$|^u\nv$"
+_OTHERS = {
+    _BENDS: ("a bending test's, which is none of legfem's", "press, pull or shear the specimen"),
+    r"G''|G″|loss mod|verlustmod": ("an oscillation's (G', G''), which is none of legfem's tests", _A_STEP),
+    rf"\A(?!(?s:.)*(force|load|^f_?[xyz]$))(?s:.)*({_FIELD})": (
+        "a camera's field of points, no recording's",
+        _OF_POINTS,
+    ),
+}
+"""By a pattern of columns' names, a line each: what they are, and what to do."""
+_FILM = re.compile(rb'SECONDS_PER_FRAME|^"?SENSELS|^"?Frame:?[ ,]+\d+,*\r?$|\A.*(XSENSOR|pliance|pedar)', re.I | re.M)
+
+
+def refuse_other_kind(path: Path, names: Sequence[str], readable: bool) -> None:
+    """Check that columns' names are those of no other kind of test, nor a field's; of ``readable`` ones of no bending.
+
+    Raises
+    ------
+    InputError
+        If they are, with what to export.
+    """
+    for words, told in _OTHERS.items():
+        if re.search(words, "\n".join(names), re.IGNORECASE | re.MULTILINE) and (words == _BENDS or not readable):
+            raise InputError(path, "columns", f"are {told[0]}", told[1])
+
+
 _AS_CSV = "export the numbers as CSV from the program that made it"
 _UNPACK = "unpack it, and give the file in it"
 _BEGINS: dict[bytes, tuple[str, str]] = {
@@ -139,6 +176,8 @@ def refuse_what_holds_no_table(path: Path) -> None:
         begin = file.read(_READ_BYTES)
     told = next((told for mark, told in _BEGINS.items() if begin.startswith(mark)), None)
     told = told or _packed(begin, path.suffix.lower()) or _marked_up(begin) or _of_office(path, begin)
+    if told is None and _FILM.search(begin):
+        told = "a pressure film's frames, and no recording", _OF_SENSELS
     if begin[257:262] == b"ustar":
         told = "an archive (tar)", _UNPACK
     if told is not None:
@@ -166,7 +205,8 @@ def _marked_up(begin: bytes) -> tuple[str, str] | None:
     if text.startswith(b"{") and b"docs.google.com" in text:
         return "a link to a Google document", "download the sheet as .xlsx or CSV"
     if re.match(rb'\{\s*"|\[\s*[\[{]', text):
-        return "JSON", "save it as CSV, a column each for time, displacement and force"
+        of_trios = "; an oscillation (G', G'') is no test of legfem's" if b"tainstruments" in text else ""
+        return "JSON", f"save it as CSV, a column each for time, displacement and force, or angle and torque{of_trios}"
     return None
 
 
