@@ -103,6 +103,7 @@ def test_a_study_from_definition_to_files(whole: Path) -> None:
         "numbers.xlsx",
         "response.png",
         "response.svg",
+        "ro-crate-metadata.json",
     }
     report = said_in(out)
     assert "33 of 33 runs reach 30 mm" in report and "Poisson's ratio is -0.14 to -0.98" in report

@@ -240,7 +240,7 @@ def test_the_answer_has_the_finding_and_what_another_trial_would_buy(folder):
 
 
 def test_what_a_visit_allows_is_told_the_best_first(folder):
-    (folder / "subject.toml").write_text('can = ["hold", "rates"]\n' + TOML)
+    (folder / "subject.toml").write_text('can = ["hold", "rates", "skin_profile"]\n' + TOML)
     leg = leg_of(folder, ("trial1", "trial2"))
     told = next_lines(answer_lines(answered(leg), leg, given(folder)))
     assert {todo.split()[0] for todo, _, _ in told} == {"press", "hold"} and len(told) == 3

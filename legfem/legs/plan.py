@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from legfem.channels.kinds import plans
+from legfem.channels.kind import FramesFile
+from legfem.channels.kinds import FILE_OF, plans
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
 from legfem.data.phases import UNLOADING
@@ -119,7 +120,8 @@ def bought_in_visit(found: Diagnosis, subject: Subject, can: Collection[str]) ->
     held, faster = (Protocol.cycle(depth, rate, _HOLD_S),), (Protocol.ramp(depth, _FASTER * rate),)
     tests += [Design(f"hold at {depth:.0f} mm for {_HOLD_S:g} s", held)] * ("hold" in can)
     tests += [Design(f"press at {_FASTER * rate:.2g} mm/s", faster)] * ("rates" in can)
-    tests = [one for one in tests if all(any(way in sight.name for way in can) for sight in one.channels)]
+    seen = {kind for kind, file in FILE_OF.items() if (file.entry if isinstance(file, FramesFile) else kind) in can}
+    tests = [one for one in tests if all(sight.name in seen for sight in one.channels)]
     bought, noise, gain_sd = {}, found.errors.noise, found.best.posterior.gain_sd
     for one in _reckoned(_beside(tests, observed.channels), candidates, problem.predictor, subject, noise, gain_sd):
         further = one.design.protocols if isinstance(one.design, Design) else ()

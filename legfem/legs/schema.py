@@ -214,8 +214,8 @@ class SubjectFile(input_files.NamedFile):
     confirmed: list[input_files.Text] = Field(default_factory=list)
     """Fields whose unusual values are right: they aren't doubted."""
     wanted: WantedEntry | None = None
-    can: list[Literal["hold", "rates", "lateral_force", "thickness", "contact", "section", "skin"]] | None = None
-    """What a visit allows beside pressing again, for `legfem live`: ways to press, and what is recorded."""
+    can: list[Literal["hold", "rates", *ChannelsEntry.model_fields]] | None = None  # type: ignore[valid-type]
+    """What a visit allows beside pressing again, for `legfem live`: ways to press, and entries of ``[channels]``."""
 
     @property
     def is_cut(self) -> bool:
