@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,9 @@ from openpyxl import Workbook
 from legfem.common.errors import InputError
 from legfem.data.columns import propose
 from legfem.data.formats import read_sheets
-from legfem.data.recording import Recording, recording_of
+from legfem.data.reader import read_samples
+from legfem.data.recording import Recording, SourceColumn, SourceColumns, recording_of
+from legfem.data.stress_tables import StressTableEntry, read_stress_table
 
 T = np.arange(0.0, 2.0, 0.005)
 D = 4.0 * np.minimum(T, 2.0 - T)
@@ -107,7 +110,7 @@ OTHER_KINDS = {
     "dice.txt": (points("*** DICe\n*** Reference image: a.tif\n" + SUBSETS, 8), FIELD),
     "pixels.csv": (points("frame,x_px,y_px,u_px,v_px\n", 5), FIELD),
     "multi.csv": (points("X [mm],Y [mm],Z [mm],U [mm],V [mm],W [mm],J,Lambda1\n", 8), FIELD),
-    "matrix_003.csv": (points("", 30), r"columns: has 30 columns without names, as a frame of a camera"),
+    "matrix_003.csv": (points("", 30), r"columns: has 30 columns without names, as a camera's or film's frame"),
     "mat.asf": (
         "DATA_TYPE MOVIE\nROWS 9\nCOLS 6\nSECONDS_PER_FRAME 0.1\nUNITS KPa\nASCII_DATA @@\n"
         + "".join(f"Frame {k}\n{grid(k)}\n\n" for k in range(9)),
@@ -123,7 +126,7 @@ OTHER_KINDS = {
     ),
     "rheometer.json": (
         '{"Schema": {"Url": "https://software.tainstruments.com/schemas/TRIOSJSONExportSchema"}, "Results": {}}',
-        r"file: is JSON; .* angle and torque; an oscillation \(G', G''\) is no test of legfem's",
+        r"file: is JSON; .* angle and torque \(an oscillation's G' is no test\)",
     ),
 }
 
@@ -143,3 +146,59 @@ def test_a_recording_with_moduli_or_points_beside_it_is_still_read(tmp_path: Pat
     rows = "".join(f"{t:.3f},{9 - d:.4f},{f:.5f},0,0,{d / 9:.4f},0.1\n" for t, d, f in zip(T, D, F, strict=True))
     (tmp_path / "squeeze.csv").write_text(head + rows)
     np.testing.assert_allclose(read(tmp_path / "squeeze.csv").force, F, atol=1e-5)
+
+
+def test_a_column_s_whole_heading_names_it(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    lines = "".join(f"{t:.3f},{d:.4f},{f:.5f}\n" for t, d, f in zip(T, D, F, strict=True))
+    path.write_text("Time (s),Extension (mm),Load (N)\n" + lines)
+    named = SourceColumns(
+        SourceColumn("Time (s)", "s"), SourceColumn("Extension (mm)", "mm"), SourceColumn("Load (N)", "N")
+    )
+    np.testing.assert_allclose(recording_of(path, read_sheets(path), named).force, F, atol=1e-5)
+    found = propose(path, read_sheets(path), {"force": "Load (N)"}).channels
+    np.testing.assert_allclose(recording_of(path, read_sheets(path), found).force, F, atol=1e-5)
+    with pytest.raises(InputError, match=r"there is no column 'Load \(kN\)'; give one of 'Time'"):
+        recording_of(path, read_sheets(path), replace(named, force=SourceColumn("Load (kN)", "kN")))
+
+
+def test_a_strain_called_x_in_percent_is_read_by_the_line_that_is_given(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("x[%],stress[kPa]\n" + "".join(f"{k},{k * k}\n" for k in range(20)))
+    with pytest.raises(InputError, match=r"strain = \"x\", percent = true, stress = \"stress\", unit = \"kPa\""):
+        read(path)
+    for name in ("x", "x[%]"):
+        entry = StressTableEntry(strain=name, stress="stress[kPa]", unit="kPa", percent=True)
+        strain, stress = read_stress_table(path, entry)
+        np.testing.assert_allclose(strain, 0.01 * np.arange(20))
+        np.testing.assert_allclose(stress, 1e-3 * np.arange(20.0) ** 2)
+
+
+@pytest.mark.parametrize(
+    "head", ["time_s,displacement_mm,force_N,lateral_N", "Time (s),Way (mm),Force (N),Lateral (N)"]
+)
+def test_a_force_across_called_lateral_is_its_channel(tmp_path: Path, head: str) -> None:
+    path = tmp_path / "a.csv"
+    lines = "".join(f"{t:.3f},{d:.4f},{f:.5f},{0.1 * f:.6f}\n" for t, d, f in zip(T, D, F, strict=True))
+    path.write_text(head.replace("Way", "Travel") + "\n" + lines)
+    (one,) = read_samples(path).channels
+    assert one.name == "lateral_force"
+    np.testing.assert_allclose(one.values, 0.1 * F, atol=1e-5)
+
+
+def test_a_few_times_in_two_rows_are_averaged_and_many_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    rows = [f"{t:.3f},{d:.4f},{f:.5f}\n" for t, d, f in zip(T, D, F, strict=True)]
+    few = [*rows[:100], f"{T[99]:.3f},{D[99] + 0.02:.4f},{F[99] + 0.004:.5f}\n", rows[100], rows[100], *rows[101:]]
+    path.write_text("Time (s),Extension (mm),Load (N)\n" + "".join(few))
+    found = read(path)
+    assert len(found) == len(T)
+    assert found.displacement[99] == pytest.approx(D[99] + 0.01, abs=1e-4)
+    assert found.force[99] == pytest.approx(F[99] + 0.002, abs=1e-5)
+    told = propose(path, read_sheets(path)).reasons
+    assert "1 times stand in two rows, which are averaged" in told
+    assert "1 rows that repeat the one before are left out" in told
+    coarse = "".join(f"{t:.2f},{d:.4f},{f:.5f}\n" for t, d, f in zip(T, D, F, strict=True))
+    path.write_text("Time (s),Extension (mm),Load (N)\n" + coarse)
+    with pytest.raises(InputError, match="time repeats"):
+        read(path)

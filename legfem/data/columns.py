@@ -48,7 +48,7 @@ def find_column(path: Path, sheet: Sheet, quantity: Quantity, given: str | None)
         # A name may have a colon, too.
         whole = any(c.name == given for c in sheet.columns)
         name, _, unit = (given, "", "") if whole or ":" not in given else given.rpartition(":")
-        columns = [c for c in sheet.columns if c.name == name]
+        columns = sheet.named(name)
         columns = [c for c in columns if not unit or unit_named(c.unit or unit) == unit_named(unit)] or columns
         if len(columns) != 1 or not (unit or columns[0].unit):
             names = ", ".join(f"'{c.name}'" for c in sheet.columns)
@@ -110,14 +110,6 @@ def find_column(path: Path, sheet: Sheet, quantity: Quantity, given: str | None)
     if passed:
         same += "; passed over, by their names: " + ", ".join(f"'{name}'" for name in passed)
     return SourceColumn(chosen.name, chosen.unit), (f"{quantity}: '{chosen.name}' in {chosen.unit}, by its {why}{same}")
-
-
-def columns_of(path: Path, sheet: Sheet, given: Mapping[Quantity, str]) -> list[tuple[SourceColumn, str]] | None:
-    """Return the columns of a recording's quantities (see `find_column`); None of a table that has none."""
-    try:
-        return [find_column(path, sheet, q, given.get(q)) for q in QUANTITIES]
-    except InputError:
-        return None
 
 
 ABREAST = "columns"
@@ -242,8 +234,7 @@ def propose(
         raise InputError(path, first.args[1], first.problem, remedy)
     if len(usable) > 1:
         names = ", ".join(f"'{sheet.name}'" for sheet, _ in usable)
-        look = look_command(path, {"sheet": usable[0][0].name})
-        remedy = Remedy("save each trial in a file of its own, or name one: ", look)
+        remedy = Remedy("name one: ", look_command(path, {"sheet": usable[0][0].name}))
         raise InputError(path, "recordings.sheet", f"{len(usable)} tables contain recordings: {names}", remedy)
     sheet, found = usable[0]
     (time, _), (displacement, _), (force, _) = found
@@ -334,8 +325,9 @@ def _without_names(path: Path, sheet: Sheet) -> InputError:
             "turn the table round: in a spreadsheet, Paste Special, Transpose",
         )
     if count >= _MOST_COLUMNS:
-        told = f"has {count} columns without names, as a frame of a camera or a pressure film"
-        return refused(told, "write a table with a row a point, or sensel, and frame, for [channels]")
+        return refused(
+            f"has {count} columns without names, as a camera's or film's frame", "give a row a point and frame"
+        )
     to_zero = first[0] < 0 and abs(first[-1]) < 0.01 * abs(first[0])
     height = to_zero and np.ptp(np.diff(first)) < 0.01 * np.ptp(first)
     odd = "; the first goes up to 0 in equal steps, as a microscope's height does and no time" if height else ""

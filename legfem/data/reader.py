@@ -7,10 +7,10 @@ from pathlib import Path
 from legfem.channels.kinds import IN_COLUMNS
 from legfem.common.errors import InputError
 from legfem.common.wording import Remedy
-from legfem.data.columns import columns_of, look_command, propose
+from legfem.data.columns import find_column, look_command, propose
 from legfem.data.formats import READERS, read_sheets
 from legfem.data.formats.labels import Quantity
-from legfem.data.formats.sheet import Column, Sheet, file_of
+from legfem.data.formats.sheet import Column, file_of
 from legfem.data.formats.text import read_text
 from legfem.data.formats.times import BY_RATE
 from legfem.data.recording import (
@@ -82,16 +82,14 @@ def trials_in(
         named = {q: f"{one.column}:{one.unit}" for q in QUANTITIES if (one := getattr(channels, q))}
     found: list[Path] = []
     for path in files:
-        tables = [path / sheet.name for sheet in _tables(path) if columns_of(path, sheet, named or {})]
+        tables = []
+        with suppress(InputError):  # what reads a file says why it can't be
+            for sheet in [] if READERS.get(path.suffix.lower(), read_text) is read_text else read_sheets(path):
+                with suppress(InputError):
+                    if all(find_column(path, sheet, q, (named or {}).get(q)) for q in QUANTITIES):
+                        tables.append(path / sheet.name)
         found += tables if len(tables) > 1 else [path]
     return found
-
-
-def _tables(path: Path) -> list[Sheet]:
-    """Return the tables of a file of a kind that may have several, and can be read."""
-    with suppress(InputError):  # what reads it says why it can't be
-        return read_sheets(path) if READERS.get(path.suffix.lower(), read_text) is not read_text else []
-    return []
 
 
 def _breaks_off(path: Path) -> bool:

@@ -218,7 +218,7 @@ def recording_of(path: Path, sheets: Sequence[Sheet], channels: SourceColumns, a
     values = [_converted(path, sheet, q, getattr(channels, q), area) for q in QUANTITIES]
     remedy = "save each trial in a file of its own, and record time with more digits"
     time, displacement, force = _readings(path, values, f"'{channels.time.column}'", remedy)
-    used = {getattr(channels, q).column for q in QUANTITIES}
+    used = {c.name for q in QUANTITIES for c in sheet.named(getattr(channels, q).column)}
     further = [column for column in sheet.columns if column.name not in used]
     seen = {kind.name: column for column in reversed(further) if (kind := channel_of(column))}
     read = [
@@ -240,7 +240,7 @@ def _converted(path: Path, sheet: Sheet, quantity: Quantity, channel: SourceColu
     if unit is None or unit.quantity != measured:
         remedy = f"give {UNIT_OF[measured]} or a multiple of it"
         raise refused(f"'{channel.unit}' is not a unit of {measured}", remedy)
-    columns = [c for c in sheet.columns if c.name == channel.column]
+    columns = sheet.named(channel.column)
     # Of two that are called alike one is in volts, perhaps, or both are one signal.
     columns = [c for c in columns if c.known_unit == unit] or columns
     if len(columns) != 1 and not (columns and all(np.array_equal(c.values, columns[0].values) for c in columns)):
@@ -305,7 +305,8 @@ def _check_sizes(path: Path, time: FloatArray, displacement: FloatArray, force: 
 def channel_of(column: Column) -> ChannelKind | None:
     """Return the channel beside the force that a column is by its name and unit, as ``Fat thickness (cm)``; or None."""
     name = column.name.lower()
-    named = (kind for kind in IN_COLUMNS if all(word in name for word in kind.name.split("_")))
+    words = ((kind, kind.name.split("_")) for kind in IN_COLUMNS)
+    named = (kind for kind, all_of in words if all(w in name for w in all_of) or (kind.is_force and name == all_of[0]))
     return next((kind for kind in named if column.quantity == ("force" if kind.is_force else "displacement")), None)
 
 
@@ -355,7 +356,8 @@ def _first_line(path: Path) -> str:
 
 def _channel_columns(path: Path) -> dict[str, ChannelKind]:
     """Return the columns of further channels in a table's first line."""
-    known = {kind.column: kind for kind in IN_COLUMNS}
+    # As people write the force across: lateral_N.
+    known = {name: kind for kind in IN_COLUMNS for name in (kind.column, kind.column.replace("_force_", "_"))}
     return {name: known[name] for cell in _first_line(path).split(",") if (name := cell.strip()) in known}
 
 

@@ -55,7 +55,7 @@ def stretch_and_stress(sheet: Sheet, timed: bool = False) -> tuple[Column, Colum
     stretch = [
         c
         for c in sheet.columns
-        if re.search(f"{_STRETCH}|{_STRAIN}", c.name, re.IGNORECASE)
+        if (re.search(f"{_STRETCH}|{_STRAIN}", c.name, re.IGNORECASE) or (c.name, c.unit) == ("x", "%"))
         and not c.quantity
         and not re.search("stress", c.name, re.IGNORECASE)
     ]
@@ -145,7 +145,7 @@ def read_stress_table(path: Path, columns: StressTableEntry) -> tuple[FloatArray
 
 
 def _column(path: Path, sheet: Sheet, name: str) -> Column:
-    found = [c for c in sheet.columns if c.name == name]
+    found = sheet.named(name)
     if len(found) == 1:
         return found[0]
     names = ", ".join(f"'{c.name}'" for c in sheet.columns)

@@ -127,6 +127,8 @@ def read_sheets(path: Path) -> list[Sheet]:
     file = file_of(path)
     if not file.is_file():
         raise _no_file(path)
+    if file == path:
+        _read_sheets.cache_clear()
     stamp = file.stat()
     sheets = _read_sheets(file, stamp.st_size, stamp.st_mtime_ns)
     return [one for one in sheets if file == path or PurePath(one.name) == path.relative_to(file)]

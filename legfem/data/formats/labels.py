@@ -163,9 +163,8 @@ def names_quantity(label: str, quantity: Quantity) -> bool:
 
 
 _SIZE = re.compile(
-    r"[\w ]{0,12}?\b(?P<name>length|width|thickness|diameter|height|länge|messlänge|breite|dicke|durchmesser|höhe)"
-    r"\W*(?:[(\[](?P<unit>\w+)[)\]])?\W*(?P<value>\d+(?:[.,]\d+)?)\W*(?P<behind>\w+)?\W*",
-    re.IGNORECASE,
+    r"(?i)[\w ]{0,12}?\b(?P<name>length|width|thickness|diameter|height|länge|messlänge|breite|dicke|durchmesser|höhe)"
+    r"\W*(?:[(\[](?P<unit>\w+)[)\]])?\W*(?P<value>\d+(?:[.,]\d+)?)\W*(?P<behind>\w+)?\W*"
 )
 
 

@@ -205,8 +205,7 @@ def _marked_up(begin: bytes) -> tuple[str, str] | None:
     if text.startswith(b"{") and b"docs.google.com" in text:
         return "a link to a Google document", "download the sheet as .xlsx or CSV"
     if re.match(rb'\{\s*"|\[\s*[\[{]', text):
-        of_trios = "; an oscillation (G', G'') is no test of legfem's" if b"tainstruments" in text else ""
-        return "JSON", f"save it as CSV, a column each for time, displacement and force, or angle and torque{of_trios}"
+        return "JSON", "save as CSV: time, displacement and force, or angle and torque (an oscillation's G' is no test)"
     return None
 
 

@@ -7,7 +7,6 @@ from math import isfinite
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
@@ -94,6 +93,11 @@ class Sheet:
     columns: tuple[Column, ...]
     remarks: tuple[str, ...] = ()
     """What was found out about the file rather than read in it."""
+
+    def named(self, name: str) -> list[Column]:
+        """Return the columns of a name; of a heading with its unit, as ``Load (N)``, where none is called so."""
+        called = [c for c in self.columns if c.name == name]
+        return called or [c for c in self.columns if (c.name, c.unit) == name_and_unit(name)]
 
 
 def check_size(path: Path, size: int) -> None:
@@ -214,9 +218,7 @@ def sheet_of_rows(
         if rated is not None:
             found.insert(0, Column("Time", "s", rated[0]))
             others = (*others, f"{BY_RATE} '{rated[1]}'")
-    anew = _repeating(found)
-    if anew.any():
-        found = [replace(c, values=c.values[~anew]) for c in found]
+    found, once = _each_time_once(found)
     passed = {}
     for c in set(range(width)) - set(columns):
         cell = next((one for row in middle if (one := text_of(cell_at(row, c)))), "")
@@ -228,13 +230,14 @@ def sheet_of_rows(
     told = [f"{len(passed)} columns without numbers are passed over: {', '.join(map(repr, passed))}"] if passed else []
     told += [f"{below} lines below the numbers are passed over"] if below else []
     told += [f"headings among the numbers are passed over ({len(again)} lines)"] if again else []
-    told += [f"{anew.sum()} rows that repeat the one before are left out"] if anew.any() else []
     sizes = sizes_in(" ".join(map(text_of, row)) for row in rows[:start])
     told += [f"its heading states the specimen's {sizes}"] if sizes else []
-    told += [NAMELESS] if nameless else []
+    told += [*once, NAMELESS] if nameless else once
     return Sheet(name, tuple(found), (*remarks, *others, *told))
 
 
+_MOST_DOUBLED = 0.2
+"""Largest share of rows whose time another has: more are a clock with too few figures."""
 _COUNTS_BEYOND = 5.0
 """Times all readings."""
 
@@ -267,14 +270,12 @@ def _scaled(path: Path, above: Sequence[Sequence[Cell]], found: list[Column]) ->
     table = [*zip(*(rows.get(key, ()) for key in ("Channel", "Units", "Scale", "Offset")), strict=False)]
     scales = {text_of(name): (text_of(unit), scale, offset) for name, unit, scale, offset in table}
     if not any(unit_named(unit) for unit, _, _ in scales.values()):
-        problem = f"are in volts, as the heading says ('{told}')"
-        raise InputError(path, "columns", problem, "export displacement in mm and force in N")
-    columns = [one for one in found if one.name not in scales]
-    for one in found:
-        unit, scale, offset = scales.get(one.name, ("", None, None))
+        raise InputError(path, "columns", f"are in volts, as the heading says ('{told}')", "export them in mm and N")
+    columns = [c for c in found if c.name not in scales]
+    for c in found:
+        unit, scale, offset = scales.get(c.name, ("", None, None))
         if unit_named(unit) and isinstance(scale, float) and isinstance(offset, float):
-            name = f"command {one.name}" if one.name.startswith("AO") else one.name
-            columns.append(Column(name, unit, (one.values + offset) * scale))
+            columns.append(Column("command " * c.name.startswith("AO") + c.name, unit, (c.values + offset) * scale))
     return columns
 
 
@@ -288,13 +289,20 @@ def _check_abreast(path: Path, titles: Sequence[str]) -> None:
         raise InputError(path, "columns", f"{count} trials stand side by side", "save each trial in a file of its own")
 
 
-def _repeating(columns: Sequence[Column]) -> NDArray[np.bool_]:
-    """Return which rows have the time, and all else, of the one before; none of a table without a time."""
-    values = np.stack([c.values for c in columns])
-    timed = any(c.is_time for c in columns)
-    again = np.zeros(values.shape[1], dtype=bool)
-    again[1:] = timed & (values[:, 1:] == values[:, :-1]).all(axis=0)
-    return again
+def _each_time_once(columns: list[Column]) -> tuple[list[Column], list[str]]:
+    """Return columns in which rows of one time are one, and what was done: alike ones, or a few pairs, averaged."""
+    time = next((c.values for c in columns if c.is_time), np.arange(len(columns[0].values)))
+    starts = np.flatnonzero(np.diff(time, prepend=np.nan) != 0)
+    counts, values = np.diff(np.append(starts, len(time))), np.stack([c.values for c in columns])
+    low, high = np.minimum.reduceat(values, starts, axis=1), np.maximum.reduceat(values, starts, axis=1)
+    unlike = (low < high).any(axis=0)
+    few = unlike.sum() <= _MOST_DOUBLED * len(time) and counts[unlike].max(initial=2) == 2
+    if len(starts) == len(time) or not few:
+        return columns, []
+    told = {"rows that repeat the one before are left out": int((counts[~unlike] - 1).sum())}
+    told["times stand in two rows, which are averaged"] = int(unlike.sum())
+    found = [replace(c, values=0.5 * (a + b)) for c, a, b in zip(columns, low, high, strict=True)]
+    return found, [f"{count} {what}" for what, count in told.items() if count]
 
 
 def _unit_behind(rows: Sequence[Sequence[Cell]], samples: Sequence[int], c: int) -> str | None:
