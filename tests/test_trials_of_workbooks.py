@@ -89,6 +89,17 @@ def test_two_sheets_of_the_same_readings_are_refused_as_copies(leg: Path) -> Non
         load_subject(leg)
 
 
+def test_a_channel_s_file_a_trial_lies_beside_the_workbook(leg: Path) -> None:
+    for k, name in enumerate(NAMES):
+        rows = "".join(f"{t},{0.1 * k + 0.02 * t:.3f}\n" for t in range(0, 50, 5))
+        (leg / "recordings" / f"side-{name}.csv").write_text("time_s,lateral_force_N\n" + rows)
+    toml = leg / "subject.toml"
+    toml.write_text(toml.read_text() + '[channels.lateral_force]\nfile = "side-{trial}.csv"\n')
+    read = load_subject(leg).recordings
+    assert [one.trial for one in read] == NAMES
+    assert [float(one.channels[0].values[0]) for one in read] == [0.0, 0.1, 0.2]
+
+
 def test_sheets_are_watched_and_seen_as_files_are(leg: Path, tmp_path: Path) -> None:
     files = trial_files(leg, subject_entry(leg / SUBJECTS.file, ""))
     stamps = stamps_of(files)

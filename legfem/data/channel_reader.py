@@ -15,7 +15,7 @@ from legfem.channels.kinds import CHANNELS, OF_FRAMES, OF_LEGS, UNITS
 from legfem.common.errors import InputError
 from legfem.common.input_files import FileTable, NotNegative, Positive, Text, read_table, trouble
 from legfem.common.units import FloatArray
-from legfem.data.formats import read_sheets
+from legfem.data.formats import file_of, read_sheets
 from legfem.data.formats.labels import Quantity
 from legfem.data.recording import RecordedChannel, Recording, channel_of, check_increasing
 from legfem.geometry.indenter import Site
@@ -227,7 +227,7 @@ def _channel_file(
             f"give one a trial, and write {TRIAL} for the trial's name, as in us-{TRIAL}.csv",
         )
     path = toml.parent / entry.file.replace(SITE, site).replace(TRIAL, recording.trial)
-    nearby = None if recording.source is None else recording.source.parent / path.name
+    nearby = None if recording.source is None else file_of(recording.source).parent / path.name
     return nearby if nearby is not None and nearby.is_file() and not path.is_file() else path
 
 

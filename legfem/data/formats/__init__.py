@@ -15,7 +15,7 @@ from legfem.data.formats.refused import refuse_force_curve, refuse_what_holds_no
 from legfem.data.formats.sheet import MOST_BYTES, Column, Sheet, check_size, file_of
 from legfem.data.formats.text import read_text
 
-__all__ = ["READERS", "Column", "Sheet", "read_sheets"]
+__all__ = ["READERS", "Column", "Sheet", "file_of", "read_sheets"]
 
 type Reader = Callable[[Path], list[Sheet]]
 
