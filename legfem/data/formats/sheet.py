@@ -300,7 +300,7 @@ def _each_time_once(columns: list[Column]) -> tuple[list[Column], list[str]]:
     if len(starts) == len(time) or not few:
         return columns, []
     told = {"rows that repeat the one before are left out": int((counts[~unlike] - 1).sum())}
-    told["times stand in two rows, which are averaged"] = int(unlike.sum())
+    told["rows with the time of the one before are averaged with it"] = int(unlike.sum())
     found = [replace(c, values=0.5 * (a + b)) for c, a, b in zip(columns, low, high, strict=True)]
     return found, [f"{count} {what}" for what, count in told.items() if count]
 
