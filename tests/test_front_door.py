@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import ast
+import contextlib
+import doctest
 import importlib
 import inspect
 import json
+import pydoc
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
+from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 import typer
 from making_diagnosed import diagnosed
@@ -21,6 +28,7 @@ from legfem.common.errors import InputError
 from legfem.inverse.plan import Design, DesignValue
 from legfem.legs.forward import PlaneStrainForward
 from legfem.legs.schema import SUBJECTS
+from legfem.legs.subject import SitedLeg
 from legfem.report.page import command_line
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -43,19 +51,80 @@ def test_the_door_leads_to_all_it_names() -> None:
     for name in lf.__all__:
         assert getattr(lf, name) is not None
     assert lf.__version__ in (ROOT / "pyproject.toml").read_text()
-    assert set(lf.__all__) <= set(dir(lf))
+    assert dir(lf) == lf.__all__
     with pytest.raises(AttributeError, match="no attribute 'identity'"):
         lf.identity  # noqa: B018
 
 
 @pytest.mark.parametrize("name", ["identify", "diagnose", "plan", "stocking", "cohort"])
-def test_a_function_stays_one_when_the_module_of_its_name_is_imported(name: str) -> None:
+def test_a_function_stays_one_beside_the_module_of_its_name(name: str) -> None:
     import legfem.api
 
     module = importlib.import_module(f"legfem.{name}")
-    assert inspect.ismodule(module) and module is not getattr(lf, name)
-    assert inspect.isfunction(getattr(lf, name))
-    assert getattr(lf, name) is getattr(legfem.api, name)
+    function = getattr(lf, name)
+    assert inspect.isfunction(function) and inspect.ismodule(module)
+    assert inspect.signature(function) == inspect.signature(getattr(legfem.api, name))
+
+
+def test_from_a_room_modules_are_imported_whatever_function_has_its_name() -> None:
+    from legfem.cohort import agreement
+
+    assert inspect.ismodule(agreement) and inspect.isfunction(lf.cohort)
+
+
+FUNCTIONS = [name for name in lf.__all__ if inspect.isfunction(getattr(lf, name))]
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_help_shows_arguments_and_an_example_that_the_function_would_take(name: str) -> None:
+    """What loads is run; what computes is only called as its signature has it."""
+    function = getattr(lf, name)
+    shown = pydoc.render_doc(function, renderer=pydoc.plaintext)
+    assert all(f"{argument}:" in shown for argument in inspect.signature(function).parameters)
+    lines = [line.source for line in doctest.DocTestParser().get_examples(function.__doc__)]
+    assert lines[0] == "import legfem as lf\n" and f"lf.{name}(" in "".join(lines)
+    for call in (node for node in ast.walk(ast.parse("".join(lines))) if isinstance(node, ast.Call)):
+        match call.func:
+            case ast.Attribute(ast.Name("lf"), called):
+                inspect.signature(getattr(lf, called)).bind(*call.args, **{one.arg: one.value for one in call.keywords})
+    if name in ("load_leg", "load_specimen", "load_subject"):
+        names: dict[str, object] = {}
+        with contextlib.chdir(ROOT):
+            exec("".join(lines), names)
+
+
+def test_a_leg_a_section_and_a_recording_show_themselves_in_a_line_and_a_picture(subject) -> None:
+    extents = {subject: len(subject.recordings) + 1, subject.section: 1, subject.recordings[0]: 1}
+    for shown, pictures in extents.items():
+        assert len(repr(shown)) < 200 and "\n" not in repr(shown)
+        page = ElementTree.fromstring(f"<div>{shown._repr_html_()}</div>")
+        assert len(page.findall(".//svg")) == pictures
+        points = [
+            float(x) for line in page.iter("polyline") for pair in line.get("points").split() for x in pair.split(",")
+        ]
+        assert min(points) >= 0.0 and max(points) <= 200.0, "within the frame"
+        assert len(shown._repr_html_()) < 20_000
+    assert "reconstructed" in repr(subject)
+    section = ElementTree.fromstring(f"<div>{subject.section._repr_html_()}</div>")
+    drawn = [
+        np.array([pair.split(",") for pair in line.get("points").split()], dtype=float)
+        for line in section.iter("polyline")
+    ]
+    parts = [subject.section.contour(part) for part in ("skin", "fascia", "tibia", "fibula")]
+    for line, contour in zip(drawn, parts, strict=True):
+        ratios = np.ptp(line, axis=0) / np.ptp(contour, axis=0)
+        assert ratios[0] == pytest.approx(ratios[1], rel=0.02), "to scale"
+    trial = replace(subject.recordings[0], trial="<i>1</i>")
+    assert "<i>" not in trial._repr_html_()
+
+
+def test_sites_and_specimens_show_themselves_too(subject) -> None:
+    sited = SitedLeg("legs", "two <sites>", (subject, subject), subject.directory)
+    assert repr(sited) == "<SitedLeg: two <sites>, reconstructed>"
+    assert sited._repr_html_().count("<svg") == 2 * (len(subject.recordings) + 1)
+    specimens = lf.load_specimen(ROOT / "examples" / "specimen")
+    assert specimens._repr_html_().count("<svg") == len(specimens.recordings)
+    assert len(repr(specimens)) < 200 and len(repr(lf.load_leg("1"))) < 200
 
 
 def options_of(command: typer.Typer) -> set[str]:

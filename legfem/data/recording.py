@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from legfem.channels.kind import ChannelAccuracy, ChannelKind
 from legfem.channels.kinds import CHANNELS, IN_COLUMNS
+from legfem.common.drawing import Pictured, svg
 from legfem.common.errors import InputError
 from legfem.common.input_files import read_table
 from legfem.common.units import MPA_PER_KPA, MPA_PER_MMHG, FloatArray, frozen_array
@@ -77,8 +78,8 @@ class RecordedChannel:
         return CHANNELS[self.name]
 
 
-@dataclass(frozen=True, eq=False)
-class Recording:
+@dataclass(frozen=True, eq=False, repr=False)
+class Recording(Pictured):
     """One trial, untouched.
 
     Parameters
@@ -131,6 +132,15 @@ class Recording:
         """Return some of its samples, and all of its other channels."""
         own = {name: getattr(self, name)[samples] for name in ("time", "displacement", "force")}
         return replace(self, **own)
+
+    def told(self) -> str:
+        """Name, samples, and greatest readings."""
+        depth, force = (given.max(initial=0.0) for given in (self.displacement, self.force))
+        return f"{self.trial}, {len(self)} samples: force to {force:.3g} N by displacement to {depth:.3g} mm"
+
+    def pictures(self) -> str:
+        """Its force by its displacement; nothing of an empty one."""
+        return svg([np.column_stack([self.displacement, self.force])], self.told()) if len(self) else ""
 
 
 MOST = 1e9

@@ -8,14 +8,15 @@ from scipy.interpolate import CubicSpline, splev, splprep
 from shapely import LinearRing, LineString, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
+from legfem.common.drawing import Pictured, svg
 from legfem.common.units import FloatArray, frozen_array
 
 PARTS = ("skin", "fascia", "tibia", "fibula")
 BONES = ("tibia", "fibula")
 
 
-@dataclass(frozen=True, eq=False)
-class LegSection:
+@dataclass(frozen=True, eq=False, repr=False)
+class LegSection(Pictured):
     """Contours of one cross-section, in mm.
 
     Every contour is an (n, 2) read-only array, counter-clockwise, closed implicitly (the first
@@ -49,6 +50,14 @@ class LegSection:
         if part not in PARTS:
             raise KeyError(part)
         return np.asarray(getattr(self, part))
+
+    def told(self) -> str:
+        """Girth and thinnest fat."""
+        return f"section with a girth of {girth(self):.0f} mm, fat of {minimal_fat_thickness(self):.1f} mm or more"
+
+    def pictures(self) -> str:
+        """Its contours, to scale."""
+        return svg([np.vstack([ring, ring[:1]]) for ring in map(self.contour, PARTS)], self.told(), to_scale=True)
 
     def polygon(self, part: str) -> Polygon:
         """Return the region within the contour of ``part``, in mm."""

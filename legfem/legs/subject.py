@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 from legfem.channels import Sight
+from legfem.common.drawing import Pictured
 from legfem.data import Instrument, Recording, Segmentation, segment_all
 from legfem.data.recording import Origin
 from legfem.geometry.indenter import Indenter
@@ -61,8 +62,8 @@ TYPICAL_ACCURACY = LegAccuracy(contour_sd=3.0, aim_sd=4.0, direction_sd=6.0)
 """Of a typical calf, where a diagnosis weighs what isn't known of a leg."""
 
 
-@dataclass(frozen=True, eq=False)
-class Subject:
+@dataclass(frozen=True, eq=False, repr=False)
+class Subject(Pictured):
     """Everything given about one leg; see ``load_subject``."""
 
     id: str
@@ -117,8 +118,8 @@ class Subject:
         return tuple(dict.fromkeys(Sight(one.name, one.places) for one in every))
 
 
-@dataclass(frozen=True, eq=False)
-class SitedLeg:
+@dataclass(frozen=True, eq=False, repr=False)
+class SitedLeg(Pictured):
     """One leg that was pressed at several sites; see `load_sites`."""
 
     id: str

@@ -7,6 +7,7 @@ from pathlib import Path
 from legfem.channels.kinds.face_strain import FACE_STRAIN, not_of_the_face
 from legfem.channels.kinds.lateral_stretch import LATERAL_STRETCH, not_a_stretch
 from legfem.channels.kinds.layer_thickness import refused
+from legfem.common.drawing import Pictured
 from legfem.common.errors import Doubt, InputError
 from legfem.common.input_files import FileTable, check_distinct
 from legfem.common.units import kpa_to_mpa
@@ -35,8 +36,8 @@ from legfem.specimens.sizes import (
 FILE = "specimen.toml"
 
 
-@dataclass(frozen=True, eq=False)
-class SpecimenFolder:
+@dataclass(frozen=True, eq=False, repr=False)
+class SpecimenFolder(Pictured):
     """Everything given about specimens of one tissue; see `load_specimen`."""
 
     id: str
@@ -69,6 +70,10 @@ class SpecimenFolder:
     """The same of other sizes, relative."""
     tests: Mapping[str, "SpecimenFolder"] = field(default_factory=dict)
     """Folders of the tests by name, where there are several of one material."""
+
+    def pictures(self) -> str:
+        """Its recordings."""
+        return "".join(one.recording.pictures() for one in self.recordings)
 
     def test_of(self, one: SpecimenRecording) -> "SpecimenFolder":
         """Return the folder of a recording's own test."""

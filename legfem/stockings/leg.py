@@ -18,6 +18,7 @@ from typing import Literal
 import numpy as np
 import shapely
 
+from legfem.common.drawing import Pictured
 from legfem.common.errors import Doubt
 from legfem.common.units import FloatArray
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
@@ -237,8 +238,8 @@ class Posture:
         return standing if self.lying is None else {**standing, "lying": self.lying}
 
 
-@dataclass(frozen=True, eq=False)
-class StockingLeg:
+@dataclass(frozen=True, eq=False, repr=False)
+class StockingLeg(Pictured):
     """What is given of one leg; mm, MPa.
 
     Parameters
