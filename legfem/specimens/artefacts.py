@@ -154,7 +154,7 @@ _RARE = 0.01
 """Chance of so strong a dependence among specimens that differ for other reasons."""
 _LEAST = 3
 """Specimens of which a trend is told from how they differ; of two how pieces usually differ has to serve."""
-_APART = 0.05
+APART = 0.05
 """Assumed standard deviation of the logarithm of the stiffness of pieces of one material."""
 _SPREAD = 1.2
 """Least ratio of the greatest size to the smallest that shows a dependence."""
@@ -238,7 +238,7 @@ def _trend(size: FloatArray, stiffness: FloatArray) -> tuple[float, float, float
         p_value = 2 * min(float(found.pvalue), float(linregress(np.exp(-size), stiffness).pvalue))
         return float(found.slope), float(found.stderr), min(p_value, 1.0)
     far = size[1] - size[0]
-    slope, sd = float((stiffness[1] - stiffness[0]) / far), float(np.sqrt(2) * _APART / abs(far))
+    slope, sd = float((stiffness[1] - stiffness[0]) / far), float(np.sqrt(2) * APART / abs(far))
     return slope, sd, float(2 * norm.sf(abs(slope) / sd))
 
 

@@ -49,6 +49,7 @@ from legfem.specimens.face import FaceFit
 from legfem.specimens.folder import FILE, SpecimenFolder
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.model_discrepancy import LawMisfit
+from legfem.specimens.rig import YieldingRig, widened
 from legfem.specimens.sizes import RESIZED, LeftOut, SpecimenRecording
 
 type _Fit = Fit[SpecimenDetails]
@@ -74,6 +75,8 @@ class SpecimenNotice(StrEnum):
     LAYER_ASKED = "layer_asked_for"
     TORN = "recording_torn"
     RETURN_LEFT_OUT = "return_left_out"
+    RIG_YIELDS = "rig_yields"
+    MAY_BE_STIFFER = "may_be_stiffer"
     LAW_DECIDES = "law_decides"
 
 
@@ -154,6 +157,15 @@ def across_tests(
     told = (Notice.of(SpecimenNotice.TESTS_DISAGREE, text=said),) if agreement.disagree else ()
     estimates = estimates if len(every) > 1 else best.estimates
     return replace(best, estimates=estimates, details=details, notices=(*told, *best.notices))
+
+
+def taken_off(found: _Fit, rig: YieldingRig) -> _Fit:
+    """Return the fit of specimens whose rig's yielding is taken off, with what isn't known of that in its intervals."""
+    more = 1.96 * abs(rig.moves), 1.96 * abs(rig.moves), found.goodness.fits
+    over = {name: widened(one, *more) if ".C" in name else one for name, one in found.estimates.items()}
+    told = Notice.of(SpecimenNotice.RIG_YIELDS, text=rig.text)
+    details = replace(found.details, rig=rig)
+    return replace(found, estimates=MappingProxyType(over), details=details, notices=(told, *found.notices))
 
 
 _UNLIKELY = 0.02
@@ -289,11 +301,14 @@ class SpecimenDetails(KindDetails):
     """Alternatives of what isn't known of the test, the most probable first; the fit is that of the first."""
     agreement: TestsAgreement | None = None
     """How several tests agree on one set of constants."""
+    rig: YieldingRig | None = None
+    """What the rig yields by which specimens of all thicknesses have one constant; in the estimates unless these differ
+    by their thickness."""
 
     def answer(self, fit: Fit["SpecimenDetails"]) -> Answer:
         """Return what the specimens' fit says; what wasn't used, or tests that disagree, limit it."""
         differ = self.agreement is not None and self.agreement.differ
-        limited = bool(self.left_out or self.thickness or differ)
+        limited = bool(self.left_out or self.thickness or self.rig or differ)
         return answer_of(fit, limited, rms_percent=rms_percent(fit))
 
     def chosen(self, fits: Sequence[Fit[Any]]) -> Fit[Any]:

@@ -71,6 +71,14 @@ class SpecimenFolder(Pictured):
     tests: Mapping[str, "SpecimenFolder"] = field(default_factory=dict)
     """Folders of the tests by name, where there are several of one material."""
 
+    rig: float = 0.0
+    """What the rig yields, mm/N, taken off the recordings' displacements."""
+
+    def on_rig(self, compliance: float) -> "SpecimenFolder":
+        """Return the folder with what a rig yields (mm/N) taken off the displacements."""
+        left = tuple(one.on_rig(compliance, self.returns) for one in self.recordings)
+        return replace(self, recordings=left, rig=compliance)
+
     def pictures(self) -> str:
         """Its recordings."""
         return "".join(one.recording.pictures() for one in self.recordings)

@@ -40,6 +40,7 @@ from legfem.specimens.details import (
     notices_about,
     probabilities,
     size_covariance,
+    taken_off,
     weighed,
 )
 from legfem.specimens.face import face_fit
@@ -49,6 +50,7 @@ from legfem.specimens.laws import REFERENCE_MPA, ParameterRequest, identified_la
 from legfem.specimens.model_discrepancy import LawMisfit, fitted_change, misfit_of
 from legfem.specimens.nuisances import SETTLED, check_strained, seeks_ratio, why_ratio_undetermined
 from legfem.specimens.prepared import Prepared, prepare
+from legfem.specimens.rig import OnARig, widened
 from legfem.specimens.sizes import OF_LAYER, Sizes, SpecimenRecording
 
 
@@ -141,9 +143,14 @@ class SpecimenProblem:
         optimum = Optimum(found, covariances, quantile(apart or len(fitted) - 1), goodness.fits)
         known = estimates(optimum)
         thickness = goes_with_thickness(comparison, force, stiffness)
+        rig, on_a_rig = None, OnARig(comparison, linear.prediction.model_values, readings)
+        softer = 1.0 if thickness or self.folder.rig else on_a_rig.softened
+        stiffnesses = [(name, one) for name, one in known.items() if name.endswith("C10")]
         if thickness is not None:
-            moved = {name: thickness.over(one) for name, one in known.items() if name.endswith("C10")}
-            known |= moved
+            rig = None if self.folder.rig else on_a_rig.yielding(thickness)
+            known |= {name: thickness.over(one) for name, one in stiffnesses}
+        elif softer > 1.0:
+            known |= {name: widened(one, softer - 1.0, 0.0, goodness.fits) for name, one in stiffnesses}
         tests = [
             _test_fit(one, force[span], comparison.fits_of(k, predicted))
             for k, (one, span) in enumerate(zip(fitted, comparison.spans, strict=True))
@@ -151,6 +158,7 @@ class SpecimenProblem:
         left_out, told = self._predicted(found, stiffness, readings)
         lateral = lateral_fit(comparison, self.forward, model_values(best.values))
         face = face_fit(comparison, predicted)
+        told += [Notice.of(SpecimenNotice.MAY_BE_STIFFER, factor=softer)] if softer > 1.0 else []
         told += [Notice.of(SpecimenNotice.SIDE_SEEN, text=one.text) for one in (lateral, face) if one]
         why = why_ratio_undetermined(self.folder, fitted) if self._seeks_ratio else ""
         values = self.forward.models[0].with_compressibility(best.values)
@@ -183,6 +191,7 @@ class SpecimenProblem:
                 lateral,
                 face,
                 agreement=agreement,
+                rig=rig,
             ),
         )
         in_air = [one.name for one in fitted if one.course.in_air]
@@ -368,7 +377,11 @@ def _fitted_laws(
     for name in laws:
         tissues = [one.of_law(name) for one in folder.tissues]
         law = identified_law(name, tissues, prepared.c10, folder.relaxes, asked)
-        found += fit(SpecimenProblem(folder, law, prepared, away), [name], request)
+        (one,) = fit(SpecimenProblem(folder, law, prepared, away), [name], request)
+        if rig := one.details.rig:
+            (again,) = _fitted_laws(folder.on_rig(rig.compliance), [name], asked, away, request)
+            one = taken_off(again, rig) if again.details.thickness is None else one
+        found.append(one)
     return found
 
 

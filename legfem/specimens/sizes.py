@@ -15,7 +15,7 @@ from legfem.channels.kinds.layer_thickness import between_of
 from legfem.common.errors import MISSING, Doubt, InputError, PhysicalRange
 from legfem.common.input_files import FileTable
 from legfem.common.units import mpa_to_kpa
-from legfem.data import Recording, Segmentation, ranges
+from legfem.data import Recording, Segmentation, ranges, segment
 from legfem.data.contact import Contact
 from legfem.data.plausibility import loading_doubts
 from legfem.inverse.readings import Channel, Data
@@ -227,6 +227,13 @@ class SpecimenRecording:
         """
         course = course_of(self.trial.touching(replace(self.detected, displacement=place)), returns)
         return replace(self, course=course.down_to(self.reach), found=self.detected)
+
+    def on_rig(self, compliance: float, returns: bool) -> "SpecimenRecording":
+        """Return the same without the way that a rig yields (mm/N)."""
+        whole, contact = self.recording, self.trial.contact
+        left = replace(whole, displacement=whole.displacement - compliance * (whole.force - contact.baseline))
+        trial = segment(left, self.trial.instrument, contact.known, self.trial.scales)
+        return replace(self, course=course_of(trial, returns), trial=trial, found=None)
 
     def to(self, reach: float) -> "SpecimenRecording":
         """Return what of it lies within a displacement (mm)."""

@@ -52,7 +52,8 @@ class SpecimenReport(ReportKind):
             f"{_words(name)} {estimates.known_text(value_of(found), '95 % ')}" for name, found in chosen.asked.items()
         )
         agreement, unused = chosen.details.agreement, len(chosen.details.left_out)
-        if finding := chosen.details.thickness or (agreement if agreement and agreement.differ else None):
+        apart = agreement if agreement and agreement.differ else None
+        if finding := chosen.details.thickness or chosen.details.rig or apart:
             wrong = finding.text
         elif chosen.goodness.fits:
             wrong = "None that these recordings can show."
@@ -142,7 +143,7 @@ def _words(name: str) -> str:
 
 def _next(best: SpecimenFit) -> list[str]:
     details = best.details
-    if details.thickness:
+    if details.thickness or details.rig:
         lines = [KNOW_THE_RIG]
     elif details.agreement and details.agreement.differ:
         lines = [details.agreement.remedy]
