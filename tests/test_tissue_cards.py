@@ -115,6 +115,8 @@ def test_meshio_and_felupe_read_a_mesh_with_its_materials(tmp_path: Path) -> Non
     mesh = with_cards(named_mesh(made.mesh, made.cell_tags, made.facet_tags, regions))
     (path,) = write_mesh(mesh, tmp_path / "leg.inp")
     assert path.read_text().count("*MATERIAL, NAME=") == len(regions)
+    with pytest.raises(InputError, match=r"leg.msh: has no place for materials; give an .inp or .feb"):
+        write_mesh(mesh, tmp_path / "leg.msh")
     parts = felupe.mesh.read(path).meshes
     volumes = [float(felupe.RegionHexahedron(part).dV.sum()) for part in parts]
     np.testing.assert_allclose(sorted(volumes), sorted(mesh.measures().values()), rtol=1e-3)

@@ -236,12 +236,14 @@ def write_mesh(mesh: NamedMesh, path: Path) -> tuple[Path, ...]:
     Raises
     ------
     InputError
-        If no format has that ending.
+        If no format has that ending, or it has no place for the materials.
     """
     write = format_of(path)
     if path.suffix == ".feb" and not (mesh.dimension == 3 and mesh.materials):
         remedy = Remedy("give ", Argument("results"), ", and ", Argument("extrude"), " for a section")
         raise InputError(Argument("out"), str(path), "is a model in 3D with its materials", remedy)
+    if mesh.materials and path.suffix not in (".inp", ".feb"):
+        raise InputError(Argument("out"), str(path), "has no place for materials", "give an .inp or .feb")
     path.parent.mkdir(parents=True, exist_ok=True)
     # There whole, or not at all: some formats are of several files that name each other.
     with tempfile.TemporaryDirectory(dir=path.parent, prefix=".mesh.") as folder:
