@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 from making import TOML, press, tissue_force, write_recording, write_subject
 from making_diagnosed import diagnosed
+from making_diagnosis import ramps, two_rates
 from typer.testing import CliRunner
 
 from legfem.api import live
@@ -27,6 +28,7 @@ from legfem.common.deadline import Deadline
 from legfem.common.errors import InputError, UnsolvedError
 from legfem.data.watched import SETTLED_S, STALLED_S, Watched, changes, looked
 from legfem.inverse.verdict import Diagnosis
+from legfem.legs.plan import bought_in_visit
 from legfem.legs.schema import SUBJECTS, SubjectFile
 from legfem.legs.subject import Subject
 
@@ -237,6 +239,14 @@ def test_the_answer_has_the_finding_and_what_another_trial_would_buy(folder):
     assert "how tissue relaxes" in lines[-1] and "weighed" not in lines[-1]
     two = leg_of(folder, ("trial1", "trial2"))
     assert answer_lines(answered(two), two, given(folder))[0].startswith("by trial1, trial2: ")
+
+
+def test_what_was_done_already_is_not_asked_for_again(folder):
+    leg = leg_of(folder, ("trial1",))
+    for recordings, there in ((ramps(), True), (two_rates(), False)):
+        found = diagnosed({}, recordings, asked=("fascia-stiffness", "force-drift"))
+        asked = bought_in_visit(found, leg, ["rates"])
+        assert "press again" in asked and any("mm/s" in one for one in asked) is there
 
 
 def test_what_a_visit_allows_is_told_the_best_first(folder):

@@ -118,8 +118,11 @@ def bought_in_visit(found: Diagnosis, subject: Subject, can: Collection[str]) ->
     depth, rate, same = observed.depth, observed.rates[0], Protocol.ramp(observed.depth, observed.rates[0])
     tests = [Design("press again", (same,)), *with_channels(same, Site(subject.section, subject.indenter), 1)]
     held, faster = (Protocol.cycle(depth, rate, _HOLD_S),), (Protocol.ramp(depth, _FASTER * rate),)
-    tests += [Design(f"hold at {depth:.0f} mm for {_HOLD_S:g} s", held)] * ("hold" in can)
-    tests += [Design(f"press at {_FASTER * rate:.2g} mm/s", faster)] * ("rates" in can)
+    ways = (
+        ("hold", HOLD_A_MINUTE, Design(f"hold at {depth:.0f} mm for {_HOLD_S:g} s", held)),
+        ("rates", TWO_RATES, Design(f"press at {_FASTER * rate:.2g} mm/s", faster)),
+    )
+    tests += [design for way, step, design in ways if way in can and not step.taken(observed)]
     seen = {kind for kind, file in FILE_OF.items() if (file.entry if isinstance(file, FramesFile) else kind) in can}
     tests = [one for one in tests if all(sight.name in seen for sight in one.channels)]
     bought, noise, gain_sd = {}, found.errors.noise, found.best.posterior.gain_sd
