@@ -196,8 +196,8 @@ def test_a_few_times_in_two_rows_are_averaged_and_many_are_refused(tmp_path: Pat
     assert found.displacement[99] == pytest.approx(D[99] + 0.01, abs=1e-4)
     assert found.force[99] == pytest.approx(F[99] + 0.002, abs=1e-5)
     told = propose(path, read_sheets(path)).reasons
-    assert "1 rows with the time of the one before are averaged with it" in told
-    assert "1 rows that repeat the one before are left out" in told
+    assert "rows with the time of the one before, averaged with it: 1" in told
+    assert "rows that repeat the one before, left out: 1" in told
     coarse = "".join(f"{t:.2f},{d:.4f},{f:.5f}\n" for t, d, f in zip(T, D, F, strict=True))
     path.write_text("Time (s),Extension (mm),Load (N)\n" + coarse)
     with pytest.raises(InputError, match="time repeats"):

@@ -299,10 +299,10 @@ def _each_time_once(columns: list[Column]) -> tuple[list[Column], list[str]]:
     few = unlike.sum() <= _MOST_DOUBLED * len(time) and counts[unlike].max(initial=2) == 2
     if len(starts) == len(time) or not few:
         return columns, []
-    told = {"rows that repeat the one before are left out": int((counts[~unlike] - 1).sum())}
-    told["rows with the time of the one before are averaged with it"] = int(unlike.sum())
+    told = {"rows that repeat the one before, left out": int((counts[~unlike] - 1).sum())}
+    told["rows with the time of the one before, averaged with it"] = int(unlike.sum())
     found = [replace(c, values=0.5 * (a + b)) for c, a, b in zip(columns, low, high, strict=True)]
-    return found, [f"{count} {what}" for what, count in told.items() if count]
+    return found, [f"{what}: {count}" for what, count in told.items() if count]
 
 
 def _unit_behind(rows: Sequence[Sequence[Cell]], samples: Sequence[int], c: int) -> str | None:
