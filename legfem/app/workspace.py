@@ -14,6 +14,7 @@ import tomllib
 from collections.abc import AsyncIterable
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from hashlib import sha256
 from itertools import count
 from pathlib import Path
@@ -194,19 +195,20 @@ class Workspace:
         """
         target = self.place(name, path)
         part = target.with_name(f".part-{secrets.token_hex(4)}")
+        refused = partial(InputError, "upload", path)
         try:
             target.parent.mkdir(parents=True, exist_ok=True)
             with part.open("xb") as file:
                 async for piece in content:
                     if shutil.disk_usage(target.parent).free < len(piece) + _FEWEST_FREE:
-                        raise InputError("upload", path, "the disk is full", "free some of it")
+                        raise refused("the disk is full", "free some of it")
                     if file.tell() + len(piece) > _MOST_BYTES:
                         most = f"has more than {_MOST_BYTES / 1e6:,.0f} MB"
-                        raise InputError("upload", path, most, "cut the scan to the leg, or use the command line")
+                        raise refused(most, "cut the scan to the leg, or use the command line")
                     file.write(piece)
             part.replace(target)
         except OSError as error:
-            raise _unwritten(path, error) from None
+            raise refused(f"can't be written ({error.strerror})", "free the disk, or give it another name") from None
         finally:
             part.unlink(missing_ok=True)
         return target
@@ -304,7 +306,3 @@ def _latest_first(parent: Path) -> list[str]:
         return []
     there = [path for path in parent.iterdir() if path.is_dir() and path.name[:1] != "."]
     return [path.name for path in sorted(there, key=lambda p: (-p.stat().st_mtime, p.name))]
-
-
-def _unwritten(path: str, error: OSError) -> InputError:
-    return InputError("upload", path, f"can't be written ({error.strerror})", "free the disk, or give it another name")

@@ -170,19 +170,17 @@ class Checked:
                 raise InputError(owner.__name__, name, f"unknown kind {given!r}", f"choose {' or '.join(choices)}")
             for least in getattr(kind, "__metadata__", ()):
                 for number in given if isinstance(given, tuple) else (given,):
-                    if isinstance(number, Real) and not _is_at_least(float(number), least):
-                        raise InputError(
-                            owner.__name__, name, f"is {float(number):g}", f"give a finite value of {least}"
-                        )
+                    if not isinstance(number, Real):
+                        continue
+                    value = float(number)
+                    enough = value > 0 or (value == 0 and least is Least.ZERO)
+                    if not (enough and math.isfinite(value)):
+                        raise InputError(owner.__name__, name, f"is {value:g}", f"give a finite value of {least}")
 
 
 @cache
 def _annotations(owner: Any) -> dict[str, Any]:
     return get_type_hints(owner, include_extras=True)
-
-
-def _is_at_least(number: float, least: Least) -> bool:
-    return math.isfinite(number) and (number > 0 or (number == 0 and least is Least.ZERO))
 
 
 _log = logging.getLogger(__name__)

@@ -188,7 +188,7 @@ def rests_on(parameters: Mapping[str, Estimate], likewise: str) -> list[str]:
     ]
 
 
-_REMEDIES: Mapping[ErrorSource, str] = {
+_COMES_FROM: Mapping[ErrorSource, str] = {
     "differences": "differences of the recordings by a factor; test more specimens",
     "model": "the model itself, and further recordings will not reduce it; state what you already know (--prior)",
     "misfit": "what the law may miss within the errors; try another one (--law), or use less of the depth",
@@ -230,7 +230,7 @@ def how_to_narrow(parameters: Mapping[str, Estimate], steps: Sequence[str], ends
     recordings = ", or ".join([*steps, known]) if steps else f"recordings have all that would help much; {known}"
     remedies: Mapping[ErrorSource, str] = {"recordings": recordings, "ends": ends}
     for source, names in groups.items():
-        remedy = remedies.get(source) or f"most of the uncertainty comes from {_REMEDIES[source]}"
+        remedy = remedies.get(source) or f"most of the uncertainty comes from {_COMES_FROM[source]}"
         lines.append(f"To know {' and '.join(names)}: {remedy}.")
     return lines
 

@@ -20,7 +20,7 @@ from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.diagnose import diagnose
 from legfem.inverse.library_build import build_library
 from legfem.inverse.library_tasks import STIFFENING, rounded
-from legfem.inverse.mechanism import Mechanism, TissueMechanism, shown_mechanisms
+from legfem.inverse.mechanism import TissueMechanism, shown_mechanisms
 from legfem.inverse.responses import SolvedResponses
 from legfem.inverse.screening import Complete
 from legfem.inverse.search import SearchError
@@ -247,7 +247,8 @@ class Lab:
         diagnoser, law = Diagnoser(self.folder, self.correction), subject.tissues["deep"].law
         observed = diagnoser.observations(subject)
         able, _ = shown_mechanisms(with_correction(mechanisms(), self.correction), observed, WITHOUT_ENDS)
-        keys = [stations.key for stations in observed.protocols] if any(_follows_path(one) for one in able) else []
+        follows = any(isinstance(one, TissueMechanism) and one.along_path for one in able)
+        keys = [stations.key for stations in observed.protocols] if follows else []
         key = repr((case.leg, sorted(keys)))
         if key not in self._libraries:
             deeper = replace(observed, depths=(*observed.depths, DEEPEST_MM))
@@ -296,10 +297,6 @@ class Lab:
             found.append(replace(said, final=not one.provisional, weighed=one.weighed))
             wait = 2.0 * wait or FIRST_S
         return found
-
-
-def _follows_path(mechanism: Mechanism) -> bool:
-    return isinstance(mechanism, TissueMechanism) and mechanism.along_path
 
 
 def said_each(lab: Lab, case: SealedCase) -> list[Said]:

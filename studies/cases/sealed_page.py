@@ -29,10 +29,9 @@ def answers_by_time(cases: Sequence[Sequence[Said]]) -> str:
         stood = [(one.stated, one.unknown) == (end.stated, end.unknown) for one, end in told if one.probability >= SURE]
         weighed = np.median([n for n, _ in (one.weighed for one in own)])
         half = 100 * float(np.median([one.half_width for one in own]))
-        held = _of([one.holds for one in own])
         lines.append(
             f"| {number + 1} | {len(own)} | {np.median(spent):.0f}, {max(spent):.0f} | {weighed:.0f} | "
-            f"{_of(stood)} | {held} | {half:.0f} % | {sum(one.final for one in own)} |"
+            f"{_of(stood)} | {_of([one.holds for one in own])} | {half:.0f} % | {sum(one.final for one in own)} |"
         )
     return "\n".join([*lines, "", ""])
 
