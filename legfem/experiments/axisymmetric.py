@@ -147,12 +147,8 @@ class AxisymmetricBody[Sizes]:
             return ()
         tops = np.cumsum([layer.thickness for layer in self.law])
         if abs(tops[-1] - height) > 1e-9 * height:
-            raise InputError(
-                "layers",
-                "thickness",
-                f"{tops[-1]:g} mm together, and the body is {height:g} mm",
-                "give layers that fill it",
-            )
+            problem = f"{tops[-1]:g} mm together, and the body is {height:g} mm"
+            raise InputError("layers", "thickness", problem, "give layers that fill it")
         return tuple(tops[:-1].tolist())
 
     def spaces_on(self, meshed: TaggedMesh, held: Sequence[Support], symmetry: Symmetry = "axial") -> LegSpaces:

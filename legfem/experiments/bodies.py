@@ -115,12 +115,8 @@ class PunchOnLayer(Checked):
         super().__post_init__()
         check_rounding(self.radius, self.edge)
         if self.layer_radius <= self.radius:
-            raise InputError(
-                "layer",
-                "layer_radius",
-                f"the punch of {self.radius:g} mm covers the layer",
-                "give more than the punch's radius",
-            )
+            problem = f"the punch of {self.radius:g} mm covers the layer"
+            raise InputError("layer", "layer_radius", problem, "give more than the punch's radius")
 
 
 @dataclass(frozen=True)
@@ -155,12 +151,8 @@ class CupOnLayer(Checked):
         super().__post_init__()
         outer = self.opening_radius + self.rim_width
         if self.layer_radius <= outer:
-            raise InputError(
-                "cup",
-                "layer_radius",
-                f"the cup of {outer:g} mm covers the layer",
-                "give more than the opening's radius and the rim",
-            )
+            problem = f"the cup of {outer:g} mm covers the layer"
+            raise InputError("cup", "layer_radius", problem, "give more than the opening's radius and the rim")
 
     @property
     def opening(self) -> float:

@@ -147,12 +147,8 @@ class LegIndentation3D(IndentationTest):
             points = self._skin(round_it[:, None] % 1.0, along[None, :]) - aim
             way = points @ frame[2] - self.indenter.ahead(points @ frame[:2].T)
             if np.all(np.isnan(way)):
-                raise InputError(
-                    "indenter",
-                    "aim",
-                    "the line of travel misses the leg",
-                    "give a point inside the leg, and check the direction",
-                )
+                problem = "the line of travel misses the leg"
+                raise InputError("indenter", "aim", problem, "give a point inside the leg, and check the direction")
             turn, level = np.unravel_index(np.nanargmin(way), way.shape)
             turns = _neighbours(round_it, int(turn))
             low, high = _neighbours(along, int(level))
@@ -280,12 +276,8 @@ class IdealisedLegIndentation(IndentationTest):
 
 def _check_ends(leg: IdealisedLeg, cylinder: Cylinder, mesh: LegMeshSettings) -> None:
     if cylinder.length >= leg.length and leg.ends == "free":
-        raise InputError(
-            "cylinder",
-            "length",
-            f"{cylinder.length:g} mm is no shorter than the leg of {leg.length:g} mm, whose ends are free",
-            "make the leg longer, or hold its ends",
-        )
+        problem = f"{cylinder.length:g} mm is no shorter than the leg of {leg.length:g} mm, whose ends are free"
+        raise InputError("cylinder", "length", problem, "make the leg longer, or hold its ends")
     if cylinder.length < leg.length and mesh.edge_size > 2 * cylinder.edge_radius * mesh.degree:
         raise InputError(
             "cylinder",

@@ -172,12 +172,8 @@ class PlaneStrainIndentation(indentation.IndentationTest):
         """Check that the section can have the indenter."""
         self.indenter.check_lies_along("subject.toml")
         if self._bones_give_way and {t.region for t in self._springs} != set(BONES):
-            raise InputError(
-                "mechanisms",
-                "BoneSprings",
-                "one bone is on springs and the other isn't",
-                f"give one for each of {' and '.join(BONES)}; stiff springs hold a bone",
-            )
+            remedy = f"give one for each of {' and '.join(BONES)}; stiff springs hold a bone"
+            raise InputError("mechanisms", "BoneSprings", "one bone is on springs and the other isn't", remedy)
 
     @cached_property
     def model(self) -> LegModel:

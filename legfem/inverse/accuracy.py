@@ -175,18 +175,10 @@ def check_measured(toml: Path, effects: Sequence[MeasuredEffect], mechanisms: Se
     for number, one in enumerate(effects):
         field = f"measured.{number}"
         if one.effect not in every:
-            raise InputError(
-                toml,
-                f"{field}.effect",
-                f"{one.effect!r} is not an effect that legfem knows",
-                f"give one of {', '.join(every)}",
-            )
+            problem = f"{one.effect!r} is not an effect that legfem knows"
+            raise InputError(toml, f"{field}.effect", problem, f"give one of {', '.join(every)}")
         first = every[one.effect].parameters[0]
         low, high = first.bounds
         if not low <= one.value <= high:
-            raise InputError(
-                toml,
-                f"{field}.value",
-                f"{one.value:g} is impossible ({first.unit})",
-                f"give {first.statement}: {low:g} to {high:g}, {null_of(first):g} without the effect",
-            )
+            remedy = f"give {first.statement}: {low:g} to {high:g}, {null_of(first):g} without the effect"
+            raise InputError(toml, f"{field}.value", f"{one.value:g} is impossible ({first.unit})", remedy)

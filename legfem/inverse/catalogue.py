@@ -66,12 +66,8 @@ def check_known(names: Collection[str], nominal: Values, source: Argument) -> No
     for name in names:
         if name not in known:
             nearest = difflib.get_close_matches(name, known, 1, 0.0)
-            raise InputError(
-                source,
-                name,
-                "is not a parameter of this model",
-                f"did you mean {nearest[0]}? There are {', '.join(known)}",
-            )
+            problem = "is not a parameter of this model"
+            raise InputError(source, name, problem, f"did you mean {nearest[0]}? There are {', '.join(known)}")
 
 
 def check_held(source: Argument, text: str, name: str, value: float) -> None:

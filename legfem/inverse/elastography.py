@@ -93,27 +93,18 @@ def check_once(entries: Sequence[ElastographyEntry], ratio_stated: bool) -> None
         # Fat is alike in all directions.
         plane = entry.plane if entry.tissue == "deep" else "any plane"
         if (entry.tissue, plane) in seen:
-            raise trouble(
-                f"elastography.{number}",
-                f"the {entry.tissue} tissue in {plane} is given twice",
-                "give the mean of the measurements, with its standard deviation",
-            )
+            remedy = "give the mean of the measurements, with its standard deviation"
+            raise trouble(f"elastography.{number}", f"the {entry.tissue} tissue in {plane} is given twice", remedy)
         seen[entry.tissue, plane] = number
     along, across = (seen.get(("deep", plane)) for plane in ("along", "across"))
     if along is None:
         return
     if across is None:
-        raise trouble(
-            f"elastography.{along}.plane",
-            "along the leg without across says nothing of C10",
-            "give the deep tissue across the leg too: the two make the fibres' ratio",
-        )
+        remedy = "give the deep tissue across the leg too: the two make the fibres' ratio"
+        raise trouble(f"elastography.{along}.plane", "along the leg without across says nothing of C10", remedy)
     if ratio_stated:
-        raise trouble(
-            "tissues.deep.fibre_ratio",
-            "is given beside elastography along and across",
-            "leave it out: the two make the ratio",
-        )
+        problem = "is given beside elastography along and across"
+        raise trouble("tissues.deep.fibre_ratio", problem, "leave it out: the two make the ratio")
 
 
 def fibre_ratio(moduli: Sequence[ShearModulus], stated: float | None, stated_sd: float | None) -> FibreRatio | None:

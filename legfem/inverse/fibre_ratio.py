@@ -39,12 +39,8 @@ def check_in_plane(names: Collection[str]) -> None:
         If the leg's fibres are, which do no work there.
     """
     if DEEP_RATIO in names:
-        raise InputError(
-            Argument("identify"),
-            DEEP_RATIO,
-            "fibres along the leg do no work in plane strain",
-            Remedy("solve the leg in 3D: ", Argument("model", "3d")),
-        )
+        remedy = Remedy("solve the leg in 3D: ", Argument("model", "3d"))
+        raise InputError(Argument("identify"), DEEP_RATIO, "fibres along the leg do no work in plane strain", remedy)
 
 
 def moduli(values: Mapping[str, float], tissues: Collection[str]) -> dict[str, float]:

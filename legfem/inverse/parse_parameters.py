@@ -204,10 +204,6 @@ def _known(found: re.Match[str], nominal: catalogue.Values, source: Argument, ex
 def _bounds(option: Argument, bounds: tuple[float, float], least: float) -> tuple[float, float]:
     low, high = bounds
     if not least <= low < high < float("inf"):
-        raise InputError(
-            option,
-            f"{low:g} {high:g}",
-            "is not a range of stiffnesses",
-            "give two values in kPa, the lower one first; C10 must be positive",
-        )
+        remedy = "give two values in kPa, the lower one first; C10 must be positive"
+        raise InputError(option, f"{low:g} {high:g}", "is not a range of stiffnesses", remedy)
     return kpa_to_mpa(low), kpa_to_mpa(high)

@@ -157,12 +157,8 @@ def law_of(
         if key in names or key in held:
             continue
         if value is None:
-            raise InputError(
-                Argument("identify"),
-                key,
-                f"is neither identified nor given for the {name} law",
-                Remedy("add ", Argument("identify", key), ", or ", Argument("fix", f"{key}=VALUE kPa")),
-            )
+            remedy = Remedy("add ", Argument("identify", key), ", or ", Argument("fix", f"{key}=VALUE kPa"))
+            raise InputError(Argument("identify"), key, f"is neither identified nor given for the {name} law", remedy)
         held[key] = value
     return catalogue.IdentifiedLaw(name, free, held, nominal)
 

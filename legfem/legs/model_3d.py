@@ -247,12 +247,8 @@ def check_has_ends(subject: Subject) -> None:
         If they are.
     """
     if subject.plane_strain:
-        raise InputError(
-            Argument("model"),
-            "3d",
-            "the recordings are simulated in plane strain, without ends",
-            "leave it out, or give plane_strain = false in [recordings] if they have ends",
-        )
+        remedy = "leave it out, or give plane_strain = false in [recordings] if they have ends"
+        raise InputError(Argument("model"), "3d", "the recordings are simulated in plane strain, without ends", remedy)
 
 
 def leg_models(

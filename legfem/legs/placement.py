@@ -191,12 +191,8 @@ def _posed(
 ) -> tuple[CuttingPlane, FloatArray, float, float, float | None]:
     """Return the plane in which an indenter travels in a scan, its line there, turn and landmarks' residual."""
     if source.volume is not None and not source.volume.transform:
-        raise InputError(
-            source.name,
-            "header",
-            "does not state where the volume lies, which a pose needs",
-            "save it with its transform, or give the DICOM series it was labelled on as series",
-        )
+        remedy = "save it with its transform, or give the DICOM series it was labelled on as series"
+        raise InputError(source.name, "header", "does not state where the volume lies, which a pose needs", remedy)
     motion, residual = _to_scan(directory, toml, indenter)
     position = motion(np.array(indenter.position_mm))
     direction = motion.rotation @ np.array(indenter.direction)
@@ -299,12 +295,8 @@ def spatial_leg(subject: Subject) -> SpatialLeg:
     length = given.section.length_mm or LENGTH
     held = subject.indenter.extent
     if length <= held:
-        raise InputError(
-            toml,
-            "section.length_mm",
-            f"{length:g} mm is no longer than the cylinder",
-            f"give more than {held:g} mm, twice that or more",
-        )
+        problem = f"{length:g} mm is no longer than the cylinder"
+        raise InputError(toml, "section.length_mm", problem, f"give more than {held:g} mm, twice that or more")
     place = placed(subject.directory, toml, given)
     if place.source is None:
         what = "a typical calf's section" if subject.typical_shape else "the section"
@@ -314,12 +306,8 @@ def spatial_leg(subject: Subject) -> SpatialLeg:
     low, high = (float(shape.levels[k]) for k in (0, -1))
     half = 0.5 * held
     if low > -half or high < half:
-        raise InputError(
-            place.source.name,
-            "levels",
-            f"reach from {low:.4g} to {high:.4g} mm about the cylinder's middle, which takes {held:g} mm",
-            "scan a longer part of the leg, or press elsewhere",
-        )
+        problem = f"reach from {low:.4g} to {high:.4g} mm about the cylinder's middle, which takes {held:g} mm"
+        raise InputError(place.source.name, "levels", problem, "scan a longer part of the leg, or press elsewhere")
     words = f"{Path(place.source.name).name}, {low:.4g} to {high:+.4g} mm about the cylinder"
     if high - low < length - _SHORT:
         words += f" (all there is of {length:g} mm)"

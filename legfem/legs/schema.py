@@ -70,11 +70,8 @@ class IndenterEntry(input_files.FileTable):
             remedy = f"give {flat} in the section's plane, or {spatial} in the scan"
             input_files.check_one_of(self, flat, spatial, remedy)
         if (self.position_mm is None) != (self.direction is None):
-            raise input_files.trouble(
-                "direction",
-                "position_mm and direction belong together",
-                "give both in the scan, or aim_mm and direction_deg in the section's plane",
-            )
+            remedy = "give both in the scan, or aim_mm and direction_deg in the section's plane"
+            raise input_files.trouble("direction", "position_mm and direction belong together", remedy)
         for key in ("axis", "landmarks"):
             if getattr(self, key) is not None and self.position_mm is None:
                 raise input_files.trouble(key, "is of use with position_mm alone", "leave it out")
@@ -136,11 +133,8 @@ class TissueEntry(input_files.FileTable):
         if self.law == "neo-hookean":
             for key in ("C20_kPa", "D2_per_MPa"):
                 if getattr(self, key) is not None:
-                    raise input_files.trouble(
-                        key,
-                        "the neo-Hookean law has no such parameter",
-                        f'remove {key} or set law = "reduced-polynomial"',
-                    )
+                    problem = "the neo-Hookean law has no such parameter"
+                    raise input_files.trouble(key, problem, f'remove {key} or set law = "reduced-polynomial"')
         return self
 
 
@@ -228,11 +222,8 @@ class SubjectFile(input_files.NamedFile):
         effects = [entry.effect for entry in self.measured]
         for number, effect in enumerate(effects):
             if effect in effects[:number]:
-                raise input_files.trouble(
-                    f"measured.{number}.effect",
-                    f"{effect} is given twice",
-                    "give the mean of the measurements, with its standard deviation",
-                )
+                remedy = "give the mean of the measurements, with its standard deviation"
+                raise input_files.trouble(f"measured.{number}.effect", f"{effect} is given twice", remedy)
         return self
 
     @model_validator(mode="before")
@@ -246,30 +237,21 @@ class SubjectFile(input_files.NamedFile):
             return content
         for key in ("aim_mm", "direction_deg", "position_mm", "direction"):
             if key in indenter:
-                raise input_files.trouble(
-                    f"indenter.{key}",
-                    "is given beside section.girth_mm",
-                    "leave it out: a typical calf is pressed from behind, towards its middle",
-                )
+                remedy = "leave it out: a typical calf is pressed from behind, towards its middle"
+                raise input_files.trouble(f"indenter.{key}", "is given beside section.girth_mm", remedy)
         return {**content, "indenter": {**indenter, **FROM_BEHIND}}
 
     @model_validator(mode="after")
     def _one_plane(self) -> "SubjectFile":
         level, position = self.section.level_mm, self.indenter.position_mm
         if level is not None and position is not None:
-            raise input_files.trouble(
-                "section.level_mm",
-                "is given beside indenter.position_mm",
-                "the position says where to cut: leave level_mm out",
-            )
+            problem = "is given beside indenter.position_mm"
+            raise input_files.trouble("section.level_mm", problem, "the position says where to cut: leave level_mm out")
         if "labels" in self.model_fields_set and self.section.scan is None:
             raise input_files.trouble("labels", "are given without a scan", "give the scan, or leave them out")
         if not self.is_cut and self.section.contours is None and self.section.girth_mm is None:
-            raise input_files.trouble(
-                "section.level_mm",
-                "missing: nothing says where to cut the scan",
-                "give it, or position_mm and direction of the indenter",
-            )
+            remedy = "give it, or position_mm and direction of the indenter"
+            raise input_files.trouble("section.level_mm", "missing: nothing says where to cut the scan", remedy)
         return self
 
 
@@ -341,12 +323,8 @@ def subject_entry(toml: Path, site: str = "") -> SubjectEntry:
         return SubjectEntry(input_files.checked(toml, content, SubjectFile), RECORDINGS)
     names = ", ".join(sites)
     if not site:
-        raise InputError(
-            toml,
-            "site",
-            f"the leg has {len(sites)} ({names}), and here one is taken by itself",
-            Remedy("give ", Argument("site", next(iter(sites))), "; ", Command("identify"), " fits them together"),
-        )
+        remedy = Remedy("give ", Argument("site", next(iter(sites))), "; ", Command("identify"), " fits them together")
+        raise InputError(toml, "site", f"the leg has {len(sites)} ({names}), and here one is taken by itself", remedy)
     if site not in sites:
         raise InputError(Argument("site"), site, "is not a site of the leg", f"give one of {names}")
     return _entry(toml, content, sites[site])

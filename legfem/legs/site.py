@@ -70,12 +70,8 @@ def measured_curve(subject: Subject, depth: float | None = None) -> LoadingCurve
     if depth is None:
         return curve
     if not depth >= LEG.depth:
-        raise InputError(
-            Argument("depth"),
-            f"{depth:g} mm",
-            "is too shallow to identify a stiffness from",
-            f"give at least {LEG.depth:g} mm",
-        )
+        problem = "is too shallow to identify a stiffness from"
+        raise InputError(Argument("depth"), f"{depth:g} mm", problem, f"give at least {LEG.depth:g} mm")
     return curve.down_to(depth)
 
 

@@ -105,12 +105,8 @@ class FiniteCylinder(Checked):
         super().__post_init__()
         numbers = (self.edge, self.radius, self.half_length)
         if all(isinstance(n, Real) for n in numbers) and self.edge >= min(numbers[1:]):
-            raise InputError(
-                "cylinder",
-                "edge",
-                f"a rounding of {self.edge:g} mm doesn't fit the cylinder",
-                "give less than its radius and half its length",
-            )
+            problem = f"a rounding of {self.edge:g} mm doesn't fit the cylinder"
+            raise InputError("cylinder", "edge", problem, "give less than its radius and half its length")
 
     def gap(self, y: Expr) -> Expr:
         """Return the signed distance (mm), positive outside."""

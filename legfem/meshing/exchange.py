@@ -261,12 +261,8 @@ def format_of(path: Path) -> Callable[[NamedMesh, Path], None]:
         If no format has it.
     """
     if path.suffix not in _FORMATS:
-        raise InputError(
-            Argument("out"),
-            str(path),
-            f"there is no format {path.suffix or 'without an ending'}",
-            f"give a file that ends in {', '.join(_FORMATS)}",
-        )
+        problem = f"there is no format {path.suffix or 'without an ending'}"
+        raise InputError(Argument("out"), str(path), problem, f"give a file that ends in {', '.join(_FORMATS)}")
     return _FORMATS[path.suffix]
 
 

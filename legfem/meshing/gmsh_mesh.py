@@ -81,12 +81,8 @@ def generate(model: Any, dimension: int, seconds: float | None = None) -> None:
     thread.start()
     thread.join(most)
     if thread.is_alive():
-        raise InputError(
-            "contours",
-            "mesh",
-            f"gmsh was given up after {most:g} s",
-            "check the contours for kinks and near contacts, or ask for a coarser mesh",
-        )
+        remedy = "check the contours for kinks and near contacts, or ask for a coarser mesh"
+        raise InputError("contours", "mesh", f"gmsh was given up after {most:g} s", remedy)
     if failed:
         raise failed[0]
 

@@ -192,12 +192,8 @@ def settings_for_cells(shape: LegShape, cells: int) -> SolidMeshSettings:
     low, high = math.log(0.2), math.log(12.0)
     least, most = (cells * math.exp(excess(end)) for end in (low, high))
     if not least <= cells <= most:
-        raise InputError(
-            Argument("cells"),
-            f"{cells}",
-            f"this leg cannot be meshed with {cells} tetrahedra",
-            f"choose from {1000 * math.ceil(least / 1000)} to {1000 * math.floor(most / 1000)}",
-        )
+        remedy = f"choose from {1000 * math.ceil(least / 1000)} to {1000 * math.floor(most / 1000)}"
+        raise InputError(Argument("cells"), f"{cells}", f"this leg cannot be meshed with {cells} tetrahedra", remedy)
     return settings.refined(math.exp(brentq(excess, low, high, xtol=0.01)))
 
 

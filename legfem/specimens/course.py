@@ -254,12 +254,8 @@ def course_of(trial: Segmentation, returns: bool = False) -> Course:
         standing_force(trial),
     )
     if len(found.time) < _LEAST_SEEN:
-        raise InputError(
-            trial.source,
-            "rows",
-            f"{len(found.time)} stations of loading are too few",
-            "sample faster or press more slowly",
-        )
+        problem = f"{len(found.time)} stations of loading are too few"
+        raise InputError(trial.source, "rows", problem, "sample faster or press more slowly")
     return found
 
 
@@ -288,12 +284,8 @@ def _parted(recording: Recording, end: int) -> int:
 
 def _check_motion(calm: FloatArray, source: object) -> None:
     if float(calm.max() - calm[0]) < _LEAST_RISE * float(np.ptp(calm)):
-        raise InputError(
-            f"{source}",
-            "displacement_mm",
-            f"falls by {np.ptp(calm):.3g} mm, and never grows",
-            "change its sign: displacement and force are positive in the test's direction",
-        )
+        remedy = "change its sign: displacement and force are positive in the test's direction"
+        raise InputError(f"{source}", "displacement_mm", f"falls by {np.ptp(calm):.3g} mm, and never grows", remedy)
 
 
 def _speed(time: FloatArray, displacement: FloatArray) -> float:

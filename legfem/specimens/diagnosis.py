@@ -184,12 +184,8 @@ def _diagnosed(
     solved = solved_responses(folder, sizes, observed, responses)
     progress.stage(f"how stiff {used[0].specimen} is, roughly")
     if np.isnan(solved.curve(_SOME_C10, 0.0)).any():
-        raise InputError(
-            folder.directory,
-            used[0].specimen,
-            f"its test can't be solved to {solved.depth:.3g} mm",
-            "check the sizes, or record less deep",
-        )
+        problem = f"its test can't be solved to {solved.depth:.3g} mm"
+        raise InputError(folder.directory, used[0].specimen, problem, "check the sizes, or record less deep")
     last = max(float(s.protocol.time[-1]) for s in observed.protocols)
     accuracy = Accuracy() if folder.origin == "measured" else _DRAWN
     shown = [(one.course.instrument.force_sd, one.course.instrument.displacement_sd) for one in used]

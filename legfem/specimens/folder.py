@@ -114,12 +114,8 @@ class SpecimenFolder(Pictured):
         found = tuple(one for one in self.recordings if name in (one.name, one.specimen, one.test))
         if not found:
             known = sorted({text for one in self.recordings for text in (one.name, one.specimen, one.test) if text})
-            raise InputError(
-                Argument("leave_out"),
-                name,
-                "is neither a recording nor a specimen of the folder",
-                f"give one of {', '.join(known)}",
-            )
+            problem = "is neither a recording nor a specimen of the folder"
+            raise InputError(Argument("leave_out"), name, problem, f"give one of {', '.join(known)}")
         if len(found) == len(self.recordings):
             raise InputError(Argument("leave_out"), name, "leaves nothing to fit", "name fewer")
         return found
@@ -376,9 +372,5 @@ def tissue_asked_for(folder: SpecimenFolder) -> SpecimenTissue:
     if len(open_ones) == 1:
         return open_ones[0]
     names = ", ".join(one.name for one in open_ones) or "none"
-    raise InputError(
-        folder.directory / FILE,
-        "layers",
-        f"stiffness is open of {names}",
-        "state C10_kPa of all layers but one, such as legfem.identify found, for a diagnosis",
-    )
+    remedy = "state C10_kPa of all layers but one, such as legfem.identify found, for a diagnosis"
+    raise InputError(folder.directory / FILE, "layers", f"stiffness is open of {names}", remedy)

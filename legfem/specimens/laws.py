@@ -181,12 +181,8 @@ def request_of_texts(
     bounds = {name: one.bounds for name, one in given.items()}
     if any(limits.values()):
         if catalogue.DEEP_C10 not in known:
-            raise InputError(
-                Argument("c10_bounds"),
-                ", ".join(one.name for one in tissues),
-                "are layers",
-                Remedy("leave it out, or say by ", Argument("prior", "LAYER.C10"), " what is known"),
-            )
+            remedy = Remedy("leave it out, or say by ", Argument("prior", "LAYER.C10"), " what is known")
+            raise InputError(Argument("c10_bounds"), ", ".join(one.name for one in tissues), "are layers", remedy)
         checked = {one.name: one.bounds for one in replace(texts, identify=()).parameters(known)}
         bounds |= {name: checked[name] for name, one in limits.items() if one is not None}
     held = texts.held(known)

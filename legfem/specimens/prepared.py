@@ -74,12 +74,8 @@ def prepare(
             notices.append(Notice.of(SpecimenNotice.USED_IN_PART, **told))
     fitted = [one for one in used if one.name not in {other.name for other in held}]
     if not fitted:
-        raise InputError(
-            folder.directory,
-            "recordings",
-            f"none can be modelled: {left[0].reason}",
-            "check the sizes, or record less deep",
-        )
+        problem = f"none can be modelled: {left[0].reason}"
+        raise InputError(folder.directory, "recordings", problem, "check the sizes, or record less deep")
     depths = dict[Sizes, float]()
     for one in used:
         needed = min(deepest_of(one.course), within[one.sizes])

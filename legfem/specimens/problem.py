@@ -75,6 +75,9 @@ class SpecimenProblem:
     prepared: Prepared
     held_out: frozenset[str]
 
+    weighs_shared_errors = False
+    """Recordings count alike in the search, whatever they share."""
+
     @cached_property
     def forward(self) -> JointForward[SpecimenForward]:
         """Models of the fitted recordings' tests."""
@@ -89,11 +92,6 @@ class SpecimenProblem:
     def sensitivities(self) -> tuple[str, ...]:
         """The law's free parameters."""
         return free_of_model(self.unknowns)
-
-    @property
-    def weighs_shared_errors(self) -> bool:
-        """Recordings count alike in the search, whatever they share."""
-        return False
 
     def comparison(self, law: IdentifiedLaw, near: Found[SpecimenComparison] | None = None) -> SpecimenComparison:
         """Forces beside the recordings, from where their contact seems to be: nothing after that is air."""

@@ -149,12 +149,8 @@ def _fibres(given: SpecimenFile, specimen: SpecimenEntry | None) -> Direction | 
     if direction not in kind.directions:
         names = " or ".join(f'"{one}"' for one in kind.directions)
         give = f"give {names}; other directions" if names else "remove [fibres]; they"
-        raise InputError(
-            "specimen",
-            key,
-            f'"{direction}" breaks the symmetry of {kind.words}',
-            f"{give} take a cylinder across a block, or bars",
-        )
+        problem = f'"{direction}" breaks the symmetry of {kind.words}'
+        raise InputError("specimen", key, problem, f"{give} take a cylinder across a block, or bars")
     return direction
 
 

@@ -65,12 +65,8 @@ class Stocking(Checked):
         for name in ("levels", "unstretched"):
             object.__setattr__(self, name, frozen_array(np.atleast_1d(getattr(self, name))))
         if self.levels.shape != self.unstretched.shape:
-            raise InputError(
-                "stocking",
-                "levels",
-                f"{len(self.levels)} levels and {len(self.unstretched)} perimeters",
-                "give as many of both",
-            )
+            problem = f"{len(self.levels)} levels and {len(self.unstretched)} perimeters"
+            raise InputError("stocking", "levels", problem, "give as many of both")
         steps = np.diff(self.levels)
         if not (steps > 0).all():
             at = float(self.levels[1:][steps <= 0][0])

@@ -82,11 +82,8 @@ class StockingEntry(input_files.FileTable):
         sizes = ("compression_class", "unstretched_mm", "unstretched")
         given = [name for name in sizes if getattr(self, name) is not None]
         if len(given) != 1:
-            raise input_files.trouble(
-                "compression_class",
-                f"{len(given)} sizes of the stocking are given",
-                f"give one of {', '.join(sizes)} (a CSV file with level_mm,perimeter_mm)",
-            )
+            remedy = f"give one of {', '.join(sizes)} (a CSV file with level_mm,perimeter_mm)"
+            raise input_files.trouble("compression_class", f"{len(given)} sizes of the stocking are given", remedy)
         return self
 
 
@@ -187,11 +184,8 @@ class LegFile(input_files.NamedFile):
     def _stiffness_is_known_or_shown(self) -> "LegFile":
         known = [t.C10_kPa for t in (self.tissues.deep, self.tissues.superficial)]
         if self.compressed is None and None in known:
-            raise input_files.trouble(
-                "compressed",
-                "missing, and the tissues' C10_kPa aren't given either",
-                "give the leg scanned in its stocking, or C10_kPa of both tissues",
-            )
+            remedy = "give the leg scanned in its stocking, or C10_kPa of both tissues"
+            raise input_files.trouble("compressed", "missing, and the tissues' C10_kPa aren't given either", remedy)
         if self.elastography and None not in known:
             raise input_files.trouble(
                 "elastography",

@@ -48,12 +48,8 @@ class Fascia(NumberedTerm, Memoryless):
     def residual(self, body: Body, history: Mapping[str, Any]) -> Expr:
         """Return the variation of the membrane's energy."""
         if body.hull is None:
-            raise InputError(
-                "mesh",
-                self.name,
-                "the mesh has no named face of the deep tissue",
-                "mesh the leg with legfem.meshing.solid_leg",
-            )
+            problem = "the mesh has no named face of the deep tissue"
+            raise InputError("mesh", self.name, problem, "mesh the leg with legfem.meshing.solid_leg")
         k, c = self.scalars(body)
         trace, area2 = face_strain(body)
         J = free_volume_ratio(trace, area2, c)

@@ -47,12 +47,8 @@ class PressureTerm(RegionTerm, Memoryless, ABC):
             If the form has no pressure in the region.
         """
         if self.region not in body.pressures:
-            raise InputError(
-                "formulation",
-                self.name,
-                "acts through a pressure, and there is none",
-                'choose the formulation "continuous" or "mixed"',
-            )
+            problem = "acts through a pressure, and there is none"
+            raise InputError("formulation", self.name, problem, 'choose the formulation "continuous" or "mixed"')
         work = self.work_density(body, body.pressures[self.region]) * body.regions[self.region]
         return ufl.derivative(work, body.unknown, body.test)
 

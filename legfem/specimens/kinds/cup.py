@@ -103,12 +103,8 @@ class CupKind(SpecimenKind[SuctionEntry, CupOnLayer]):
             )
         radius, height = math.sqrt(body.opening / math.pi), float(np.ptp(recording.displacement))
         if height > _HIGHEST * radius:
-            raise InputError(
-                source,
-                "displacement",
-                f"a dome of {height:.3g} mm over an opening of {2 * radius:.3g} mm",
-                "check its unit, and opening_mm",
-            )
+            problem = f"a dome of {height:.3g} mm over an opening of {2 * radius:.3g} mm"
+            raise InputError(source, "displacement", problem, "check its unit, and opening_mm")
         if not _USUAL_KPA[0] <= peak <= _USUAL_KPA[1]:
             problem = f"a suction of {peak:.3g} kPa is unusual (it is {_USUAL_KPA[0]:g} to {_USUAL_KPA[1]:g} kPa)"
             return [Doubt(source, "pressure", problem, "check its unit")]

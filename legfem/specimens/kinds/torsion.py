@@ -89,12 +89,8 @@ class TorsionKind(SpecimenKind[TorsionEntry, TwistedCylinder]):
         twist = float(recording.displacement.max() - recording.displacement.min())
         shear = twist * body.radius / body.height
         if not _LEAST_SHEAR < shear < _MOST_SHEAR:
-            raise InputError(
-                source,
-                "angle",
-                f"a twist of {math.degrees(twist):.3g}° shears the rim by {shear:.2g}",
-                "check whether the angle is in degrees or rad, and the sizes",
-            )
+            problem = f"a twist of {math.degrees(twist):.3g}° shears the rim by {shear:.2g}"
+            raise InputError(source, "angle", problem, "check whether the angle is in degrees or rad, and the sizes")
         pushed = None if recording.source is None else _table(recording.source).get(_NORMAL)
         if pushed is None or (apart := _pushed_otherwise(recording, body, pushed.to_numpy(dtype=float))) is None:
             return []
