@@ -17,37 +17,16 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from legfem.api import loading
 from legfem.api.diagnosed import Diagnosed
 from legfem.api.diagnosis import diagnose
 from legfem.api.identification import identify
-from legfem.api.loading import (
-    Given,
-    check_folder,
-    check_one_of,
-    check_seed,
-    check_whole,
-    load_leg,
-    of_another_kind,
-    opened,
-    wrong,
-)
 from legfem.api.results import Identification, Result
 from legfem.api.stockings import stocking
+from legfem.cohort import rows as cohort_rows
 from legfem.cohort.anomalies import missing, suspicions
 from legfem.cohort.members import Member, Members, Task, find_members
 from legfem.cohort.population_model import PopulationFit, population_document, populations
-from legfem.cohort.rows import (
-    ExpectedRun,
-    Judged,
-    KnownRows,
-    Options,
-    Row,
-    Shape,
-    cohort_frame,
-    models_of,
-    units_frame,
-    write_tables,
-)
 from legfem.cohort.statistics import statistics
 from legfem.common.documents import json_types, versions_of, write_document
 from legfem.common.errors import InputError, UnsolvedError
@@ -77,8 +56,8 @@ class Cohort(Result):
     """What was found of each member of a cohort."""
 
     members: Members
-    options: Options
-    rows: tuple[Row, ...]
+    options: cohort_rows.Options
+    rows: tuple[cohort_rows.Row, ...]
     """In the members' order."""
     seconds: float = 0.0
     population: tuple[PopulationFit, ...] = ()
@@ -99,7 +78,7 @@ class Cohort(Result):
             "done": self.options.task,
             "options": json_types(dict(self.options.given)),
             "rows": json_types(frame.astype(object).where(frame.notna(), None).to_dict("records")),
-            "units": units_frame(frame, self.rows).to_dict("records"),
+            "units": cohort_rows.units_frame(frame, self.rows).to_dict("records"),
             "statistics": json_types(statistics(self.members.every, self.rows)),
             "suspicions": json_types(suspicions(self.members.every, self.rows)),
             "missing": missing(self.members.every, self.rows),
@@ -113,16 +92,16 @@ class Cohort(Result):
 
     def to_frame(self) -> pd.DataFrame:
         """Return the table: a row a member, with the units in the columns' names."""
-        return cohort_frame(self.members.every, self.rows)
+        return cohort_rows.cohort_frame(self.members.every, self.rows)
 
-    def write(self, folder: Given) -> Path:
+    def write(self, folder: loading.Given) -> Path:
         """Write cohort.html and cohort.txt, the table as CSV and workbook, cohort.json; return cohort.txt's path."""
         out = Path(folder)
         _check_apart(out, self.members)
         write_document(out / DOCUMENT, self.document())
         frame = self.to_frame()
         with made_in_place(out) as hidden:
-            write_tables(frame, units_frame(frame, self.rows), hidden)
+            cohort_rows.write_tables(frame, cohort_rows.units_frame(frame, self.rows), hidden)
             if self.population:
                 write_document(hidden / POPULATION, population_document(self.population, self.members, self.rows))
             page = write_cohort_page(self._page(), hidden)
@@ -133,11 +112,11 @@ class Cohort(Result):
 
 
 def cohort(
-    folder: Given,
+    folder: loading.Given,
     *,
     do: Task = "identify",
     layout: str = "",
-    table: Given | None = None,
+    table: loading.Given | None = None,
     law: str | None = None,
     identify: Sequence[str] | None = None,
     prior: Sequence[str] = (),
@@ -146,17 +125,17 @@ def cohort(
     correction: str | None = None,
     model: Literal["2d", "3d"] | None = None,
     mesh: Literal["coarse"] | None = None,
-    library: Given | None = None,
+    library: loading.Given | None = None,
     cells: int | None = None,
     seed: int | None = None,
-    out: Given,
+    out: loading.Given,
     on: EngineName = "local",
     scheduler: str | None = None,
     jobs: int = 1,
     population: bool = False,
     dry_run: bool = False,
     progress: bool = False,
-) -> Cohort | ExpectedRun:
+) -> Cohort | cohort_rows.ExpectedRun:
     """Identify or diagnose every leg of a cohort, or compute its stocking, and compare all of them.
 
     A member that fails costs its own row. What is done is kept in ``out``: the same call goes on where it was stopped,
@@ -215,14 +194,14 @@ def cohort(
     >>> print(study.summary())
     >>> study.to_frame()  # a row a leg
     """
-    check_one_of("do", do, get_args(Task.__value__))
-    check_one_of("on", on, get_args(EngineName.__value__))
-    check_whole("jobs", jobs, 1)
+    loading.check_one_of("do", do, get_args(Task.__value__))
+    loading.check_one_of("on", on, get_args(EngineName.__value__))
+    loading.check_whole("jobs", jobs, 1)
     if seed is not None:
-        check_seed(seed)
+        loading.check_seed(seed)
     if not isinstance(folder, str | Path):
-        raise of_another_kind("folder", folder, "the path of the folder that holds the members'")
-    check_folder("out", out)
+        raise loading.of_another_kind("folder", folder, "the path of the folder that holds the members'")
+    loading.check_folder("out", out)
     started = time.perf_counter()
     given = {"law": law, "identify": identify, "prior": prior, "fix": fix, "depth": depth, "correction": correction}
     given |= {"model": model, "mesh": mesh, "cells": cells, "seed": seed}
@@ -240,7 +219,7 @@ def cohort(
             if mesh == "coarse":
                 quick = "The mesh is coarse, for a quick look at all legs: do not rely on the values."
                 members = replace(members, notes=(*members.notes, quick))
-            known = KnownRows(Path(out), members, options)
+            known = cohort_rows.KnownRows(Path(out), members, options)
             if dry_run:
                 return known.expected(engine.workers)
             with progress_on(quiet=not progress) as shown:
@@ -269,16 +248,16 @@ _TAKES: Mapping[str, tuple[str, ...]] = {
 }
 
 
-def _options(task: Task, given: Mapping[str, Any], library: Given | None) -> Options:
+def _options(task: Task, given: Mapping[str, Any], library: loading.Given | None) -> cohort_rows.Options:
     for name in given:
         if name not in _TAKES[task]:
-            raise wrong(name, "given", f"has no effect on {task}", "leave it out")
+            raise loading.wrong(name, "given", f"has no effect on {task}", "leave it out")
     if library is not None and task != "diagnose":
-        raise wrong("library", "given", f"has no effect on {task}", "leave it out")
-    return Options(task, given, "" if library is None else str(library))
+        raise loading.wrong("library", "given", f"has no effect on {task}", "leave it out")
+    return cohort_rows.Options(task, given, "" if library is None else str(library))
 
 
-def _run(known: KnownRows, engine: Engine, progress: Progress) -> list[Row]:
+def _run(known: cohort_rows.KnownRows, engine: Engine, progress: Progress) -> list[cohort_rows.Row]:
     members, found = known.members.every, dict(known.rows)
     for one in members:
         if one.problem:
@@ -289,7 +268,7 @@ def _run(known: KnownRows, engine: Engine, progress: Progress) -> list[Row]:
     work = functools.partial(done_with, known.options, known.out)
     for place, made in outcomes(engine, work, todo):
         member = todo[place]
-        rows = [Row(member.name, problem=made.problem)] if isinstance(made, Died) else made.rows
+        rows = [cohort_rows.Row(member.name, problem=made.problem)] if isinstance(made, Died) else made.rows
         if not isinstance(made, Died):
             refused = refused or made.refused
             if made.worth:
@@ -311,14 +290,14 @@ MEMBERS = "members"
 class Made:
     """What came of one member."""
 
-    rows: list[Row]
+    rows: list[cohort_rows.Row]
     worth: bool = True
     """Whether it would come out the same the next time."""
     refused: InputError | None = None
     """An option that it cannot be done with."""
 
 
-def done_with(options: Options, out: Path, member: Member) -> Made:
+def done_with(options: cohort_rows.Options, out: Path, member: Member) -> Made:
     """Do one member as its own command would, and write its report; what goes wrong is a row too."""
     started = time.perf_counter()
     folder = out / MEMBERS / member.place
@@ -329,13 +308,13 @@ def done_with(options: Options, out: Path, member: Member) -> Made:
         # The row says whose files they are, wherever the study lies.
         problem = " ".join(str(error).split()).replace(f"{member.folder}{os.sep}", "")
         option = error if isinstance(error, InputError) and isinstance(error.args[0], Argument) else None
-        return Made([Row(member.name, problem=problem)], worth=option is None, refused=option)
+        return Made([cohort_rows.Row(member.name, problem=problem)], worth=option is None, refused=option)
     except Exception as error:  # a fault of legfem's own costs this row alone, too
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "error.txt").write_text(traceback.format_exc(), encoding="utf-8")
         said = " ".join(str(error).split())[:200]
         problem = f"unexpected {type(error).__name__}: {said}; please report {folder / 'error.txt'}"
-        return Made([Row(member.name, problem=problem)], worth=False)
+        return Made([cohort_rows.Row(member.name, problem=problem)], worth=False)
     unit = 1e6 if sys.platform == "darwin" else 1e3
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit
     seconds = (time.perf_counter() - started) / len(rows)
@@ -354,15 +333,15 @@ def _unheard() -> Iterator[None]:
         log.setLevel(before)
 
 
-def _identified(options: Options, member: Member, folder: Path) -> list[Row]:
-    given = opened(member.folder)
+def _identified(options: cohort_rows.Options, member: Member, folder: Path) -> list[cohort_rows.Row]:
+    given = loading.opened(member.folder)
     found = identify(given, out=folder, **options.given)
-    shape = Shape() if isinstance(given, SpecimenFolder) else _shape(as_leg(given).sites[0])
+    shape = cohort_rows.Shape() if isinstance(given, SpecimenFolder) else _shape(as_leg(given).sites[0])
     return [replace(_fitted(found, member, folder), shape=shape, recordings=_recordings(given))]
 
 
-def _diagnosed(options: Options, member: Member, folder: Path) -> list[Row]:
-    given = opened(member.folder)
+def _diagnosed(options: cohort_rows.Options, member: Member, folder: Path) -> list[cohort_rows.Row]:
+    given = loading.opened(member.folder)
     found = diagnose(given, library=options.library or None, out=folder, **options.given)
     report = found.write(folder)
     if isinstance(found, Diagnosed):
@@ -374,17 +353,17 @@ def _diagnosed(options: Options, member: Member, folder: Path) -> list[Row]:
     for one in found.specimens:
         part = "" if alone else one.id
         if one.diagnosis is None:
-            rows.append(Row(member.name, part, problem=str(one.problem)))
+            rows.append(cohort_rows.Row(member.name, part, problem=str(one.problem)))
             continue
         rows.append(replace(_row(member, found[one.id].document(), "after repair", report), part=part))
     return rows
 
 
-def _dressed(options: Options, member: Member, folder: Path) -> list[Row]:
-    return [_fitted(stocking(load_leg(member.folder), out=folder, **options.given), member, folder)]
+def _dressed(options: cohort_rows.Options, member: Member, folder: Path) -> list[cohort_rows.Row]:
+    return [_fitted(stocking(loading.load_leg(member.folder), out=folder, **options.given), member, folder)]
 
 
-def _fitted(found: Identification, member: Member, folder: Path) -> Row:
+def _fitted(found: Identification, member: Member, folder: Path) -> cohort_rows.Row:
     report, law = found.write(folder, every_rank=True), found.best.law
     content = found.document()
     return replace(_row(member, content, law, report), settings=content["laws"][law]["settings"])
@@ -393,15 +372,15 @@ def _fitted(found: Identification, member: Member, folder: Path) -> Row:
 _DOES = {"identify": _identified, "diagnose": _diagnosed, "stocking": _dressed}
 
 
-def _row(member: Member, content: Mapping[str, Any], preferred: str, report: Path) -> Row:
+def _row(member: Member, content: Mapping[str, Any], preferred: str, report: Path) -> cohort_rows.Row:
     """Return the row of a member's document."""
     shown = report.with_name(PAGE) if report.with_name(PAGE).is_file() else report
     found = StoredResult.read(content)
     sentence = headline_of(found.answer).sentence
-    return Row(
+    return cohort_rows.Row(
         member.name,
-        judged=Judged(found.answer.tone_with_doubts, sentence, found.every_notice, preferred),
-        models=models_of(found.laws, found.base_model, found.explanations),
+        judged=cohort_rows.Judged(found.answer.tone_with_doubts, sentence, found.every_notice, preferred),
+        models=cohort_rows.models_of(found.laws, found.base_model, found.explanations),
         verdict=found.verdict,
         origin=found.origin,
         report=(Path(MEMBERS) / member.place / shown.name).as_posix(),
@@ -409,7 +388,7 @@ def _row(member: Member, content: Mapping[str, Any], preferred: str, report: Pat
     )
 
 
-def _shape(leg: Subject) -> Shape:
+def _shape(leg: Subject) -> cohort_rows.Shape:
     """What a leg's section says without a fit."""
     try:
         fat = fat_thickness(leg.section, leg.indenter.aim, leg.indenter.direction)
@@ -419,7 +398,7 @@ def _shape(leg: Subject) -> Shape:
     centres = {name: np.array(leg.section.polygon(name).centroid.coords[0]) for name in ("tibia", "fibula")}
     apart = centres["fibula"] - centres["tibia"]
     offset = float(way[1] * apart[0] - way[0] * apart[1])
-    return Shape(fat, girth(leg.section), offset)
+    return cohort_rows.Shape(fat, girth(leg.section), offset)
 
 
 def _recordings(given: Subject | SitedLeg | SpecimenFolder) -> dict[str, str]:

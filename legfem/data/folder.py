@@ -8,18 +8,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
+from legfem.common import input_files
 from legfem.common.errors import MISSING, InputError
-from legfem.common.input_files import (
-    FileTable,
-    NotNegative,
-    Positive,
-    Text,
-    check_one_of,
-    checked,
-    lab_of,
-    read_toml,
-    trouble,
-)
 from legfem.common.wording import Argument, Remedy
 from legfem.data.noise import Instrument
 from legfem.data.recording import SourceColumn, SourceColumns
@@ -32,7 +22,7 @@ _UNIFORM = 1.0 / math.sqrt(3.0)
 Accuracy = Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False)]
 
 
-class InstrumentEntry(FileTable):
+class InstrumentEntry(input_files.FileTable):
     """``[instrument]``: standard deviations, or accuracies and range.
 
     An accuracy of plus or minus a is read as a uniform distribution of half-width a, whose
@@ -54,7 +44,7 @@ class InstrumentEntry(FileTable):
     def _each_once(self) -> "InstrumentEntry":
         stated = self.force_accuracy_percent is not None or self.force_range_N is not None
         if self.force_sd_N is not None and stated:
-            raise trouble(
+            raise input_files.trouble(
                 "force_sd_N",
                 "given beside accuracy and range",
                 "give either force_sd_N or force_accuracy_percent with force_range_N",
@@ -62,13 +52,13 @@ class InstrumentEntry(FileTable):
         if self.force_sd_N is None:
             for key in ("force_accuracy_percent", "force_range_N"):
                 if getattr(self, key) is None:
-                    raise trouble(
+                    raise input_files.trouble(
                         key if stated else "force_sd_N",
                         MISSING,
                         "give force_sd_N, or force_accuracy_percent and force_range_N",
                     )
         remedy = "give either displacement_sd_mm or displacement_accuracy_mm"
-        check_one_of(self, "displacement_sd_mm", "displacement_accuracy_mm", remedy)
+        input_files.check_one_of(self, "displacement_sd_mm", "displacement_accuracy_mm", remedy)
         return self
 
     def instrument(self) -> Instrument:
@@ -83,21 +73,21 @@ class InstrumentEntry(FileTable):
         return Instrument(force, displacement)
 
 
-class ChannelEntry(FileTable):
+class ChannelEntry(input_files.FileTable):
     """``[recordings.time]``, ``[recordings.displacement]`` or ``[recordings.force]``."""
 
-    column: Text
-    unit: Text
+    column: input_files.Text
+    unit: input_files.Text
     sign: Literal[1, -1] = 1
 
 
-class RecordingsEntry(FileTable):
+class RecordingsEntry(input_files.FileTable):
     """``[recordings]``, optional; its channels as ``legfem data look`` writes them."""
 
     time: ChannelEntry | None = None
     displacement: ChannelEntry | None = None
     force: ChannelEntry | None = None
-    sheet: Text | None = None
+    sheet: input_files.Text | None = None
     """Name of the table or sheet in files that have several."""
 
     starts_at_contact: bool = False
@@ -112,7 +102,7 @@ class RecordingsEntry(FileTable):
         given = [key for key in keys if getattr(self, key) is not None]
         missing = [key for key in keys if key not in given]
         if missing and (given or self.sheet is not None):
-            raise trouble(missing[0], MISSING, f"give column and unit of {', '.join(keys)}")
+            raise input_files.trouble(missing[0], MISSING, f"give column and unit of {', '.join(keys)}")
         return self
 
     def channels(self) -> SourceColumns | None:
@@ -125,28 +115,28 @@ class RecordingsEntry(FileTable):
         return SourceColumns(time, displacement, force, self.sheet)
 
 
-class LabIndenterEntry(FileTable):
+class LabIndenterEntry(input_files.FileTable):
     """``[indenter]`` of a lab."""
 
-    diameter_mm: Positive | None = None
-    length_mm: Positive | None = None
+    diameter_mm: input_files.Positive | None = None
+    length_mm: input_files.Positive | None = None
     shape: IndenterShape | None = None
 
 
-class AccuracyEntry(FileTable):
+class AccuracyEntry(input_files.FileTable):
     """``[accuracy]``, optional: how well the leg is known."""
 
-    contour_sd_mm: NotNegative | None = None
+    contour_sd_mm: input_files.NotNegative | None = None
     """Standard deviation of the outlines, over 20 mm of arc; 0 where they are exact."""
-    aim_sd_mm: NotNegative | None = None
+    aim_sd_mm: input_files.NotNegative | None = None
     """Standard deviation of the place that was pressed, across the line of travel."""
-    direction_sd_deg: NotNegative | None = None
+    direction_sd_deg: input_files.NotNegative | None = None
     """Standard deviation of the direction of travel."""
-    assumed_sd_percent: NotNegative | None = None
+    assumed_sd_percent: input_files.NotNegative | None = None
     """Standard deviation of what is assumed: stiffness of fat and fascia, compressibility."""
 
 
-class LabFile(FileTable):
+class LabFile(input_files.FileTable):
     """``lab.toml``: rig, instrument, accuracies and columns where a folder's own file doesn't state them."""
 
     indenter: LabIndenterEntry | None = None
@@ -166,10 +156,10 @@ def with_lab(toml: Path, content: Mapping[str, Any], tables: Collection[str]) ->
         If the lab's file can't be read, or has keys that it can't have.
     """
     whole = dict(content)
-    if (path := lab_of(toml.parent)) is None:
+    if (path := input_files.lab_of(toml.parent)) is None:
         return whole
-    shared = read_toml(path, "a lab's folder")
-    checked(path, shared, LabFile)
+    shared = input_files.read_toml(path, "a lab's folder")
+    input_files.checked(path, shared, LabFile)
     for name in tables:
         given = content.get(name, {})
         if name in shared and isinstance(given, Mapping) and not (given and name == "instrument"):

@@ -7,24 +7,18 @@ from pathlib import Path
 from legfem.channels.kinds import IN_COLUMNS
 from legfem.common.errors import InputError
 from legfem.common.wording import Remedy
+from legfem.data import recording
 from legfem.data.columns import find_column, look_command, propose
 from legfem.data.formats import READERS, read_sheets
 from legfem.data.formats.labels import Quantity
 from legfem.data.formats.sheet import Column, file_of
 from legfem.data.formats.text import read_text
 from legfem.data.formats.times import BY_RATE
-from legfem.data.recording import (
-    QUANTITIES,
-    Recording,
-    SourceColumn,
-    SourceColumns,
-    channel_of,
-    read_plain_table,
-    recording_of,
-)
 
 
-def read_samples(path: Path, channels: SourceColumns | None = None, area: float | None = None) -> Recording:
+def read_samples(
+    path: Path, channels: recording.SourceColumns | None = None, area: float | None = None
+) -> recording.Recording:
     """Read one trial whatever it holds, only that time increases.
 
     Parameters
@@ -45,11 +39,11 @@ def read_samples(path: Path, channels: SourceColumns | None = None, area: float 
     """
     path = Path(path)
     if channels is not None:
-        return recording_of(path, read_sheets(path), channels, area)
+        return recording.recording_of(path, read_sheets(path), channels, area)
     if (_breaks_off(path) or file_of(path) != path) and (found := _other_dialect(path, area)) is not None:
         return found
     try:
-        return read_plain_table(path, area)
+        return recording.read_plain_table(path, area)
     except InputError as error:
         if not path.is_file() or error.field == "rows":
             raise
@@ -63,7 +57,7 @@ def read_samples(path: Path, channels: SourceColumns | None = None, area: float 
 
 
 def trials_in(
-    files: Sequence[Path], channels: SourceColumns | None = None, named: Mapping[Quantity, str] | None = None
+    files: Sequence[Path], channels: recording.SourceColumns | None = None, named: Mapping[Quantity, str] | None = None
 ) -> list[Path]:
     """Return files, and in place of one that has a trial in each of several tables a path a trial (`file_of`).
 
@@ -79,14 +73,14 @@ def trials_in(
     if channels is not None and channels.sheet is not None:
         return list(files)
     if channels is not None:
-        named = {q: f"{one.column}:{one.unit}" for q in QUANTITIES if (one := getattr(channels, q))}
+        named = {q: f"{one.column}:{one.unit}" for q in recording.QUANTITIES if (one := getattr(channels, q))}
     found: list[Path] = []
     for path in files:
         tables = []
         with suppress(InputError):  # what reads a file says why it can't be
             for sheet in [] if READERS.get(path.suffix.lower(), read_text) is read_text else read_sheets(path):
                 with suppress(InputError):
-                    if all(find_column(path, sheet, q, (named or {}).get(q)) for q in QUANTITIES):
+                    if all(find_column(path, sheet, q, (named or {}).get(q)) for q in recording.QUANTITIES):
                         tables.append(path / sheet.name)
         found += tables if len(tables) > 1 else [path]
     return found
@@ -101,7 +95,7 @@ def _breaks_off(path: Path) -> bool:
         return file.read(1) not in b"\r\n"
 
 
-def _other_dialect(path: Path, area: float | None) -> Recording | None:
+def _other_dialect(path: Path, area: float | None) -> recording.Recording | None:
     """Return what a table of another dialect than legfem's own CSV holds; None where that isn't said clearly.
 
     Clear are columns by name and unit, which grow as the test presses: nothing of them is guessed.
@@ -113,10 +107,12 @@ def _other_dialect(path: Path, area: float | None) -> Recording | None:
         if area is not None:
             columns = {c.name: c for c in sheets[0].columns}
             unit = columns["pressure"].unit if "pressure" in columns else None
-            pressing = SourceColumns(
-                SourceColumn("time", "s"), SourceColumn("displacement", "mm"), SourceColumn("pressure", unit or "")
+            pressing = recording.SourceColumns(
+                recording.SourceColumn("time", "s"),
+                recording.SourceColumn("displacement", "mm"),
+                recording.SourceColumn("pressure", unit or ""),
             )
-            return recording_of(path, sheets, pressing, area)
+            return recording.recording_of(path, sheets, pressing, area)
         found = propose(path, sheets).channels
     except InputError:
         return None
@@ -124,13 +120,13 @@ def _other_dialect(path: Path, area: float | None) -> Recording | None:
     counted = any(BY_RATE in remark for sheet in sheets for remark in sheet.remarks)
     if found.displacement.sign < 0 or found.force.sign < 0 or not stated or counted:
         return None
-    return recording_of(path, sheets, found)
+    return recording.recording_of(path, sheets, found)
 
 
 def _nearly_a_channel(column: Column) -> bool:
     """Tell whether a column's name is nearly a channel's, or its unit isn't: left out, it would be missed."""
     words = {*column.name.lower().replace(" ", "_").split("_")}
-    return channel_of(column) is None and any(len(words & {*kind.name.split("_")}) > 1 for kind in IN_COLUMNS)
+    return recording.channel_of(column) is None and any(len(words & {*kind.name.split("_")}) > 1 for kind in IN_COLUMNS)
 
 
 def _seen(path: Path) -> str:
@@ -139,4 +135,4 @@ def _seen(path: Path) -> str:
         found = propose(path, read_sheets(path)).channels
     except InputError:
         return ""
-    return ", ".join(f"{q} from '{getattr(found, q).column}' in {getattr(found, q).unit}" for q in QUANTITIES)
+    return ", ".join(f"{q} from '{getattr(found, q).column}' in {getattr(found, q).unit}" for q in recording.QUANTITIES)

@@ -16,20 +16,10 @@ from legfem.inverse.mechanism import Mechanism
 from legfem.inverse.notice import Notice
 from legfem.inverse.plan import DesignValue
 from legfem.inverse.verdict import DIFFER, TRUSTED, Diagnosis, ends_of_c10, reported, same_value, wide, widest_error
+from legfem.report import diagnosis_sentences as sentences
 from legfem.report import page as web
 from legfem.report.answers import headline_of
 from legfem.report.diagnosis_curves import places_of, relative_change
-from legfem.report.diagnosis_sentences import (
-    aside_sentence,
-    hidden_sentence,
-    kin_sentence,
-    misfit_sentence,
-    missing_sentence,
-    next_experiments,
-    one_rate,
-    settling,
-    statements,
-)
 from legfem.report.estimates import high_or_low
 from legfem.report.plan import chance_text
 from legfem.report.words import capital
@@ -54,14 +44,14 @@ def headline(
     notices
         What a reader must know, doubts among it.
     """
-    aside = "" if found.aside is None else f"{aside_sentence(found.aside)} "
+    aside = "" if found.aside is None else f"{sentences.aside_sentence(found.aside)} "
     answer = checked_answer(found, notices)
     if answer.finding is Finding.PROVISIONAL:
         return headline_of(answer, [("Problems found so far", aside + _wrong(found)), ("What to do", _GO_ON)])
     effect = _stiffness(found)
     if not found.withheld:
         unseen = _unseen(found)
-        if DEEP_C10 in found.base_model.fit.free and one_rate(found):
+        if DEEP_C10 in found.base_model.fit.free and sentences.one_rate(found):
             allowed = ", which the range allows for" if any(one.name in found.untested for one in unseen) else ""
             effect += " It is the stiffness at the rate of this test: tissue that is held relaxes, and is then "
             effect += f"softer{allowed}."
@@ -104,18 +94,20 @@ def _wrong(found: Diagnosis) -> str:
             "The computer model does not reproduce the recording, and no cause that this program knows explains the "
             "difference."
         )
-        return f"{misfit if found.withheld else misfit_sentence(found)}{largest}"
+        return f"{misfit if found.withheld else sentences.misfit_sentence(found)}{largest}"
     if found.verdict == "named":
         first = found.models[0]
         part = " That explains only a part of the difference." if first.in_part else ""
-        part = f" {missing_sentence(first)}" if first.missing else part
-        return f"Most likely {statements(first)}. The computer model left that out.{part}"
+        part = f" {sentences.missing_sentence(first)}" if first.missing else part
+        return f"Most likely {sentences.statements(first)}. The computer model left that out.{part}"
     shown = found.models[:_MOST_CAUSES]
-    causes = [f"{statements(m)} ({percent(m.probability)} likely)" for m in shown]
+    causes = [f"{sentences.statements(m)} ({percent(m.probability)} likely)" for m in shown]
     more = len(found.models) - len(causes)
-    one = f"; or, less likely, {statements(found.models[-1])}" if more else ""
+    one = f"; or, less likely, {sentences.statements(found.models[-1])}" if more else ""
     others = f"; or one of {more} less likely causes, listed further down" if more > 1 else one
-    return f"{kin_sentence(found.models)}The computer model left out one of these: {'; '.join(causes)}{others}."
+    return (
+        f"{sentences.kin_sentence(found.models)}The computer model left out one of these: {'; '.join(causes)}{others}."
+    )
 
 
 def _hides(found: Diagnosis) -> str:
@@ -123,7 +115,7 @@ def _hides(found: Diagnosis) -> str:
     widest = widened_by(found.explained, DEEP_C10)
     names = () if widest is None else widest.names
     first = [one for one in found.hidden if one[0].name in names] or found.hidden
-    said = [hidden_sentence(found, *one) for one in first[:_MOST_CAUSES]]
+    said = [sentences.hidden_sentence(found, *one) for one in first[:_MOST_CAUSES]]
     unseen = [f"{capital(one.unseen_statement)}." for one in _unseen(found)]
     return " ".join([*unseen, *said[:1]] if _by_what_is_unseen(found) else said)
 
@@ -222,7 +214,7 @@ _RECORDED = "was recorded already: no other test that this program knows would h
 
 def to_do(found: Diagnosis, plan: Sequence[DesignValue]) -> str:
     """Return what to do with the number, and what to ask a lab for."""
-    lines, by_unseen = next_experiments(found), _by_what_is_unseen(found)
+    lines, by_unseen = sentences.next_experiments(found), _by_what_is_unseen(found)
     use = {"": "Use the range", "given": "Keep the C10 that was given"}.get(reported(found)[1], "Use no number")
     if found.verdict == "consistent":
         widest = widened_by(found.explained, DEEP_C10) if wide(found) else None
@@ -230,11 +222,11 @@ def to_do(found: Diagnosis, plan: Sequence[DesignValue]) -> str:
             why = ", and because ".join(one.unseen_statement for one in _unseen(found))
             asked = "; and to ".join(lines)
         elif widest is not None:
-            why = f"this test cannot determine whether {statements(widest)}"
+            why = f"this test cannot determine whether {sentences.statements(widest)}"
             # What settles its widest part, and what wasn't recorded yet.
-            first = settling(found, widest.fit.mechanisms[:1])
+            first = sentences.settling(found, widest.fit.mechanisms[:1])
             asked = "; or to ".join([*first, *[line for line in lines if line not in first][:1]])
-        elif one_rate(found):
+        elif sentences.one_rate(found):
             return f"Use the number above. If the behaviour over time matters, ask the lab to {lines[0]}."
         else:
             return "Use the number together with the law that it belongs to. No other test is needed."

@@ -28,21 +28,11 @@ from legfem.inverse.readings import READINGS
 from legfem.inverse.search import Search
 from legfem.inverse.searches import Found
 from legfem.inverse.settings import SearchRequest, free_of_model
+from legfem.specimens import details
 from legfem.specimens.agreement import TestsAgreement, agreement_of_tests
 from legfem.specimens.artefacts import goes_with_thickness, lateral_fit
 from legfem.specimens.comparison import SpecimenComparison, comparison_of
 from legfem.specimens.course import QUICKENING, shows_quickening
-from legfem.specimens.details import (
-    RecordingFit,
-    SpecimenDetails,
-    SpecimenNotice,
-    across_tests,
-    notices_about,
-    probabilities,
-    size_covariance,
-    taken_off,
-    weighed,
-)
 from legfem.specimens.face import face_fit
 from legfem.specimens.folder import SpecimenFolder, doubts_of
 from legfem.specimens.forward import SpecimenForward
@@ -113,7 +103,7 @@ class SpecimenProblem:
         slopes = by_itself.slopes(search.best.prediction.model_values, readings)
         return self._with_channels(comparison_of(moved, self.forward, self.folder, self._seeks_ratio, slopes=slopes))
 
-    def assessed(self, found: Found[SpecimenComparison]) -> Fit[SpecimenDetails]:
+    def assessed(self, found: Found[SpecimenComparison]) -> Fit[details.SpecimenDetails]:
         """Fit of a finished search."""
         comparison, best, law = found.search.misfit, found.best, found.search.law
         linear = found.linear
@@ -128,7 +118,7 @@ class SpecimenProblem:
         covariances = dict(comparison.covariances_at(predicted, spread))
         if comparison.own is None:
             errors = [self._size_errors(one.sizes) for one in self.forward.models]
-            covariances["sizes"] = size_covariance(
+            covariances["sizes"] = details.size_covariance(
                 comparison, self.forward, model_values(best.values), readings, predicted, errors
             )
         if self.folder.tests and "sizes" in covariances:
@@ -156,8 +146,8 @@ class SpecimenProblem:
         left_out, told = self._predicted(found, stiffness, readings)
         lateral = lateral_fit(comparison, self.forward, model_values(best.values))
         face = face_fit(comparison, predicted)
-        told += [Notice.of(SpecimenNotice.MAY_BE_STIFFER, factor=softer)] if softer > 1.0 else []
-        told += [Notice.of(SpecimenNotice.SIDE_SEEN, text=one.text) for one in (lateral, face) if one]
+        told += [Notice.of(details.SpecimenNotice.MAY_BE_STIFFER, factor=softer)] if softer > 1.0 else []
+        told += [Notice.of(details.SpecimenNotice.SIDE_SEEN, text=one.text) for one in (lateral, face) if one]
         why = why_ratio_undetermined(self.folder, fitted) if self._seeks_ratio else ""
         values = self.forward.models[0].with_compressibility(best.values)
         result = Fit(
@@ -177,7 +167,7 @@ class SpecimenProblem:
             neo_hookean_limit=found.neo_hookean_limit,
             settings=search_settings(found.search),
             versions=versions(),
-            details=SpecimenDetails(
+            details=details.SpecimenDetails(
                 self.folder,
                 self.prepared.left_out,
                 comparison.gain_sd(force),
@@ -193,9 +183,9 @@ class SpecimenProblem:
             ),
         )
         in_air = [one.name for one in fitted if one.course.in_air]
-        undetermined = [Notice.of(SpecimenNotice.RATIO_UNDETERMINED, text=why)] if why else []
-        found_here = notices_about(result, in_air, (*self.prepared.notices, *undetermined, *told))
-        unused = (Notice.of(SpecimenNotice.NOT_USED, **asdict(one)) for one in self.prepared.left_out)
+        undetermined = [Notice.of(details.SpecimenNotice.RATIO_UNDETERMINED, text=why)] if why else []
+        found_here = details.notices_about(result, in_air, (*self.prepared.notices, *undetermined, *told))
+        unused = (Notice.of(details.SpecimenNotice.NOT_USED, **asdict(one)) for one in self.prepared.left_out)
         doubts = doubts_of(self.folder, self.prepared.c10, self.prepared.doubts)
         return replace(result, notices=(*doubted(doubts), *unused, *found_here))
 
@@ -267,18 +257,18 @@ class SpecimenProblem:
 
     def _predicted(
         self, found: Found[SpecimenComparison], stiffness: dict[str, float], readings: FloatArray
-    ) -> tuple[list[RecordingFit], list[Notice]]:
+    ) -> tuple[list[details.RecordingFit], list[Notice]]:
         """Recordings that were left out beside the law, and what is to be said of them."""
         others = [one for one in self.prepared.recordings if one.name in self.held_out]
         missing = self.held_out - {one.name for one in others}
-        told = [Notice.of(SpecimenNotice.NOT_MODELLED, name=name) for name in sorted(missing)]
+        told = [Notice.of(details.SpecimenNotice.NOT_MODELLED, name=name) for name in sorted(missing)]
         if not others:
             return [], told
         model = self._model(others)
         own = comparison_of(others, model, self.folder, self._seeks_ratio, stiffness)
         outcome = model.solve(model_values(found.best.values), ())
         if not outcome.complete:
-            return [], [Notice.of(SpecimenNotice.NOT_PREDICTED, reason=outcome.reason), *told]
+            return [], [Notice.of(details.SpecimenNotice.NOT_PREDICTED, reason=outcome.reason), *told]
         seen = own.predict(outcome, readings).values
         return [_test_fit(one, seen[span], fitted=False) for one, span in zip(others, own.spans, strict=True)], told
 
@@ -292,7 +282,7 @@ def fit_specimens(
     asked: ParameterRequest = _PLAIN,
     leave_out: Sequence[str] = (),
     request: SearchRequest = _USUAL,
-) -> list[Fit[SpecimenDetails]]:
+) -> list[Fit[details.SpecimenDetails]]:
     """Fit laws to all recordings of a folder together.
 
     Parameters
@@ -320,12 +310,12 @@ def fit_specimens(
     # Laws can only be compared on the same recordings: where a test stands apart, by the best of them, it does by all.
     shared = best if best is not None and best.apart else None
 
-    def across(joint: Fit[SpecimenDetails]) -> Fit[SpecimenDetails]:
-        def without(tests: Sequence[str]) -> Fit[SpecimenDetails]:
+    def across(joint: Fit[details.SpecimenDetails]) -> Fit[details.SpecimenDetails]:
+        def without(tests: Sequence[str]) -> Fit[details.SpecimenDetails]:
             return _fit_once(folder, [joint.law], asked, (*leave_out, *tests), request)[0]
 
         agreement = shared or joint.details.agreement
-        return joint if agreement is None else across_tests(joint, agreement, without, shared is not None)
+        return joint if agreement is None else details.across_tests(joint, agreement, without, shared is not None)
 
     return [across(one) for one in fits]
 
@@ -336,7 +326,7 @@ def _fit_once(
     asked: ParameterRequest,
     leave_out: Sequence[str],
     request: SearchRequest,
-) -> list[Fit[SpecimenDetails]]:
+) -> list[Fit[details.SpecimenDetails]]:
     """Fit laws to all recordings but those that are left out, whether or not tests agree."""
     held = {one for name in leave_out for one in folder.named(name)}
     if len(held) == len(folder.recordings):
@@ -350,9 +340,9 @@ def _fit_once(
         return _fitted_laws(folder, laws, asked, away, request)
     kind = next(one.sizes.kind for one in folder.recordings if one.sizes.kind.weighed)
     each = {one: _fitted_laws(folder.under(one), laws, asked, away, request) for one in folder.alternatives}
-    chances = probabilities(each)
+    chances = details.probabilities(each)
     return [
-        weighed({one: fits[k] for one, fits in each.items()}, chances, kind.weighed, kind.to_know)
+        details.weighed({one: fits[k] for one, fits in each.items()}, chances, kind.weighed, kind.to_know)
         for k in range(len(laws))
     ]
 
@@ -363,7 +353,7 @@ def _fitted_laws(
     asked: ParameterRequest,
     away: frozenset[str],
     request: SearchRequest,
-) -> list[Fit[SpecimenDetails]]:
+) -> list[Fit[details.SpecimenDetails]]:
     """Fit laws to a folder of which all is known."""
     held = {one for one in folder.recordings if one.name in away}
     prepared = prepare(folder, held, request.out, request.jobs, request.progress)
@@ -371,14 +361,14 @@ def _fitted_laws(
     rates = [[one.course.rate for one in fitted if one.test == test] for test in {one.test for one in fitted}]
     if QUICKENING not in {*asked.names, *asked.priors, *asked.fixed} and not any(map(shows_quickening, rates)):
         asked = replace(asked, fixed={**asked.fixed, QUICKENING: READINGS[QUICKENING].null})
-    found: list[Fit[SpecimenDetails]] = []
+    found: list[Fit[details.SpecimenDetails]] = []
     for name in laws:
         tissues = [one.of_law(name) for one in folder.tissues]
         law = identified_law(name, tissues, prepared.c10, folder.relaxes, asked)
         (one,) = fit(SpecimenProblem(folder, law, prepared, away), [name], request)
         if rig := one.details.rig:
             (again,) = _fitted_laws(folder.on_rig(rig.compliance), [name], asked, away, request)
-            one = taken_off(again, rig) if again.details.thickness is None else one
+            one = details.taken_off(again, rig) if again.details.thickness is None else one
         found.append(one)
     return found
 
@@ -396,8 +386,8 @@ def _fitted(folder: SpecimenFolder, prepared: Prepared, held_out: frozenset[str]
 
 def _test_fit(
     one: SpecimenRecording, predicted: FloatArray, beside: Sequence[ChannelFit] = (), fitted: bool = True
-) -> RecordingFit:
+) -> details.RecordingFit:
     channel = one.data.channels[0]
     left = (predicted - channel.values) / channel.sd
     goodness = Goodness.of(float(left @ left), len(left))
-    return RecordingFit(one.name, (ChannelFit(channel, predicted), *beside), goodness, fitted, recording=one)
+    return details.RecordingFit(one.name, (ChannelFit(channel, predicted), *beside), goodness, fitted, recording=one)

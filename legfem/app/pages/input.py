@@ -7,23 +7,8 @@ from urllib.parse import quote
 from nicegui import ui
 
 from legfem.app.description import contours_in, scans_in
+from legfem.app.pages import frame
 from legfem.app.pages.forms import columns_tab, settings_tab
-from legfem.app.pages.frame import (
-    ASK,
-    ask,
-    attempt,
-    chip,
-    command,
-    drop_zone,
-    framed,
-    hinted,
-    page_after_deletion,
-    page_of,
-    refused,
-    tag,
-    wanting,
-    warned,
-)
 from legfem.app.runs import ACTIONS, Action, Run, check_idle, looked_at, rename_input, runs_of, seen, written
 from legfem.app.workspace import Workspace, description_of, files_of
 from legfem.common.errors import InputError
@@ -40,19 +25,19 @@ def actions_tab(workspace: Workspace, name: str) -> None:
     for action in ACTIONS[described]:
         _command_form(workspace, name, action)
     if mine := runs_of(workspace, name):
-        tag("h2", "Its runs")
+        frame.tag("h2", "Its runs")
         with ui.element("ul").classes("cards"):
             for run in mine:
                 with ui.element("li"):
-                    ui.link(run.folder.name, page_of("run", run.folder.name))
-                    chip(run.state)
+                    ui.link(run.folder.name, frame.page_of("run", run.folder.name))
+                    frame.chip(run.state)
 
 
 def _command_form(workspace: Workspace, name: str, action: Action) -> None:
     wish = f"{action.name}-{name}"
     with ui.element("section").classes("action").props(f'aria-label="{action.name}"'):
-        tag("h2", action.name)
-        tag("p", action.does)
+        frame.tag("h2", action.name)
+        frame.tag("p", action.does)
         boxes: dict[str, ui.select | ui.number] = {}
         box: ui.select | ui.number
         with ui.element("div").classes("fields"):
@@ -63,9 +48,9 @@ def _command_form(workspace: Workspace, name: str, action: Action) -> None:
                     )
                 else:
                     box = ui.number(choice.label, placeholder="by default")
-                boxes[choice.option] = hinted(box, choice.help)
+                boxes[choice.option] = frame.hinted(box, choice.help)
             more = ui.input("more options", placeholder="as on the command line")
-            hinted(more, f"legfem {action.name} --help lists them")
+            frame.hinted(more, f"legfem {action.name} --help lists them")
 
         def options(run: str) -> list[str]:
             chosen = {
@@ -79,8 +64,8 @@ def _command_form(workspace: Workspace, name: str, action: Action) -> None:
             out = workspace.folder / "runs" / run / "results"
             return action.options(workspace.input(name), out, chosen, more.value or "")
 
-        shown = command(written(action.module, options(workspace.free_run(wish))))
-        trouble = tag("p", "", "line refused").props("role=alert")
+        shown = frame.command(written(action.module, options(workspace.free_run(wish))))
+        trouble = frame.tag("p", "", "line refused").props("role=alert")
         trouble.set_visibility(False)
 
         def update() -> None:
@@ -97,9 +82,9 @@ def _command_form(workspace: Workspace, name: str, action: Action) -> None:
         def start() -> str:
             given = options(run := workspace.free_run(wish))
             Run.begun(workspace.run(workspace.new_run(run)), action.module, given, name)
-            return page_of("run", run)
+            return frame.page_of("run", run)
 
-        ui.button(f"Run {action.name}", on_click=lambda: attempt(start))
+        ui.button(f"Run {action.name}", on_click=lambda: frame.attempt(start))
 
 
 RUN = "Run"
@@ -111,41 +96,41 @@ def preview_tab(workspace: Workspace, name: str, looking: Run, go: Callable[[str
     found = seen(looking)
     assert found is not None
     if found["trouble"]:
-        (wanting if found.get("unsaid") else refused)(found["trouble"])
+        (frame.wanting if found.get("unsaid") else frame.refused)(found["trouble"])
     with ui.element("div").classes("inrow"):
         if found["trouble"]:
-            tag("span", "Give it under" if found.get("unsaid") else "Correct it under")
+            frame.tag("span", "Give it under" if found.get("unsaid") else "Correct it under")
             for one in ("Assumed", "Columns", "Files"):
                 ui.button(one, on_click=lambda name=one: go(name)).props("outline dense")
         else:
-            tag("span", "Is this what you measured?")
-            ui.button(ASK, on_click=lambda: ask(workspace, name))
+            frame.tag("span", "Is this what you measured?")
+            ui.button(frame.ASK, on_click=lambda: frame.ask(workspace, name))
             ui.button(RUN, on_click=lambda: go(RUN)).props("outline dense")
-    warned(found["doubts"])
+    frame.warned(found["doubts"])
     if found["origin"]:
-        tag("p", f"{found['title']}: {found['origin']} data", "sentence")
+        frame.tag("p", f"{found['title']}: {found['origin']} data", "sentence")
     with ui.element("div").classes("beside"):
         if found["facts"]:
             with ui.element("dl").classes("facts"):
                 for what, value in found["facts"]:
-                    tag("dt", what)
-                    tag("dd", value)
+                    frame.tag("dt", what)
+                    frame.tag("dd", value)
         for file, shown in found["pictures"]:
             _picture(looking, file, shown)
     _recordings(looking, found)
-    command(looking.command)
+    frame.command(looking.command)
 
 
 def _recordings(looking: Run, found: dict[str, Any]) -> None:
     """Put recordings as they are read: the first, and the others behind it."""
     if not found["recordings"]:
         return
-    tag("h2", "Recordings")
+    frame.tag("h2", "Recordings")
     first, *others = sorted(found["recordings"], key=lambda one: bool(one["trouble"]) - bool(one["picture"]))
     _recording(looking, first)
     if others:
         with ui.element("details"):
-            tag("summary", f"The other {len(others)} recording{'s' * (len(others) > 1)}")
+            frame.tag("summary", f"The other {len(others)} recording{'s' * (len(others) > 1)}")
             for one in others:
                 _recording(looking, one)
 
@@ -157,7 +142,7 @@ def _questions(workspace: Workspace, name: str, looking: Run, put: Questions) ->
     if not any(one["columns"] or not one["trouble"] for one in found["recordings"]) and not any(
         contents(workspace.input(name)) for contents in (contours_in, scans_in)
     ):
-        refused(found["trouble"])
+        frame.refused(found["trouble"])
         _recordings(looking, found)
         return
     with ui.element("div").classes("beside"):
@@ -169,20 +154,20 @@ def _questions(workspace: Workspace, name: str, looking: Run, put: Questions) ->
 
 def _recording(looking: Run, recording: dict[str, Any]) -> None:
     with ui.element("section").classes("recording"):
-        with tag("h3", recording["file"]):
+        with frame.tag("h3", recording["file"]):
             if recording["grade"]:
                 grade = recording["grade"]
-                tag("span", f"grade {grade}: {GRADES[grade]}", f"chip grade-{grade.lower()}")
+                frame.tag("span", f"grade {grade}: {GRADES[grade]}", f"chip grade-{grade.lower()}")
         if recording["trouble"]:
-            refused(recording["trouble"])
+            frame.refused(recording["trouble"])
             return
         if recording["reasons"]:
-            tag("p", "; ".join(recording["reasons"]), "quiet")
+            frame.tag("p", "; ".join(recording["reasons"]), "quiet")
         shown = f"displacement and force of {recording['file']} over time with phases, and force "
         _picture(looking, recording["picture"], f"{shown}over displacement with first contact.")
         with ui.element("details"):
-            tag("summary", "How it was read, first contact, phases, noise")
-            tag("pre", recording["text"])
+            frame.tag("summary", "How it was read, first contact, phases, noise")
+            frame.tag("pre", recording["text"])
 
 
 def _picture(looking: Run, file: str, shown: str) -> None:
@@ -190,7 +175,7 @@ def _picture(looking: Run, file: str, shown: str) -> None:
     address = f"/files/previews/{quote(folder.parent.name, safe='')}/{folder.name}/results/"
     with ui.element("figure"):
         ui.element("img").props.update({"src": address + quote(file), "alt": shown})
-        tag("figcaption", f"{shown[0].upper()}{shown[1:]}")
+        frame.tag("figcaption", f"{shown[0].upper()}{shown[1:]}")
 
 
 _EVERY, _LOOKING = 0.5, "looking at the files ..."
@@ -198,11 +183,11 @@ _EVERY, _LOOKING = 0.5, "looking at the files ..."
 
 def input_page(workspace: Workspace, name: str, questions: Questions) -> None:
     """Put the page; ``questions`` puts those about an input that isn't described yet."""
-    with framed(name):
+    with frame.framed(name):
         try:
             folder = workspace.input(name)
         except InputError as error:
-            refused(str(error))
+            frame.refused(str(error))
             return
         described = description_of(folder)
         names = ["Preview", "Assumed", "Columns", "Files", RUN] if described else ["What is it", "Files"]
@@ -211,7 +196,7 @@ def input_page(workspace: Workspace, name: str, questions: Questions) -> None:
         try:
             looking = looked_at(workspace, name)
         except (InputError, OSError) as error:
-            refused(str(error))
+            frame.refused(str(error))
             names = ["Assumed", "Files"] if described else ["Files"]
         with ui.tabs().props("dense no-caps outside-arrows mobile-arrows align=left") as tabs:
             for one in names:
@@ -239,7 +224,7 @@ def _when_seen(looking: Run, put: Callable[[], None]) -> None:
     place = ui.element("div")
     with place, ui.element("div").classes("inrow").props("role=status"):
         ui.spinner()
-        stage = tag("span", _LOOKING)
+        stage = frame.tag("span", _LOOKING)
 
     def check() -> None:
         if looking.alive:
@@ -250,7 +235,7 @@ def _when_seen(looking: Run, put: Callable[[], None]) -> None:
         place.clear()
         with place:
             if seen(looking) is None:
-                refused((looking.log() or ["the files could not be looked at"])[-1])
+                frame.refused((looking.log() or ["the files could not be looked at"])[-1])
             else:
                 put()
 
@@ -262,21 +247,21 @@ def _files_tab(workspace: Workspace, name: str) -> None:
     with ui.element("ul").classes("files"):
         for path in files_of(folder):
             with ui.element("li"):
-                tag("span", path.relative_to(folder).as_posix())
-                tag("span", f"{path.stat().st_size / 1000:,.0f} kB", "quiet")
-    drop_zone("Drop more files here; a file of the same name replaces the old one.", name)
-    tag("p", f"These files are in {folder}.", "quiet")
-    called = hinted(ui.input("name", value=name), "for Rename and Duplicate")
+                frame.tag("span", path.relative_to(folder).as_posix())
+                frame.tag("span", f"{path.stat().st_size / 1000:,.0f} kB", "quiet")
+    frame.drop_zone("Drop more files here; a file of the same name replaces the old one.", name)
+    frame.tag("p", f"These files are in {folder}.", "quiet")
+    called = frame.hinted(ui.input("name", value=name), "for Rename and Duplicate")
 
     def delete() -> str:
         check_idle(workspace, name)
-        return page_after_deletion("inputs", workspace.delete("inputs", name))
+        return frame.page_after_deletion("inputs", workspace.delete("inputs", name))
 
     with ui.element("div").classes("inrow"):
         for text, change in (
-            ("Rename", lambda: page_of("input", rename_input(workspace, name, called.value))),
-            ("Duplicate", lambda: page_of("input", workspace.copied(folder, called.value))),
+            ("Rename", lambda: frame.page_of("input", rename_input(workspace, name, called.value))),
+            ("Duplicate", lambda: frame.page_of("input", workspace.copied(folder, called.value))),
             ("Delete", delete),
         ):
-            ui.button(text, on_click=lambda change=change: attempt(change)).props("outline dense")
-        tag("span", "What is deleted can be put back on the first page.", "quiet")
+            ui.button(text, on_click=lambda change=change: frame.attempt(change)).props("outline dense")
+        frame.tag("span", "What is deleted can be put back on the first page.", "quiet")

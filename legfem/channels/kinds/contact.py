@@ -28,19 +28,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from legfem.channels import Sight
-from legfem.channels.kind import (
-    ChannelAccuracy,
-    ChannelFile,
-    ChannelKind,
-    ChannelPlan,
-    Channels,
-    Frames,
-    FramesFile,
-    Impossible,
-    PlacedReadings,
-    Read,
-    ReadingsAtSite,
-)
+from legfem.channels import kind as base
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.geometry.indenter import Site
@@ -50,9 +38,9 @@ if TYPE_CHECKING:
     from legfem.channels.seen import Seen
 
 
-_SIX_AXES = ChannelAccuracy(reading=0.02, bias=0.05, gain=0.02, slow=0.03, lag=0.01)
+_SIX_AXES = base.ChannelAccuracy(reading=0.02, bias=0.05, gain=0.02, slow=0.03, lag=0.01)
 """Crosstalk of a six-axis cell is a per cent or two of the force along the travel."""
-LATERAL = ChannelKind(
+LATERAL = base.ChannelKind(
     "lateral_force",
     "N",
     "force of the cylinder on the skin across the travel",
@@ -68,40 +56,42 @@ AXIAL = replace(
     presses=True,
     detail="towards greater z",
 )
-MOMENT = ChannelKind(
+MOMENT = base.ChannelKind(
     "axis_moment",
     "Nmm",
     "moment of the cylinder on the skin about the cylinder's axis",
-    ChannelAccuracy(reading=0.3, bias=1.0, gain=0.02, slow=0.5, lag=0.01),
+    base.ChannelAccuracy(reading=0.3, bias=1.0, gain=0.02, slow=0.5, lag=0.01),
     detail="counterclockwise in the section",
 )
 _PRESSED = 0.2
 """Share of the largest force along the travel from which on another force is compared with it."""
 
 
-class ContactForces(ChannelFile):
+class ContactForces(base.ChannelFile):
     """Forces across the travel, to its left, and along the leg; and what friction turns the cylinder by."""
 
     kinds: ClassVar = (LATERAL, AXIAL, MOMENT)
 
-    def read(self, seen: "Seen") -> Channels:
+    def read(self, seen: "Seen") -> base.Channels:
         """Return the force to the left; of a leg in 3D that along it, of a section the moment."""
         found = {LATERAL.name: seen.force(seen.left)}
         if len(seen.left) == 3:
             return found | {AXIAL.name: seen.force(np.array([0.0, 0.0, 1.0]))}
         return found | {MOMENT.name: seen.moment()}
 
-    def plans(self, site: Site) -> Sequence[ChannelPlan]:
+    def plans(self, site: Site) -> Sequence[base.ChannelPlan]:
         """Return what load cells of more axes give."""
         lateral, both = "record the lateral force", "record the lateral force and the moment about the cylinder's axis"
         return [
-            ChannelPlan(f"{lateral} too", (Sight(LATERAL.name),), "a load cell of two or more axes, and no more time"),
-            ChannelPlan(
+            base.ChannelPlan(
+                f"{lateral} too", (Sight(LATERAL.name),), "a load cell of two or more axes, and no more time"
+            ),
+            base.ChannelPlan(
                 f"{both} too", (Sight(LATERAL.name), Sight(MOMENT.name)), "a six-axis load cell, and no more time"
             ),
         ]
 
-    def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:
+    def check(self, kind: base.ChannelKind, recorded: base.ReadingsAtSite) -> base.Impossible | None:
         """Refuse a lateral force that exceeds the force along the travel, and a moment that friction can't make."""
         pressed = recorded.force > _PRESSED * recorded.force.max()
         values, force = recorded.values[pressed], recorded.force[pressed]
@@ -111,11 +101,11 @@ class ContactForces(ChannelFile):
             return None
         worst = float(np.abs(values).max())
         if kind == MOMENT:
-            return Impossible(
+            return base.Impossible(
                 f"it is up to {worst:.3g} N mm, and friction of {force.max():.3g} N on the face makes less",
                 "give it about the cylinder's axis, not about the load cell's origin, and check its unit",
             )
-        return Impossible(
+        return base.Impossible(
             f"it is up to {worst:.3g} N, more than the force along the travel ({force.max():.3g} N)",
             "check which of the load cell's axes is which, and its zero",
         )
@@ -131,17 +121,17 @@ def _squared(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
 
 _BERNSTEIN = np.array([[comb(i, j) / comb(4, j) for j in range(5)] for i in range(5)])
 """From the coefficients of a polynomial of fourth degree to its Bernstein coefficients from 0 to 1."""
-_SEEN = ChannelAccuracy(reading=0.7, bias=1.0, gain=0.03, slow=0.3, lag=0.1)
+_SEEN = base.ChannelAccuracy(reading=0.7, bias=1.0, gain=0.03, slow=0.3, lag=0.1)
 """Accuracy of an edge that fades: skin that is close to the face looks as if it touched."""
-WIDTH = ChannelKind("contact_width", "mm", "width of the contact along the cylinder's face", _SEEN, 0.02)
+WIDTH = base.ChannelKind("contact_width", "mm", "width of the contact along the cylinder's face", _SEEN, 0.02)
 
 
-class ContactWidths(ChannelFile):
+class ContactWidths(base.ChannelFile):
     """Arc between the outermost points of the skin that touch the cylinder."""
 
     kinds: ClassVar = (WIDTH,)
 
-    def read(self, seen: "Seen") -> Channels:
+    def read(self, seen: "Seen") -> base.Channels:
         """Return the width; nothing before the skin touches."""
         skin, radius = seen.lines["skin"], seen.radius
         reach = radius + seen.onset
@@ -171,35 +161,35 @@ class ContactWidths(ChannelFile):
         right, left = min(found, key=lambda one: one[0]), max(found, key=lambda one: one[0])
         return {WIDTH.name: (left[0] - right[0], left[1] - right[1])}
 
-    def plans(self, site: Site) -> Sequence[ChannelPlan]:
+    def plans(self, site: Site) -> Sequence[base.ChannelPlan]:
         """Return the width in single frames."""
         needed = "a camera along the cylinder, or ink on it"
-        return [ChannelPlan("read how wide the contact is at {at}", (Sight(WIDTH.name),), needed, frames=True)]
+        return [base.ChannelPlan("read how wide the contact is at {at}", (Sight(WIDTH.name),), needed, frames=True)]
 
-    def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:
+    def check(self, kind: base.ChannelKind, recorded: base.ReadingsAtSite) -> base.Impossible | None:
         """Refuse a width of more than half the cylinder's face, or below nothing."""
         half = float(np.pi * recorded.site.indenter.radius)
         least, widest = float(recorded.values.min()), float(recorded.values.max())
         if least < -3 * recorded.accuracy.reading:
-            return Impossible(f"it is down to {least:.3g} mm", "leave a cell empty where nothing could be read")
+            return base.Impossible(f"it is down to {least:.3g} mm", "leave a cell empty where nothing could be read")
         if widest <= half:
             return None
-        return Impossible(
+        return base.Impossible(
             f"it is up to {widest:.3g} mm, and half the cylinder's face is {half:.3g} mm",
             "check its unit and the cylinder's diameter",
         )
 
-    def place(self, kind: ChannelKind, site: Site) -> FloatArray:
+    def place(self, kind: base.ChannelKind, site: Site) -> FloatArray:
         """Return the face's deepest point at first touch."""
         return site.deepest
 
 
-_FILM = ChannelAccuracy(
+_FILM = base.ChannelAccuracy(
     reading=0.5, bias=0.3, gain=0.1, slow=0.2, lag=0.1, shift=1.0, each=0.05, creep=0.05, threshold=1.0
 )
 """Accuracy of thin-film sensors on a curved face: a tenth of the reading, a twentieth of each sensel by itself, and as
 much more for each decade of time; a film is laid around the cylinder by hand."""
-PRESSURE = ChannelKind(
+PRESSURE = base.ChannelKind(
     "contact_pressure",
     "kPa",
     "pressure of the cylinder on the skin",
@@ -223,14 +213,14 @@ _PLANNED_MM, _PLANNED_DEG = 24.0, 80.0
 """How far that film reaches to either side at most, whichever is less."""
 
 
-class ContactPressures(FramesFile[Site]):
+class ContactPressures(base.FramesFile[Site]):
     """Mean pressures over sensels; a place is where one begins and ends along the face, mm."""
 
     kinds: ClassVar = (PRESSURE,)
     entry = PRESSURE.name
     columns = ("angle_deg", "pressure_kPa")
 
-    def read(self, seen: "Seen") -> Channels:
+    def read(self, seen: "Seen") -> base.Channels:
         """Return the pressures of the sensels that there are."""
         places = seen.places(PRESSURE.name)
         if not len(places):
@@ -243,14 +233,14 @@ class ContactPressures(FramesFile[Site]):
         rates = comm.allreduce(face.load_rates @ share.T + face.arc_rates @ (slope * face.load).T) / width
         return PRESSURE.by_course(mpa_to_kpa(1.0) * load, mpa_to_kpa(1.0) * rates)
 
-    def plans(self, site: Site) -> Sequence[ChannelPlan]:
+    def plans(self, site: Site) -> Sequence[base.ChannelPlan]:
         """Return a film of a few sensels about the face's deepest point."""
         half = min(_PLANNED_MM, np.deg2rad(_PLANNED_DEG) * site.indenter.radius)
         edges = [round(float(edge), 4) for edge in np.linspace(-half, half, _PLANNED_SENSELS + 1)]
         asks, needed = "lay a pressure film around the cylinder", "a pressure film or mat with its reader"
-        return [ChannelPlan(asks, (Sight(PRESSURE.name, tuple(pairwise(edges))),), needed)]
+        return [base.ChannelPlan(asks, (Sight(PRESSURE.name, tuple(pairwise(edges))),), needed)]
 
-    def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:
+    def check(self, kind: base.ChannelKind, recorded: base.ReadingsAtSite) -> base.Impossible | None:
         """Refuse pressures whose sum exceeds the force by far: no film's gain is off by so much."""
         pressed = np.flatnonzero(recorded.force > 0.5 * recorded.force.max())
         width = recorded.places[:, 1] - recorded.places[:, 0]
@@ -263,7 +253,7 @@ class ContactPressures(FramesFile[Site]):
             found.append(float(load[together].sum()) / float(at))
         if not found or np.median(found) <= _MORE_THAN_FORCE:
             return None
-        return Impossible(
+        return base.Impossible(
             f"the pressures add up to {np.median(found):.2g} times the force",
             "check their unit, and that angles are those of the sensels' middles about the cylinder's axis",
         )
@@ -280,7 +270,7 @@ class ContactPressures(FramesFile[Site]):
         middles = places.mean(axis=1)
         return np.abs(np.subtract.outer(middles, middles))
 
-    def shared(self, read: PlacedReadings, accuracy: ChannelAccuracy) -> dict[str, FloatArray]:
+    def shared(self, read: base.PlacedReadings, accuracy: base.ChannelAccuracy) -> dict[str, FloatArray]:
         """Return what a film's creep does, and what a film that lies beside where it is said to."""
         found: dict[str, FloatArray] = {}
         if accuracy.creep:
@@ -289,7 +279,7 @@ class ContactPressures(FramesFile[Site]):
             found["place"] = accuracy.shift * _along_face(read)
         return found
 
-    def of_frames(self, frames: Sequence[Frames], site: Site) -> Sequence[Sequence[Read]]:
+    def of_frames(self, frames: Sequence[base.Frames], site: Site) -> Sequence[Sequence[base.Read]]:
         """Return the sensels' pressures; a sensel reaches half-way to its neighbours."""
         angles = np.unique(np.concatenate([one.columns[:, 0] for one in frames]))
         refused = partial(InputError, "frames", "angle_deg")
@@ -316,15 +306,15 @@ class ContactPressures(FramesFile[Site]):
             keys, row = np.unique(np.column_stack([one.time, group[sensel]]), axis=0, return_inverse=True)
             widths = np.diff(ends)[sensel]
             means = np.bincount(row.ravel(), widths * one.columns[:, 1]) / np.bincount(row.ravel(), widths)
-            found.append([Read(PRESSURE.name, keys[:, 0], means, keys[:, 1].astype(int), places)])
+            found.append([base.Read(PRESSURE.name, keys[:, 0], means, keys[:, 1].astype(int), places)])
         return found
 
-    def place(self, kind: ChannelKind, site: Site) -> FloatArray:
+    def place(self, kind: base.ChannelKind, site: Site) -> FloatArray:
         """Return the face's deepest point at first touch."""
         return site.deepest
 
 
-def _along_face(read: PlacedReadings) -> FloatArray:
+def _along_face(read: base.PlacedReadings) -> FloatArray:
     """Return the derivative (k,) of each frame's pressures by the place on the face, kPa/mm."""
     middles, found = read.places.mean(axis=1), np.zeros(len(read.values))
     for frame in np.unique(read.frame):

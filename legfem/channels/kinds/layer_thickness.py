@@ -8,15 +8,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from legfem.channels import Sight
-from legfem.channels.kind import (
-    ChannelAccuracy,
-    ChannelFile,
-    ChannelKind,
-    ChannelPlan,
-    Channels,
-    Impossible,
-    ReadingsAtSite,
-)
+from legfem.channels import kind as base
 from legfem.common.units import FloatArray
 from legfem.geometry.indenter import Site
 from legfem.geometry.section import first_crossing, layer_thicknesses
@@ -24,9 +16,9 @@ from legfem.geometry.section import first_crossing, layer_thicknesses
 if TYPE_CHECKING:
     from legfem.channels.seen import Seen
 
-_ULTRASOUND = ChannelAccuracy(reading=0.3, bias=0.3, gain=0.02, slow=0.1, lag=0.1)
+_ULTRASOUND = base.ChannelAccuracy(reading=0.3, bias=0.3, gain=0.02, slow=0.1, lag=0.1)
 """Wall-to-wall distances in B-mode images: a pixel or two, the boundary's choice and the speed of sound."""
-FAT = ChannelKind(
+FAT = base.ChannelKind(
     "fat_thickness",
     "mm",
     "thickness of the fat under the cylinder",
@@ -73,13 +65,13 @@ def between_of(layers: Mapping[str, tuple[float, float]]) -> dict[str, tuple[flo
 
 
 def refused(
-    kind: ChannelKind,
+    kind: base.ChannelKind,
     stated: float,
     depths: FloatArray,
     values: FloatArray,
-    accuracy: ChannelAccuracy,
+    accuracy: base.ChannelAccuracy,
     stated_sd: float,
-) -> Impossible | None:
+) -> base.Impossible | None:
     """Return why readings can't be the thickness of a layer; None where they can.
 
     Parameters
@@ -100,7 +92,7 @@ def refused(
     # What lost the boundary writes 0.
     worst = int(np.argmax(np.where(values == 0, np.inf, np.abs(values - 0.5 * stated))))
     if values[worst] == 0 or not -3 * accuracy.reading <= values[worst] <= _MOST * stated + _APART_MM:
-        return Impossible(
+        return base.Impossible(
             f"it is {values[worst]:.3g} mm at {depth[worst]:.2g} mm of depth, and {stated:.3g} mm by what is stated",
             "check its unit and the outlines or sizes; leave a cell empty where nothing could be read",
         )
@@ -111,31 +103,31 @@ def refused(
     # Of a line through n readings.
     error = accuracy.reading * np.sqrt(12 / len(values))
     if several and end - start > max(3 * error, 0.05 * stated):
-        return Impossible(
+        return base.Impossible(
             f"the {name} grows from {start:.3g} to {end:.3g} mm as it is pressed",
             "check that the columns aren't exchanged, and that the frames are in order",
         )
     if several and start - end > depth.max() + 3 * error:
-        return Impossible(
+        return base.Impossible(
             f"the {name} falls from {start:.3g} to {end:.3g} mm where what presses moves by {depth.max():.3g} mm",
             "check its unit, and that its times are in s",
         )
     first = float(np.mean(values[depth <= depth.min() + 0.1 * np.ptp(depth)]))
     tolerance = max(_APART_MM, _APART * stated, 3 * accuracy.bias, 3 * stated_sd) + float(depth.min())
     if abs(first - stated) > tolerance:
-        return Impossible(
+        return base.Impossible(
             f"the {name} is {first:.3g} mm at {depth.min():.2g} mm of depth, and {stated:.3g} mm by what is stated",
             "check its unit, the outlines or sizes, and that both are along the line of travel",
         )
     return None
 
 
-class LayerThicknesses(ChannelFile):
+class LayerThicknesses(base.ChannelFile):
     """Skin to fascia, fascia to the nearest bone, and both together; none where the line meets no bone."""
 
     kinds: ClassVar = (FAT, MUSCLE, TISSUE)
 
-    def read(self, seen: "Seen") -> Channels:
+    def read(self, seen: "Seen") -> base.Channels:
         """Return the layers' thicknesses, of those whose outlines the line of travel meets."""
         found: dict[str, tuple[float, FloatArray]] = {}
         if seen.model.specimen is not None:
@@ -149,35 +141,35 @@ class LayerThicknesses(ChannelFile):
                 found[name] = (below[0] - above[0], below[1] - above[1])
         return found
 
-    def plans(self, site: Site) -> Sequence[ChannelPlan]:
+    def plans(self, site: Site) -> Sequence[base.ChannelPlan]:
         """Return both thicknesses in single frames, and all along beside the lateral force."""
         both, frame = (Sight(FAT.name), Sight(MUSCLE.name)), "take an ultrasound frame under the cylinder at {at}"
         return [
-            ChannelPlan(
+            base.ChannelPlan(
                 f"{frame}, and read the thickness of fat and muscle",
                 both,
                 "an ultrasound probe in the indenter, and a minute to read each frame",
                 frames=True,
             ),
-            ChannelPlan(
+            base.ChannelPlan(
                 "record the lateral force, and ultrasound all along",
                 (Sight("lateral_force"), *both),
                 "both instruments, and software that follows the boundaries",
             ),
         ]
 
-    def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:
+    def check(self, kind: base.ChannelKind, recorded: base.ReadingsAtSite) -> base.Impossible | None:
         """Refuse a layer that grows as the cylinder presses, or isn't the section's."""
         site = recorded.site
         stated = layer_thicknesses(site.section, site.indenter.aim, site.direction).get(kind.name)
         if stated is None:
-            return Impossible(
+            return base.Impossible(
                 "the line of travel meets no bone in the section: so there is no such thickness",
                 "leave the column out, or correct aim_mm and direction_deg",
             )
         return refused(kind, stated, recorded.depth, recorded.values, recorded.accuracy, recorded.outline_sd)
 
-    def place(self, kind: ChannelKind, site: Site) -> FloatArray:
+    def place(self, kind: base.ChannelKind, site: Site) -> FloatArray:
         """Return the middle of the fat, or a point within the muscle, under the cylinder."""
         skin, fascia = (
             first_crossing(site.section.polygon(part).exterior, site.touch, site.direction)

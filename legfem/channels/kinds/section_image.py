@@ -23,17 +23,7 @@ import shapely
 from numpy.typing import NDArray
 
 from legfem.channels import Sight
-from legfem.channels.kind import (
-    ChannelAccuracy,
-    ChannelKind,
-    ChannelPlan,
-    Channels,
-    Frames,
-    FramesFile,
-    Impossible,
-    Read,
-    ReadingsAtSite,
-)
+from legfem.channels import kind as base
 from legfem.channels.laid import Laid
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
@@ -77,7 +67,7 @@ def planned_cells(site: Site) -> list[tuple[float, float]]:
     return [(round(float(x), 3), round(float(y), 3)) for (x, y), kept in zip(middles, inside, strict=True) if kept]
 
 
-class _InCells(FramesFile[Site], ABC):
+class _InCells(base.FramesFile[Site], ABC):
     """What an image shows, as means of the points in cells of the section; a place begins with x and y (mm)."""
 
     coordinates = 2
@@ -91,16 +81,16 @@ class _InCells(FramesFile[Site], ABC):
     needs: ClassVar[str]
 
     @abstractmethod
-    def laid(self, seen: "Seen", image: Laid) -> Channels:
+    def laid(self, seen: "Seen", image: Laid) -> base.Channels:
         """Return what an image shows in the cells."""
 
-    def plans(self, site: Site) -> Sequence[ChannelPlan]:
+    def plans(self, site: Site) -> Sequence[base.ChannelPlan]:
         """Return the readings of cells beneath the cylinder."""
         places = tuple((*middle, *way) for middle in planned_cells(site) for way in self.ways)
         needed = f"{self.needs}, and where the image lies in the outlines"
-        return [ChannelPlan(self.asks, (Sight(self.entry, places),), needed, frames=True)]
+        return [base.ChannelPlan(self.asks, (Sight(self.entry, places),), needed, frames=True)]
 
-    def of_frames(self, frames: Sequence[Frames], site: Site) -> Sequence[Sequence[Read]]:
+    def of_frames(self, frames: Sequence[base.Frames], site: Site) -> Sequence[Sequence[base.Read]]:
         """Return the means of the points that lie in tissue, by cells of all trials together."""
         inside = [_in_tissue(one.columns[:, :2], site, self.beyond) for one in frames]
         kept, every = sum(int(one.sum()) for one in inside), sum(len(one.columns) for one in frames)
@@ -123,10 +113,10 @@ class _InCells(FramesFile[Site], ABC):
             )
             means = np.column_stack([np.bincount(at.ravel(), column) / count for column in row[:, 2:].T])
             course = (ways * keys[:, 1:].astype(int) + np.arange(ways)).ravel()
-            found.append([Read(self.entry, np.repeat(keys[:, 0], ways), means.ravel(), course, places)])
+            found.append([base.Read(self.entry, np.repeat(keys[:, 0], ways), means.ravel(), course, places)])
         return found
 
-    def place(self, kind: ChannelKind, site: Site) -> FloatArray:
+    def place(self, kind: base.ChannelKind, site: Site) -> FloatArray:
         """Return a point under the cylinder, within the tissue."""
         return np.asarray(site.deepest + 2 * CELL_MM * site.direction)
 
@@ -143,9 +133,9 @@ def _cells_of(points: FloatArray, origin: FloatArray, most: int) -> tuple[FloatA
     return np.array([points[cell == k].mean(axis=0) for k in range(len(known))]), cell
 
 
-_TRACKING = ChannelAccuracy(reading=0.3, gain=0.02, slow=0.1, lag=0.1, shift=2.0, turn=3.0, apart=4.0)
+_TRACKING = base.ChannelAccuracy(reading=0.3, gain=0.02, slow=0.1, lag=0.1, shift=2.0, turn=3.0, apart=4.0)
 """Accuracy of a cell; the slow error is tracking's drift. The image is laid into the section by hand."""
-INSIDE = ChannelKind(
+INSIDE = base.ChannelKind(
     "section_displacement",
     "mm",
     "displacement of points inside the section since before the cylinder pressed",
@@ -173,7 +163,7 @@ class SectionDisplacements(_InCells):
     asks = "take ultrasound images of the section before the test and at {at}, and track how the tissue moves"
     needs = "an ultrasound probe, software that tracks speckle"
 
-    def laid(self, seen: "Seen", image: Laid) -> Channels:
+    def laid(self, seen: "Seen", image: Laid) -> base.Channels:
         """Return the displacements that an image shows there."""
         places = seen.places(INSIDE.name)
         if not len(places):
@@ -183,20 +173,20 @@ class SectionDisplacements(_InCells):
         rows, way = np.arange(len(places)), places[:, 2].astype(int)
         return INSIDE.by_course(values[rows, way], rates[:, rows, way])
 
-    def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:
+    def check(self, kind: base.ChannelKind, recorded: base.ReadingsAtSite) -> base.Impossible | None:
         """Refuse displacements that are too large, against the travel, or not counted from first touch."""
         pressed = np.isfinite(recorded.depth)
         depth, values, places = recorded.depth[pressed], recorded.values[pressed], recorded.places[pressed]
         deepest, largest = float(depth.max(initial=0.0)), float(np.abs(values).max(initial=0.0))
         if largest > _TOO_FAR * deepest + _TOO_FAR_MM:
-            return Impossible(
+            return base.Impossible(
                 f"points move by up to {largest:.3g} mm where the cylinder moves by {deepest:.3g} mm",
                 "check the unit of ux_mm and uy_mm",
             )
         at_rest = values[depth < _RESTING_MM]
         moved = float(np.sqrt(2 * np.mean(at_rest**2))) if len(at_rest) else 0.0
         if moved > _AT_REST_MM:
-            return Impossible(
+            return base.Impossible(
                 f"points have moved by {moved:.2g} mm before the cylinder touches",
                 "count displacements from a frame before it presses",
             )
@@ -204,7 +194,7 @@ class SectionDisplacements(_InCells):
         deep = depth > 0.5 * deepest
         total = float(np.mean(along[deep])) if deep.any() else 0.0
         if total < -0.05 * deepest:
-            return Impossible(
+            return base.Impossible(
                 f"points move by {-total:.2g} mm against the cylinder's travel in the mean",
                 "check the directions of ux_mm and uy_mm: they are those of the outlines' coordinates",
             )
@@ -215,11 +205,11 @@ class SectionDisplacements(_InCells):
         return places[:, :2], np.eye(2)[places[:, 2].astype(int)]
 
 
-STRAIN = ChannelKind(
+STRAIN = base.ChannelKind(
     "section_strain",
     "-",
     "strain along the travel inside the section",
-    ChannelAccuracy(reading=0.02, gain=0.05, slow=0.005, lag=0.1, shift=2.0, turn=3.0, apart=4.0),
+    base.ChannelAccuracy(reading=0.02, gain=0.05, slow=0.005, lag=0.1, shift=2.0, turn=3.0, apart=4.0),
     0.0005,
     image="image of strain",
     detail="since before the cylinder pressed",
@@ -242,7 +232,7 @@ class SectionStrains(_InCells):
     asks = "image the strain of the section at {at} by strain elastography"
     needs = "ultrasound with strain elastography"
 
-    def laid(self, seen: "Seen", image: Laid) -> Channels:
+    def laid(self, seen: "Seen", image: Laid) -> base.Channels:
         """Return the strains that an image shows there, along a beam that is turned with it."""
         places = seen.places(STRAIN.name)
         if not len(places):
@@ -253,23 +243,23 @@ class SectionStrains(_InCells):
         behind, behind_rates = map(image.shown, seen.moves(image.truly(places - half, middle)))
         return STRAIN.by_course(((ahead - behind) @ way) / WINDOW_MM, ((ahead_rates - behind_rates) @ way) / WINDOW_MM)
 
-    def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:
+    def check(self, kind: base.ChannelKind, recorded: base.ReadingsAtSite) -> base.Impossible | None:
         """Refuse strains in per cent, of the other sign, or not counted from first touch."""
         pressed = np.isfinite(recorded.depth)
         depth, values = recorded.depth[pressed], recorded.values[pressed]
         largest = float(np.abs(values).max(initial=0.0))
         if largest > _LARGEST:
-            return Impossible(f"it is up to {largest:.3g}", "give strain as a share of length, not in per cent")
+            return base.Impossible(f"it is up to {largest:.3g}", "give strain as a share of length, not in per cent")
         at_rest = values[depth < _RESTING_MM]
         stood = float(np.sqrt(np.mean(at_rest**2))) if len(at_rest) else 0.0
         if stood > _STRAIN_AT_REST:
-            return Impossible(
+            return base.Impossible(
                 f"the tissue is strained by {stood:.2g} before the cylinder touches",
                 "count strains from a frame before it presses, summed from frame to frame",
             )
         deep = depth > 0.5 * depth.max(initial=0.0)
         if deep.any() and float(np.mean(values[deep])) > max(0.02, 2 * recorded.accuracy.reading):
-            return Impossible(
+            return base.Impossible(
                 f"the tissue is stretched along the travel, by {np.mean(values[deep]):.2g} in the mean",
                 "give a shortening as a strain below zero",
             )

@@ -16,17 +16,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from legfem.channels import Sight
-from legfem.channels.kind import (
-    ChannelAccuracy,
-    ChannelKind,
-    ChannelPlan,
-    Channels,
-    Frames,
-    FramesFile,
-    Impossible,
-    Read,
-    ReadingsAtSite,
-)
+from legfem.channels import kind as base
 from legfem.channels.laid import Laid
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
@@ -36,7 +26,7 @@ from legfem.geometry.section import across, first_crossing
 if TYPE_CHECKING:
     from legfem.channels.seen import Seen
 
-_CAMERAS = ChannelAccuracy(reading=0.2, bias=0.2, gain=0.01, slow=0.2, lag=0.05, shift=1.0, turn=1.0)
+_CAMERAS = base.ChannelAccuracy(reading=0.2, bias=0.2, gain=0.01, slow=0.2, lag=0.05, shift=1.0, turn=1.0)
 """Points are laid into the section by marks or by its outline: 1 mm aside is 0.4 mm of the rise at 18 mm of travel."""
 _OFFSETS_MM = (25.0, 40.0, -25.0, -40.0)
 """Distances to the left of the travel at which the skin's rise is told; negative ones lie to the right."""
@@ -46,24 +36,24 @@ _PRESSED = 0.03
 """Share of the largest force from which on a first frame shows a leg that is pressed."""
 
 
-def _rise(offset: float) -> ChannelKind:
+def _rise(offset: float) -> base.ChannelKind:
     side, distance = "left" if offset > 0 else "right", abs(offset)
     words = f"rise of the skin {distance:g} mm to the {side} of the line of travel since first touch"
-    return ChannelKind(f"skin_rise_{side}_{distance:g}", "mm", words, _CAMERAS, 0.012, image="image of the skin")
+    return base.ChannelKind(f"skin_rise_{side}_{distance:g}", "mm", words, _CAMERAS, 0.012, image="image of the skin")
 
 
 RISES = {offset: _rise(offset) for offset in _OFFSETS_MM}
 """By the offset to the left of the travel, mm."""
 
 
-class SkinRises(FramesFile[Site]):
+class SkinRises(base.FramesFile[Site]):
     """Rises of the skin beside the cylinder, against the travel."""
 
     kinds: ClassVar = tuple(RISES.values())
     entry = "skin_profile"
     columns = ("x_mm", "y_mm")
 
-    def laid(self, seen: "Seen", image: Laid) -> Channels:
+    def laid(self, seen: "Seen", image: Laid) -> base.Channels:
         """Return the rises that an image shows, shifted, and turned about the axis of the cylinder at first touch.
 
         None of a line that doesn't meet the skin.
@@ -77,36 +67,36 @@ class SkinRises(FramesFile[Site]):
                 found[kind.name] = (first.along - now[0], -now[1])
         return found
 
-    def plans(self, site: Site) -> Sequence[ChannelPlan]:
+    def plans(self, site: Site) -> Sequence[base.ChannelPlan]:
         """Return the rises next to the cylinder."""
         asks = "photograph the skin 25 mm to either side of the cylinder at {at}"
         near = Sight(RISES[25.0].name), Sight(RISES[-25.0].name)
-        return [ChannelPlan(asks, near, "two cameras with a scale, or a scanner", frames=True)]
+        return [base.ChannelPlan(asks, near, "two cameras with a scale, or a scanner", frames=True)]
 
-    def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:
+    def check(self, kind: base.ChannelKind, recorded: base.ReadingsAtSite) -> base.Impossible | None:
         """Refuse a skin that moves farther than the cylinder."""
         depth, error = float(np.nanmax(recorded.depth)), 3 * (recorded.accuracy.reading + recorded.accuracy.bias)
         most = float(recorded.values[np.argmax(np.abs(recorded.values))])
         if abs(most) <= depth + error:
             return None
-        return Impossible(
+        return base.Impossible(
             f"the skin rises by {most:.3g} mm where the cylinder moves by {depth:.3g} mm",
             "check its unit; it is counted from first touch",
         )
 
-    def place(self, kind: ChannelKind, site: Site) -> FloatArray:
+    def place(self, kind: base.ChannelKind, site: Site) -> FloatArray:
         """Return the point of the skin."""
         offset = next(offset for offset, one in RISES.items() if one == kind)
         origin = site.touch + offset * across(site.direction)
         skin = site.section.polygon("skin").exterior
         return np.asarray(origin + first_crossing(skin, origin, site.direction) * site.direction)
 
-    def of_frames(self, frames: Sequence[Frames], site: Site) -> Sequence[Sequence[Read]]:
+    def of_frames(self, frames: Sequence[base.Frames], site: Site) -> Sequence[Sequence[base.Read]]:
         """Return the rises at the offsets where all frames of a trial have the skin."""
         return [self._of_trial(one, site) for one in frames]
 
     @staticmethod
-    def _of_trial(frames: Frames, site: Site) -> Sequence[Read]:
+    def _of_trial(frames: base.Frames, site: Site) -> Sequence[base.Read]:
         times, frame = np.unique(frames.time, return_inverse=True)
         if len(times) < 2:
             raise InputError(
@@ -117,7 +107,7 @@ class SkinRises(FramesFile[Site]):
         for offset, kind in RISES.items():
             along = np.array([_skin_at(frames.columns[frame == k], offset, site) for k in range(len(times))])
             if np.isfinite(along).all():
-                found.append(Read(kind.name, times[1:], along[0] - along[1:]))
+                found.append(base.Read(kind.name, times[1:], along[0] - along[1:]))
         if not found:
             offsets = ", ".join(f"{value:+g}" for value in sorted(RISES))
             raise InputError(
@@ -141,7 +131,7 @@ def _skin_at(points: FloatArray, offset: float, site: Site) -> float:
     return float(Polynomial.fit(at, along[near], min(2, len(at) - 1))(0.0))
 
 
-def refuse_pressed(frames: Frames, why: str) -> None:
+def refuse_pressed(frames: base.Frames, why: str) -> None:
     """Refuse a first frame that shows a leg that is pressed already.
 
     Raises

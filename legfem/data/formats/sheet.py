@@ -10,18 +10,8 @@ import numpy as np
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
+from legfem.data.formats import labels
 from legfem.data.formats.headings import Cell, cell_at, names_something, only_block, text_of, titles_and_units, width_of
-from legfem.data.formats.labels import (
-    FORCE_OF,
-    WORDS,
-    Quantity,
-    Unit,
-    name_and_unit,
-    names_quantity,
-    one_unit,
-    sizes_in,
-    unit_named,
-)
 from legfem.data.formats.times import BY_RATE, CLOCK, times_by_rate, with_clock
 
 FEWEST_ROWS = 8
@@ -31,7 +21,9 @@ _ROWS_TRIED = 40
 """Rows in the middle that tell which columns are numbers."""
 _MOSTLY = 0.9
 """Share of these rows in which a column of numbers has one."""
-_OF_TEXTS = WORDS | {"time": WORDS["time"] + r"|^hora|^heure|^ora\b|uhr|clock|stamp|\bdate\b|datum|fecha|\bdata\b"}
+_OF_TEXTS = labels.WORDS | {
+    "time": labels.WORDS["time"] + r"|^hora|^heure|^ora\b|uhr|clock|stamp|\bdate\b|datum|fecha|\bdata\b"
+}
 """By which columns of text are named: a clock's times, which couldn't be read, stand under further names."""
 _PLAIN = re.compile(r"[+-]?\d+(?:\.\d*)?(?:e[+-]?\d+)?")
 _MIDNIGHT = re.compile(r"\d{4}-\d\d-\d\d 00:00:00")
@@ -60,17 +52,17 @@ class Column:
     values: FloatArray
 
     def __post_init__(self) -> None:
-        unit = FORCE_OF.get((self.unit or "").strip(" ()[].").lower())
-        if unit is not None and names_quantity(self.name, "force"):
+        unit = labels.FORCE_OF.get((self.unit or "").strip(" ()[].").lower())
+        if unit is not None and labels.names_quantity(self.name, "force"):
             object.__setattr__(self, "unit", unit)
 
     @property
-    def known_unit(self) -> Unit | None:
+    def known_unit(self) -> labels.Unit | None:
         """The unit, where it is a known one."""
-        return unit_named(self.unit or "")
+        return labels.unit_named(self.unit or "")
 
     @property
-    def quantity(self) -> Quantity | None:
+    def quantity(self) -> labels.Quantity | None:
         """What the unit measures."""
         return None if self.known_unit is None else self.known_unit.quantity
 
@@ -82,7 +74,7 @@ class Column:
     @property
     def is_time(self) -> bool:
         """Whether it is a time by its unit or its name."""
-        return self.quantity == "time" or names_quantity(self.name, "time")
+        return self.quantity == "time" or labels.names_quantity(self.name, "time")
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +89,7 @@ class Sheet:
     def named(self, name: str) -> list[Column]:
         """Return the columns of a name; of a heading with its unit, as ``Load (N)``, where none is called so."""
         called = [c for c in self.columns if c.name == name]
-        return called or [c for c in self.columns if (c.name, c.unit) == name_and_unit(name)]
+        return called or [c for c in self.columns if (c.name, c.unit) == labels.name_and_unit(name)]
 
 
 def check_size(path: Path, size: int) -> None:
@@ -201,8 +193,8 @@ def sheet_of_rows(
         raise InputError(path, f"{where}line {start + 1}", problem, remedy)
     found = []
     for k, c in enumerate(columns):
-        column, unit = name_and_unit(text_of(cell_at(titles, c)))
-        unit = "s" if c == clock else one_unit(unit, units[k] if units else None)
+        column, unit = labels.name_and_unit(text_of(cell_at(titles, c)))
+        unit = "s" if c == clock else labels.one_unit(unit, units[k] if units else None)
         unit = unit or _unit_behind(rows, samples, c)
         found.append(Column(column, unit, values[:, k]))
     found = _scaled(path, rows[:start], found)
@@ -230,7 +222,7 @@ def sheet_of_rows(
     told = [f"{len(passed)} columns without numbers are passed over: {', '.join(map(repr, passed))}"] if passed else []
     told += [f"{below} lines below the numbers are passed over"] if below else []
     told += [f"headings among the numbers are passed over ({len(again)} lines)"] if again else []
-    sizes = sizes_in(" ".join(map(text_of, row)) for row in rows[:start])
+    sizes = labels.sizes_in(" ".join(map(text_of, row)) for row in rows[:start])
     told += [f"its heading states the specimen's {sizes}"] if sizes else []
     told += [*once, NAMELESS] if nameless else once
     return Sheet(name, tuple(found), (*remarks, *others, *told))
@@ -269,12 +261,12 @@ def _scaled(path: Path, above: Sequence[Sequence[Cell]], found: list[Column]) ->
     rows = {text_of(cell_at(row, 0)).partition(" (")[0]: row[1:] for row in above}
     table = [*zip(*(rows.get(key, ()) for key in ("Channel", "Units", "Scale", "Offset")), strict=False)]
     scales = {text_of(name): (text_of(unit), scale, offset) for name, unit, scale, offset in table}
-    if not any(unit_named(unit) for unit, _, _ in scales.values()):
+    if not any(labels.unit_named(unit) for unit, _, _ in scales.values()):
         raise InputError(path, "columns", f"are in volts, as the heading says ('{told}')", "export them in mm and N")
     columns = [c for c in found if c.name not in scales]
     for c in found:
         unit, scale, offset = scales.get(c.name, ("", None, None))
-        if unit_named(unit) and isinstance(scale, float) and isinstance(offset, float):
+        if labels.unit_named(unit) and isinstance(scale, float) and isinstance(offset, float):
             columns.append(Column("command " * c.name.startswith("AO") + c.name, unit, (c.values + offset) * scale))
     return columns
 
@@ -282,7 +274,7 @@ def _scaled(path: Path, above: Sequence[Sequence[Cell]], found: list[Column]) ->
 def _check_abreast(path: Path, titles: Sequence[str]) -> None:
     """Refuse trials of different lengths side by side, whose names are the same."""
     count = min(
-        max((titles.count(title) for title in titles if names_quantity(title, quantity)), default=0)
+        max((titles.count(title) for title in titles if labels.names_quantity(title, quantity)), default=0)
         for quantity in ("displacement", "force")
     )
     if count > 1:
@@ -309,7 +301,7 @@ def _unit_behind(rows: Sequence[Sequence[Cell]], samples: Sequence[int], c: int)
     """Return the unit that a gauge writes into a cell of its own behind each number; None where there is none."""
     cells = {text_of(cell_at(rows[k], c + 1)) for k in samples}
     unit = cells.pop() if len(cells) == 1 else ""
-    return unit if unit_named(unit) is not None else None
+    return unit if labels.unit_named(unit) is not None else None
 
 
 def why_no_number(cell: str) -> tuple[str, str] | None:
@@ -321,7 +313,7 @@ def why_no_number(cell: str) -> tuple[str, str] | None:
         return f"its times are a clock's without seconds ('{cell}')", "export time in seconds since the start"
     if grouped is not None:
         return f"its numbers have thousands' separators ('{grouped[0]}')", "export them without"
-    if valued is not None and unit_named(valued["unit"]) is not None:
+    if valued is not None and labels.unit_named(valued["unit"]) is not None:
         return (
             f"its cells contain units beside the numbers ('{cell}')",
             "put each unit into its column's name: Force (N)",
@@ -333,7 +325,7 @@ def _check_passed(path: Path, passed: Mapping[str, str], found: Sequence[Column]
     """Check that no quantity is in a column of text alone."""
     for quantity, words in _OF_TEXTS.items():
         texts = [title for title in passed if re.search(words, title, re.IGNORECASE)]
-        numbers = [c for c in found if names_quantity(c.name, quantity) or c.quantity == quantity]
+        numbers = [c for c in found if labels.names_quantity(c.name, quantity) or c.quantity == quantity]
         if texts and not numbers:
             cell = passed[texts[0]]
             if _PLAIN.fullmatch(cell):

@@ -7,15 +7,7 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from legfem.common.documents import (
-    Cells,
-    column_cells,
-    json_types,
-    row_cells,
-    versions_of,
-    write_atomically,
-    write_document,
-)
+from legfem.common import documents
 from legfem.common.progress import progress_on
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.experiments.leg_3d import IdealisedLegIndentation
@@ -27,15 +19,7 @@ from legfem.report.curves import Curves, Dash, Line, curves_figure
 from legfem.report.render import brief, rendered
 from legfem.report.style import save
 from legfem.report.words import DataKind
-from legfem.study.correction.calibration import (
-    Calibrated,
-    Calibration,
-    LegTable,
-    calibrate,
-    coarsened,
-    run_cases,
-    tabulate_legs,
-)
+from legfem.study.correction import calibration
 from legfem.study.correction.cases import CaseOutcome, CorrectionCase
 
 DOCUMENT = "correction.json"
@@ -45,7 +29,7 @@ DEPENDS_ON, HOW_SURE = "What it depends on", "How sure"
 
 
 def run(
-    given: Calibration,
+    given: calibration.Calibration,
     out: Path,
     jobs: int,
     quiet: bool = False,
@@ -53,7 +37,7 @@ def run(
     trends: bool = False,
     legs: bool = False,
     fields: bool = False,
-) -> tuple[Calibrated, dict[str, FloatArray]]:
+) -> tuple[calibration.Calibrated, dict[str, FloatArray]]:
     """Calibrate, and look at what P depends on; collective over all ranks.
 
     Parameters
@@ -83,7 +67,7 @@ def run(
     comm = MPI.COMM_WORLD
     first, kept = comm.rank == 0, out / "cases"
     with progress_on(quiet=quiet or not first) as progress:
-        found = calibrate(given, kept, jobs, progress, comm)
+        found = calibration.calibrate(given, kept, jobs, progress, comm)
         if first:
             print(f"correction: {found.correction.write(out / DOCUMENT)}", flush=True)
         if fields:
@@ -91,13 +75,13 @@ def run(
             if first:
                 print(f"fields: {', '.join(map(str, written))}", flush=True)
         if legs:
-            tabulated = tabulate_legs(LegTable(given), kept, jobs, progress, comm)
+            tabulated = calibration.tabulate_legs(calibration.LegTable(given), kept, jobs, progress, comm)
             if first:
                 print(f"legs: {tabulated.write(out / 'correction-legs.json')}", flush=True)
         studied = dict[str, dict[str, FloatArray]]()
         for name, cases in _trend_cases(given, trends).items():
             progress.stage(f"P against the {name}", len(cases))
-            outcomes = run_cases(list(cases.values()), kept, jobs, progress, comm)
+            outcomes = calibration.run_cases(list(cases.values()), kept, jobs, progress, comm)
             studied[name] = dict(zip(cases, map(_as_far_as_it_came, cases.values(), outcomes), strict=True))
     if first:
         _write(given, found, studied, out, trends)
@@ -113,15 +97,17 @@ def _as_far_as_it_came(case: CorrectionCase, outcome: CaseOutcome) -> FloatArray
     return curve
 
 
-def _write(given: Calibration, found: Calibrated, studied: Trend, out: Path, trends: bool) -> None:
+def _write(
+    given: calibration.Calibration, found: calibration.Calibrated, studied: Trend, out: Path, trends: bool
+) -> None:
     page, displacement = correction_web_page(given, found, studied, web.command_line()), found.correction.displacement
     print(brief(page, (DEPENDS_ON, HOW_SURE) if trends else (HOW_SURE,)))
-    write_atomically(out / web.PAGE, rendered(page))
+    documents.write_atomically(out / web.PAGE, rendered(page))
     print(f"page: {out / web.PAGE}")
     if trends:
         curves_of = {name: {k: np.round(v, 5) for k, v in curves.items()} for name, curves in studied.items()}
         document = {"schema": 1, "displacement_mm": displacement, "P": curves_of}
-        write_document(out / "trends.json", json_types(document))
+        documents.write_document(out / "trends.json", documents.json_types(document))
         blocks, name = trend_curves(displacement, studied), found.correction.name
         drawn = save(curves_figure(blocks, "What P depends on", name, "simulated"), out, "trends", svg=True)
         print(f"figure: {drawn[0]}")
@@ -137,10 +123,10 @@ def write_leg_fields(case: CorrectionCase, out: Path, comm: MPI.Intracomm = MPI.
 LENGTH = "cylinder's length (mm)"
 
 
-def _trend_cases(given: Calibration, all_of_them: bool) -> dict[str, dict[str, CorrectionCase]]:
+def _trend_cases(given: calibration.Calibration, all_of_them: bool) -> dict[str, dict[str, CorrectionCase]]:
     """Return what is varied: the cylinder's length, and what else P may depend on."""
     # The coarse mesh doesn't carry the longest cylinder to 25 mm.
-    between, coarse = (coarsened(given.reference, factor) for factor in (given.between, given.coarse))
+    between, coarse = (calibration.coarsened(given.reference, factor) for factor in (given.between, given.coarse))
     fitting = [length for length in (30.0, 50.0, 70.0) if length < between.leg.length]
     cylinders = {f"{one:g}": replace(between, cylinder=replace(between.cylinder, length=one)) for one in fitting}
     if not all_of_them:
@@ -165,12 +151,12 @@ SHOWN = np.array([2.5, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0])
 """Depths of the tables, mm."""
 
 
-def correction_cells(found: Calibrated) -> Cells:
+def correction_cells(found: calibration.Calibrated) -> documents.Cells:
     """Forces, P and its errors, a row a depth."""
     correction, reference = found.correction, found.reference
     depths = SHOWN[SHOWN <= correction.displacement[-1]]
     modes = {name: np.interp(depths, correction.displacement, mode) for name, mode in correction.errors.items()}
-    return column_cells(
+    return documents.column_cells(
         {
             "d (mm)": ("g", depths),
             "RF3D (N)": (".3f", reference.spatial(depths)),
@@ -182,7 +168,7 @@ def correction_cells(found: Calibrated) -> Cells:
     )
 
 
-def meshes_cells(found: Calibrated) -> Cells:
+def meshes_cells(found: calibration.Calibrated) -> documents.Cells:
     """P on the meshes, a row a mesh, and the finest one's error by Richardson's estimate."""
     displacement = found.correction.displacement
     depths = SHOWN[SHOWN <= displacement[-1]]
@@ -197,13 +183,13 @@ def meshes_cells(found: Calibrated) -> Cells:
         }
         for one, P in reversed(list(zip(found.meshes, values, strict=True)))
     ]
-    return row_cells([*rows, {"unknowns": "limit", **_at(depths, limit), "tangents": "", "time (s)": ""}])
+    return documents.row_cells([*rows, {"unknowns": "limit", **_at(depths, limit), "tangents": "", "time (s)": ""}])
 
 
-def trend_cells(name: str, displacement: FloatArray, curves: Mapping[str, FloatArray]) -> Cells:
+def trend_cells(name: str, displacement: FloatArray, curves: Mapping[str, FloatArray]) -> documents.Cells:
     """P, a row a value of what is varied."""
     depths = SHOWN[SHOWN <= displacement[-1]]
-    return row_cells(
+    return documents.row_cells(
         {name: value, **_at(depths, np.interp(depths, displacement, curve))} for value, curve in curves.items()
     )
 
@@ -228,7 +214,9 @@ _NOT_TESTED = (
 )
 
 
-def correction_web_page(given: Calibration, found: Calibrated, trends: Trend, command: str) -> web.WebPage:
+def correction_web_page(
+    given: calibration.Calibration, found: calibration.Calibrated, trends: Trend, command: str
+) -> web.WebPage:
     """Return the page of a calibration.
 
     Parameters
@@ -268,12 +256,12 @@ def correction_web_page(given: Calibration, found: Calibrated, trends: Trend, co
             web.Chapter("What could not be tested", [web.Bullets(_NOT_TESTED)]),
             web.Chapter("What to do next", [web.Bullets(_next())]),
         ],
-        repeat=web.Repeat(command, versions_of("dolfinx", "python")),
+        repeat=web.Repeat(command, documents.versions_of("dolfinx", "python")),
         data=DataKind("simulated data", "an idealised leg; no leg was measured"),
     )
 
 
-def _at_end(given: Calibration, found: Calibrated) -> tuple[float, float, float]:
+def _at_end(given: calibration.Calibration, found: calibration.Calibrated) -> tuple[float, float, float]:
     """Return depth (mm), P and its standard deviation there, of the reference material."""
     correction, material = found.correction, given.reference.material
     depth = correction.displacement[-1:]
@@ -281,7 +269,7 @@ def _at_end(given: Calibration, found: Calibrated) -> tuple[float, float, float]
     return float(depth[0]), float(P[0]), float(correction.standard_deviation(depth)[0])
 
 
-def _headline(given: Calibration, found: Calibrated) -> web.Headline:
+def _headline(given: calibration.Calibration, found: calibration.Calibrated) -> web.Headline:
     depth, P, sd = _at_end(given, found)
     more = "more" if P < 0 else "less"
     length = given.reference.cylinder.length
@@ -315,7 +303,7 @@ def _headline(given: Calibration, found: Calibrated) -> web.Headline:
     )
 
 
-def _warnings(found: Calibrated) -> list[str]:
+def _warnings(found: calibration.Calibrated) -> list[str]:
     softened = sum(outcome.softened for outcome in found.outcomes)
     if not softened:
         return []
@@ -330,7 +318,7 @@ def _next() -> list[str]:
     ]
 
 
-def _known(given: Calibration, found: Calibrated) -> list[web.Known]:
+def _known(given: calibration.Calibration, found: calibration.Calibrated) -> list[web.Known]:
     leg, cylinder, material = (given.reference.leg, given.reference.cylinder, given.reference.material)
     depth, P, sd = _at_end(given, found)
     option = "option, or legfem's usual"
@@ -365,7 +353,7 @@ def _known(given: Calibration, found: Calibrated) -> list[web.Known]:
     ]
 
 
-def _correction(given: Calibration, found: Calibrated) -> Curves:
+def _correction(given: calibration.Calibration, found: calibration.Calibrated) -> Curves:
     correction, material = found.correction, given.reference.material
     x = correction.displacement
     P = correction.correction(x, *material.stiffness)

@@ -26,20 +26,12 @@ from legfem.report.plan import errors_of_readings
 from legfem.report.render import write_page
 from legfem.report.style import DATA_COLOUR, FAINT
 from legfem.report.words import DataKind
+from legfem.study.doe import tables
 from legfem.study.doe.design import Definition, in_words, read_definition
 from legfem.study.doe.figures import draw_response
 from legfem.study.doe.runs import Outlook, PlaneStrainSimulator, Workshop, as_csv
 from legfem.study.doe.study import StudyResult, simulations_of, study
 from legfem.study.doe.surface import Counting, term_label
-from legfem.study.doe.tables import (
-    information_blocks,
-    not_seen,
-    number_chapters,
-    study_document,
-    to_know,
-    to_measure,
-    versions,
-)
 
 
 @dataclass(frozen=True)
@@ -118,7 +110,7 @@ def _study(options: DoeOptions, definition: Definition, subject: Subject, worksh
     ]
     write_page(page, out, "curves and the response surface", entries)
     wall = time.perf_counter() - began
-    write_document(out / "result.json", json_types(study_document(result, options.seed, wall)))
+    write_document(out / "result.json", json_types(tables.study_document(result, options.seed, wall)))
     print(
         f"{definition.title}: {len(result.outcomes)} runs, {result.seconds:.0f} s; "
         f"report: {out / REPORT}\npage:   {out / PAGE}"
@@ -155,8 +147,8 @@ def study_web_page(result: StudyResult, seed: int, command: str) -> web.WebPage:
         web.Chapter("What each factor causes", _effects(result)),
         web.Chapter("The forces behind it", [_curves(result)]),
         web.Chapter("The response surface", _surface(result)),
-        *number_chapters(result),
-        web.Chapter("What to measure", [web.Bullets(to_measure(result)), *information_blocks(result)]),
+        *tables.number_chapters(result),
+        web.Chapter("What to measure", [web.Bullets(tables.to_measure(result)), *tables.information_blocks(result)]),
         web.Chapter("What could not be tested", [web.Bullets(_NOT_TESTED)]),
     ]
     return web.WebPage(
@@ -167,7 +159,7 @@ def study_web_page(result: StudyResult, seed: int, command: str) -> web.WebPage:
         warnings=_warnings(result),
         known=_known(result),
         chapters=chapters,
-        repeat=web.Repeat(command, versions(), {"seed": f"{seed}"}),
+        repeat=web.Repeat(command, tables.versions(), {"seed": f"{seed}"}),
         data=DataKind("simulated data", f"forces of a model; section of the leg: {result.subject.origin}"),
     )
 
@@ -182,7 +174,7 @@ def _headline(result: StudyResult) -> web.Headline:
         )
     factor, share, metric = result.largest_share()
     fits = [a.anova.predicted_r_squared for a in result.analyses]
-    unseen = not_seen(result)
+    unseen = tables.not_seen(result)
     return web.Headline(
         "caution" if _warnings(result) else "sound",
         f"The force of a press {result.definition.depth:g} mm deep depends most on {in_words(factor.name)}, which "
@@ -199,8 +191,8 @@ def _headline(result: StudyResult) -> web.Headline:
                 f"The fitted surface predicts {_percents(fits)} of the variance of runs that were not used in the fit "
                 "(R²). The runs are a model's, without noise.",
             ),
-            ("What must be known before the test", to_know(result)),
-            ("What to do", to_measure(result)[0]),
+            ("What must be known before the test", tables.to_know(result)),
+            ("What to do", tables.to_measure(result)[0]),
         ],
         "What a test of this leg can show",
     )
