@@ -233,12 +233,8 @@ def _check_apart(out: Path, members: Members) -> None:
     """Refuse a folder of results in which the study's own table would be written over, or theirs read for it."""
     taken = {members.folder.resolve()} | ({members.table.resolve().parent} if members.table is not None else set())
     if out.resolve() in taken:
-        raise InputError(
-            Argument("out"),
-            str(out),
-            "is where the study's own cohort.csv stands, or would",
-            "name another folder, or one in it",
-        )
+        problem = "is where the study's own cohort.csv stands, or would"
+        raise InputError(Argument("out"), str(out), problem, "name another folder, or one in it")
 
 
 _TAKES: Mapping[str, tuple[str, ...]] = {

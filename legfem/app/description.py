@@ -183,12 +183,8 @@ def read_value(setting: Setting, text: str) -> Value:
     except ValueError:
         numbers = [math.nan]
     if not all(math.isfinite(number) for number in numbers):
-        raise InputError(
-            setting.name,
-            "value",
-            f"{text!r} is not a number",
-            "write decimals with points, and coordinates with a comma between",
-        )
+        remedy = "write decimals with points, and coordinates with a comma between"
+        raise InputError(setting.name, "value", f"{text!r} is not a number", remedy)
     return numbers if setting.kind is list else numbers[0]
 
 

@@ -51,12 +51,8 @@ def plain_name(name: str) -> str:
     """
     bad = re.search(r"[/\\:\x00-\x1f\x7f]", name) or name[:1] in ("", ".", "-", " ", "~")
     if bad or len(name.encode()) > _LONGEST:
-        raise InputError(
-            "upload",
-            "name",
-            f"{name[:80]!r} is not a plain name",
-            "name files and folders without separators, and begin with a letter or a digit",
-        )
+        remedy = "name files and folders without separators, and begin with a letter or a digit"
+        raise InputError("upload", "name", f"{name[:80]!r} is not a plain name", remedy)
     return name
 
 
@@ -87,12 +83,8 @@ class Workspace:
                 (folder / part).mkdir(parents=True, exist_ok=True)
             folder.chmod(0o700)
         except OSError as error:
-            raise InputError(
-                "--workspace",
-                str(folder),
-                f"can't be made or written to ({error.strerror})",
-                "give a folder of your own",
-            ) from None
+            problem = f"can't be made or written to ({error.strerror})"
+            raise InputError("--workspace", str(folder), problem, "give a folder of your own") from None
         return cls(folder)
 
     @property

@@ -123,12 +123,8 @@ def look(
         first = files[0]
         other = next((path for path in files if tomls[path] != tomls[first]), None)
         if other is not None:
-            raise InputError(
-                other,
-                "recordings",
-                f"has other columns than {first.name}",
-                "look at files with the same columns together, and keep each kind in a folder of its own",
-            )
+            remedy = "look at files with the same columns together, and keep each kind in a folder of its own"
+            raise InputError(other, "recordings", f"has other columns than {first.name}", remedy)
         trials = among_repeats([trial for _, trial in read])
         toml = tomls[first] + instrument_file.frames_toml(tables, [one.recording for one in trials], specimens)
         doubts = (*(doubt for one in trials for doubt in magnitude_doubts(one)), *trial_doubts(trials))

@@ -76,12 +76,8 @@ def convert(
 
         given = [source for source in (cross_sections, scan, surface, subject_dir) if source]
         if len(given) != 1:
-            raise InputError(
-                "--cross-sections",
-                f"{len(given)} legs",
-                "one is needed",
-                "give one of --cross-sections, --scan, --surface and --subject-dir",
-            )
+            remedy = "give one of --cross-sections, --scan, --surface and --subject-dir"
+            raise InputError("--cross-sections", f"{len(given)} legs", "one is needed", remedy)
         if site is not None and subject_dir is None:
             raise InputError("--site", site, "belongs to a folder", "give --subject-dir, or leave it out")
         scanned = None
@@ -144,12 +140,8 @@ def _by_name(options: Sequence[str]) -> dict[str, list[str]]:
     for option in options:
         name, sign, value = option.partition("=")
         if not (sign and name and value):
-            raise InputError(
-                "--label, --surface",
-                option,
-                "is not of the form NAME=VALUE",
-                "write --label deep=2 or --surface skin=skin.stl",
-            )
+            remedy = "write --label deep=2 or --surface skin=skin.stl"
+            raise InputError("--label, --surface", option, "is not of the form NAME=VALUE", remedy)
         found.setdefault(name, []).append(value)
     return found
 

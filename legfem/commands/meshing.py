@@ -188,12 +188,8 @@ def _asked(
 ) -> "NamedMesh":
     given = [subject is not None, folder is not None, stocking is not None, idealised]
     if sum(given) != 1:
-        raise InputError(
-            "--subject",
-            "leg",
-            f"{'none' if not any(given) else 'more than one'} is given",
-            "give one of --subject, --subject-dir, --stocking and --idealised",
-        )
+        remedy = "give one of --subject, --subject-dir, --stocking and --idealised"
+        raise InputError("--subject", "leg", f"{'none' if not any(given) else 'more than one'} is given", remedy)
     from legfem.legs.schema import SUBJECTS
     from legfem.stockings.loading import LEGS
 

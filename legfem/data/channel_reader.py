@@ -220,12 +220,8 @@ def _channel_file(
     """
     assert entry.file is not None
     if trials > 1 and TRIAL not in entry.file:
-        raise InputError(
-            toml,
-            f"channels.{name}.file",
-            f"'{entry.file}' is one file for {trials} trials",
-            f"give one a trial, and write {TRIAL} for the trial's name, as in us-{TRIAL}.csv",
-        )
+        remedy = f"give one a trial, and write {TRIAL} for the trial's name, as in us-{TRIAL}.csv"
+        raise InputError(toml, f"channels.{name}.file", f"'{entry.file}' is one file for {trials} trials", remedy)
     path = toml.parent / entry.file.replace(SITE, site).replace(TRIAL, recording.trial)
     nearby = None if recording.source is None else file_of(recording.source).parent / path.name
     return nearby if nearby is not None and nearby.is_file() and not path.is_file() else path
@@ -331,10 +327,6 @@ def _of_instrument(
     if len(timed) != 1 or len(named) != 1:
         there = ", ".join(f"'{c.name}' in {c.unit or 'no unit'}" for c in columns)
         what = "time" if len(timed) != 1 else kind.name
-        raise InputError(
-            path,
-            what,
-            f"none, or more than one, of the columns {there} can be it",
-            f"give time_s,{kind.column}, or name the column under [channels.{kind.name}]",
-        )
+        remedy = f"give time_s,{kind.column}, or name the column under [channels.{kind.name}]"
+        raise InputError(path, what, f"none, or more than one, of the columns {there} can be it", remedy)
     return timed[0].values * timed[0].factor, named[0].values * named[0].factor

@@ -44,19 +44,13 @@ class InstrumentEntry(input_files.FileTable):
     def _each_once(self) -> "InstrumentEntry":
         stated = self.force_accuracy_percent is not None or self.force_range_N is not None
         if self.force_sd_N is not None and stated:
-            raise input_files.trouble(
-                "force_sd_N",
-                "given beside accuracy and range",
-                "give either force_sd_N or force_accuracy_percent with force_range_N",
-            )
+            remedy = "give either force_sd_N or force_accuracy_percent with force_range_N"
+            raise input_files.trouble("force_sd_N", "given beside accuracy and range", remedy)
         if self.force_sd_N is None:
             for key in ("force_accuracy_percent", "force_range_N"):
                 if getattr(self, key) is None:
-                    raise input_files.trouble(
-                        key if stated else "force_sd_N",
-                        MISSING,
-                        "give force_sd_N, or force_accuracy_percent and force_range_N",
-                    )
+                    remedy = "give force_sd_N, or force_accuracy_percent and force_range_N"
+                    raise input_files.trouble(key if stated else "force_sd_N", MISSING, remedy)
         remedy = "give either displacement_sd_mm or displacement_accuracy_mm"
         input_files.check_one_of(self, "displacement_sd_mm", "displacement_accuracy_mm", remedy)
         return self

@@ -170,32 +170,20 @@ def check_trial(trial: Segmentation) -> None:
         )
     samples = int(np.count_nonzero(smooth[: trial.deepest + 1] > contact))
     if samples < MINIMAL_SAMPLES:
-        raise InputError(
-            source,
-            "rows",
-            f"{samples} samples of loading after contact are too few",
-            f"record at least {MINIMAL_SAMPLES}: sample faster or press more slowly",
-        )
+        remedy = f"record at least {MINIMAL_SAMPLES}: sample faster or press more slowly"
+        raise InputError(source, "rows", f"{samples} samples of loading after contact are too few", remedy)
 
 
 def _check_motion(trial: Segmentation) -> None:
     away = trial.smooth - trial.smooth[0]
     travel, way = float(np.ptp(trial.smooth)), trial.scales.way
     if travel < 0.1 * way:
-        raise InputError(
-            trial.source,
-            "displacement_mm",
-            f"changes by {travel:.3g} mm in all",
-            "give displacement in mm (multiply metres by 1000), or record a deeper press",
-        )
+        remedy = "give displacement in mm (multiply metres by 1000), or record a deeper press"
+        raise InputError(trial.source, "displacement_mm", f"changes by {travel:.3g} mm in all", remedy)
     first = np.flatnonzero(np.abs(away) > max(0.5 * way, 5.0 * trial.displacement_noise))
     if len(first) and away[first[0]] < 0:
-        raise InputError(
-            trial.source,
-            "displacement_mm",
-            "falls at the start",
-            "let it grow towards the leg: change its sign or remove rows of moving away",
-        )
+        remedy = "let it grow towards the leg: change its sign or remove rows of moving away"
+        raise InputError(trial.source, "displacement_mm", "falls at the start", remedy)
 
 
 def check_touch(trial: Segmentation) -> None:
@@ -211,17 +199,9 @@ def check_touch(trial: Segmentation) -> None:
     before = max(3, int(np.argmax(smooth - smooth[0] > 0.05 * (high - low))))
     rise = float(np.median(force[smooth >= high - 0.05 * (high - low)])) - float(np.median(force[:before]))
     if rise < -5.0 * max(spread, 0.04 * least):
-        raise InputError(
-            trial.source,
-            "force_N",
-            f"falls by {-rise:.3g} N as the displacement grows",
-            "change its sign: force is positive as the test loads",
-        )
+        remedy = "change its sign: force is positive as the test loads"
+        raise InputError(trial.source, "force_N", f"falls by {-rise:.3g} N as the displacement grows", remedy)
     if rise <= max(5.0 * spread, least):
         hint = " or give force in N (multiply kN by 1000)" if 0 < rise < least else ""
-        raise InputError(
-            trial.source,
-            "force_N",
-            f"never touches: the force changes by {rise:.2g} N, and its noise is {spread:.2g} N",
-            f"remove this recording, or press deeper{hint}",
-        )
+        problem = f"never touches: the force changes by {rise:.2g} N, and its noise is {spread:.2g} N"
+        raise InputError(trial.source, "force_N", problem, f"remove this recording, or press deeper{hint}")

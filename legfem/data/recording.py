@@ -304,12 +304,8 @@ def _check_sizes(path: Path, time: FloatArray, displacement: FloatArray, force: 
         for end in {one.min(), one.max()} if len(one) else ():
             missing, rest = one == end, one[one != end]
             if abs(end) in _CODES and missing.sum() > 1 and len(rest) and abs(end) > _FAR * np.abs(rest).max():
-                raise InputError(
-                    path,
-                    "rows",
-                    f"{missing.sum()} readings are {end:g}, which stands for missing ones",
-                    "remove those rows, or export the file again",
-                )
+                problem = f"{missing.sum()} readings are {end:g}, which stands for missing ones"
+                raise InputError(path, "rows", problem, "remove those rows, or export the file again")
 
 
 def channel_of(column: Column) -> ChannelKind | None:

@@ -349,12 +349,8 @@ def segment(
         If there are hardly any samples.
     """
     if len(recording) < _SHORTEST_SEGMENT:
-        raise InputError(
-            recording.source or recording.trial,
-            "rows",
-            f"{len(recording)} samples are too few",
-            "record a whole press, with at least 20 during loading",
-        )
+        remedy = "record a whole press, with at least 20 during loading"
+        raise InputError(recording.source or recording.trial, "rows", f"{len(recording)} samples are too few", remedy)
     recording = recording if scales is LEG else before_it_tears(recording)
     smooth, _ = smooth_displacement(recording.time, recording.displacement, scales.way)
     found = Segmentation(recording, contact_at_start(), smooth, instrument, scales)

@@ -90,12 +90,8 @@ def refuse_untimed(path: Path, sheet: Sheet) -> InputError:
     stretch, stress = stretch_and_stress(sheet) or sheet.columns[:2]
     unit = f" in {stress.unit}" if stress.unit else ""
     confirm, line = table_line(stretch, stress)
-    return InputError(
-        path,
-        "columns",
-        f"is a table of stretch and stress ('{stretch.name}' and '{stress.name}'{unit}) without a time",
-        f"{confirm}, give in specimen.toml, in the table [recordings]: {line}",
-    )
+    problem = f"is a table of stretch and stress ('{stretch.name}' and '{stress.name}'{unit}) without a time"
+    return InputError(path, "columns", problem, f"{confirm}, give in specimen.toml, in the table [recordings]: {line}")
 
 
 def read_stress_table(path: Path, columns: StressTableEntry) -> tuple[FloatArray, FloatArray]:
@@ -116,12 +112,8 @@ def read_stress_table(path: Path, columns: StressTableEntry) -> tuple[FloatArray
     )
     unit, (_, line) = unit_named(columns.unit), table_line(strain, stress)
     if unit is None or unit.quantity != "pressure":
-        raise InputError(
-            path,
-            "recordings.table.unit",
-            f"'{columns.unit}' is not a unit of stress",
-            f"give kPa, MPa, Pa, psi or bar, as in: {line}",
-        )
+        remedy = f"give kPa, MPa, Pa, psi or bar, as in: {line}"
+        raise InputError(path, "recordings.table.unit", f"'{columns.unit}' is not a unit of stress", remedy)
     if stress.quantity == "pressure" and stress.known_unit != unit:
         problem = f"'{columns.unit}', but the file says '{stress.unit}'"
         raise InputError(path, "recordings.table.unit", problem, f"correct one of them, as in: {line}")

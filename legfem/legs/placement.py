@@ -214,12 +214,8 @@ def _typical(toml: Path, entry: SectionEntry) -> LegSection:
     try:
         return calf_section(Calf.with_fat_behind(entry.girth_mm, entry.fat_mm, entry.fascia_thickness_mm))
     except InputError as error:
-        raise InputError(
-            toml,
-            "section.fat_mm",
-            f"{entry.fat_mm:g} mm of fat and a girth of {entry.girth_mm:g} mm make no calf ({error.problem})",
-            "measure both again, or give contours",
-        ) from None
+        problem = f"{entry.fat_mm:g} mm of fat and a girth of {entry.girth_mm:g} mm make no calf ({error.problem})"
+        raise InputError(toml, "section.fat_mm", problem, "measure both again, or give contours") from None
 
 
 def _to_scan(directory: Path, toml: Path, indenter: IndenterEntry) -> tuple[RigidTransform, float | None]:

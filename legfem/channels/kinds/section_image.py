@@ -95,12 +95,8 @@ class _InCells(base.FramesFile[Site], ABC):
         inside = [_in_tissue(one.columns[:, :2], site, self.beyond) for one in frames]
         kept, every = sum(int(one.sum()) for one in inside), sum(len(one.columns) for one in frames)
         if 2 * kept < every:
-            raise InputError(
-                "frames",
-                "x_mm, y_mm",
-                f"{kept} of {every} points lie in soft tissue",
-                "give the points in the outlines' coordinates, where they were before the cylinder pressed",
-            )
+            remedy = "give the points in the outlines' coordinates, where they were before the cylinder pressed"
+            raise InputError("frames", "x_mm, y_mm", f"{kept} of {every} points lie in soft tissue", remedy)
         rows = [one.columns[here] for one, here in zip(frames, inside, strict=True)]
         middles, cells = _cells_of(np.concatenate(rows)[:, :2], site.touch, self.most)
         of_trial = np.split(cells, np.cumsum([len(one) for one in rows])[:-1])

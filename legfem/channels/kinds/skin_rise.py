@@ -142,9 +142,5 @@ def refuse_pressed(frames: base.Frames, why: str) -> None:
     first, force = float(frames.time.min()), frames.trial_force - frames.trial_force[0]
     at = float(np.interp(first, frames.trial_time, force))
     if abs(at) > _PRESSED * np.abs(force).max():
-        raise InputError(
-            "frames",
-            "time_s",
-            f"the first frame, at {first:g} s, shows a leg pressed with {at:.2g} N already",
-            f"begin with a frame from before the cylinder presses: {why}",
-        )
+        problem = f"the first frame, at {first:g} s, shows a leg pressed with {at:.2g} N already"
+        raise InputError("frames", "time_s", problem, f"begin with a frame from before the cylinder presses: {why}")

@@ -82,12 +82,8 @@ def read_lines(path: Path) -> TextLines:
     text, encoding, left = _decoded(path)
     given = _DASH.sub("-", text.translate(_CHARACTERS)).splitlines()
     if len(given) > _MOST_LINES:
-        raise InputError(
-            path,
-            "file",
-            f"contains {len(given):,} lines; at most {_MOST_LINES:,} are read",
-            f"export the test alone, or keep one line of {-(-len(given) // _MOST_LINES)}: {_thinning(path, given)}",
-        )
+        remedy = f"export the test alone, or keep one line of {-(-len(given) // _MOST_LINES)}: {_thinning(path, given)}"
+        raise InputError(path, "file", f"contains {len(given):,} lines; at most {_MOST_LINES:,} are read", remedy)
     given = [_FORMULA.sub(r'"\1"', line) for line in _with_whole_cells(given)]
     # A line in quotes as a whole is one that a spreadsheet took for a cell.
     given = [found[1] if (found := _QUOTED_LINE.fullmatch(line)) else line for line in given]
@@ -209,12 +205,8 @@ def _decoded(path: Path) -> tuple[str, str, int]:
     if whole.count(0) > _MOST_NULLS * len(whole) + 1:
         lost = _LOST.match(whole)
         if lost is not None:
-            raise InputError(
-                path,
-                f"line {lost[1].count(b'\n') + 1}",
-                f"{len(lost[2])} null bytes are in the place of text: part of the file is lost",
-                "copy it again from the instrument",
-            )
+            problem = f"{len(lost[2])} null bytes are in the place of text: part of the file is lost"
+            raise InputError(path, f"line {lost[1].count(b'\n') + 1}", problem, "copy it again from the instrument")
         raise InputError(path, "file", "is not text (it contains null bytes)", "export it as CSV from its program")
     try:
         return whole.decode("utf-8"), "utf-8", left if left > 1 else 0

@@ -101,12 +101,8 @@ def check_size(path: Path, size: int) -> None:
         If they are more than a recording has.
     """
     if size > MOST_BYTES:
-        raise InputError(
-            path,
-            "file",
-            f"contains {size / 1e6:,.0f} MB once unpacked; at most {MOST_BYTES / 1e6:g} MB are read",
-            "export the test alone, sampled less finely",
-        )
+        problem = f"contains {size / 1e6:,.0f} MB once unpacked; at most {MOST_BYTES / 1e6:g} MB are read"
+        raise InputError(path, "file", problem, "export the test alone, sampled less finely")
 
 
 def file_of(path: Path) -> Path:

@@ -68,12 +68,8 @@ def _check_frames(path: Path, cells: Sequence[str]) -> None:
     found = [clock for cell in cells if (clock := CLOCK.fullmatch(cell))]
     last = [clock["part"] or "" if clock["mark"] == ":" and clock["s"] else "" for clock in found]
     if last and all(len(part) == 2 for part in last) and max(map(int, last)) < _MOST_FRAMES:
-        raise InputError(
-            path,
-            "time",
-            f"the last two figures of '{cells[0]}' may count frames, since none is {_MOST_FRAMES} or more",
-            "export time in seconds since the start",
-        )
+        problem = f"the last two figures of '{cells[0]}' may count frames, since none is {_MOST_FRAMES} or more"
+        raise InputError(path, "time", problem, "export time in seconds since the start")
 
 
 _OF_SAMPLING = re.compile(
