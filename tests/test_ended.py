@@ -86,10 +86,10 @@ def test_a_cohort_that_is_killed_as_it_ends_leaves_no_half_table(tmp_path: Path,
         (folder / "cohort.html").write_text("half of")
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(cohorts, "write_tables", write_tables)
+    monkeypatch.setattr(cohorts.cohort_rows, "write_tables", write_tables)
     monkeypatch.setattr(cohorts, "write_cohort_page", write_page)
     monkeypatch.setattr(cohorts, "_check_apart", lambda *_: None)
-    monkeypatch.setattr(cohorts, "units_frame", lambda *_: pd.DataFrame())
+    monkeypatch.setattr(cohorts.cohort_rows, "units_frame", lambda *_: pd.DataFrame())
     made = SimpleNamespace(
         members=None, rows=(), population=None, document=lambda: {}, to_frame=pd.DataFrame, _page=lambda: None
     )
