@@ -320,10 +320,8 @@ def _without_names(path: Path, sheet: Sheet) -> InputError:
     refused = partial(InputError, path, "columns")
     count, first = len(sheet.columns), sheet.columns[0].values
     if len(first) < FEWEST_ROWS and count > _MOST_IN_A_ROW:
-        return refused(
-            f"its numbers are in rows of {count}, not in columns",
-            "turn the table round: in a spreadsheet, Paste Special, Transpose",
-        )
+        remedy = "turn the table round: in a spreadsheet, Paste Special, Transpose"
+        return refused(f"its numbers are in rows of {count}, not in columns", remedy)
     if count >= _MOST_COLUMNS:
         return refused(
             f"has {count} columns without names, as a camera's or film's frame", "give a row a point and frame"

@@ -236,10 +236,8 @@ def _untimely(channel: RecordedChannel, trial: Segmentation) -> Impossible | Non
         return Impossible(f"none of its readings {lies} {time[-1]:g} s", "give its times on the recording's clock")
     lasts, most = float(np.ptp(channel.time)), float(np.ptp(time))
     if lasts > _TIMES_AS_LONG * most:
-        return Impossible(
-            f"its readings last {lasts:.4g} s, and the recording {most:.4g} s",
-            "give its times in s on the recording's clock, or its part within the recording",
-        )
+        remedy = "give its times in s on the recording's clock, or its part within the recording"
+        return Impossible(f"its readings last {lasts:.4g} s, and the recording {most:.4g} s", remedy)
     if len(channel.values) >= _FEWEST_READINGS and not np.ptp(channel.values):
         return Impossible(
             f"all its {len(channel.values)} readings are {channel.values[0] + 0.0:g}{spaced_unit(channel.kind.unit)}",

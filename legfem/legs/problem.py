@@ -343,10 +343,8 @@ def weighting_of(law: IdentifiedLaw, asked: Weighting | None, channels: bool = F
     """
     refused = partial(InputError, Argument("weighting"), "paper")
     if channels and asked == "paper":
-        raise refused(
-            "has no errors by which newtons and millimetres could be weighed against each other",
-            "leave it out, or take the channels out of the recordings",
-        )
+        problem = "has no errors by which newtons and millimetres could be weighed against each other"
+        raise refused(problem, "leave it out, or take the channels out of the recordings")
     if asked == "paper" and len(law.priors):
         raise refused("has no errors that a prior could be weighed against", "leave it out, or give covariance")
     return asked or "covariance"

@@ -105,10 +105,8 @@ class ContactForces(base.ChannelFile):
                 f"it is up to {worst:.3g} N mm, and friction of {force.max():.3g} N on the face makes less",
                 "give it about the cylinder's axis, not about the load cell's origin, and check its unit",
             )
-        return base.Impossible(
-            f"it is up to {worst:.3g} N, more than the force along the travel ({force.max():.3g} N)",
-            "check which of the load cell's axes is which, and its zero",
-        )
+        problem = f"it is up to {worst:.3g} N, more than the force along the travel ({force.max():.3g} N)"
+        return base.Impossible(problem, "check which of the load cell's axes is which, and its zero")
 
 
 def _squared(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
@@ -174,10 +172,8 @@ class ContactWidths(base.ChannelFile):
             return base.Impossible(f"it is down to {least:.3g} mm", "leave a cell empty where nothing could be read")
         if widest <= half:
             return None
-        return base.Impossible(
-            f"it is up to {widest:.3g} mm, and half the cylinder's face is {half:.3g} mm",
-            "check its unit and the cylinder's diameter",
-        )
+        problem = f"it is up to {widest:.3g} mm, and half the cylinder's face is {half:.3g} mm"
+        return base.Impossible(problem, "check its unit and the cylinder's diameter")
 
     def place(self, kind: base.ChannelKind, site: Site) -> FloatArray:
         """Return the face's deepest point at first touch."""
@@ -253,10 +249,8 @@ class ContactPressures(base.FramesFile[Site]):
             found.append(float(load[together].sum()) / float(at))
         if not found or np.median(found) <= _MORE_THAN_FORCE:
             return None
-        return base.Impossible(
-            f"the pressures add up to {np.median(found):.2g} times the force",
-            "check their unit, and that angles are those of the sensels' middles about the cylinder's axis",
-        )
+        remedy = "check their unit, and that angles are those of the sensels' middles about the cylinder's axis"
+        return base.Impossible(f"the pressures add up to {np.median(found):.2g} times the force", remedy)
 
     def arrows(self, places: FloatArray, site: Site) -> tuple[FloatArray, FloatArray]:
         """Return the sensels' middles on the face at first touch, and the directions in which they press."""
@@ -287,10 +281,8 @@ class ContactPressures(base.FramesFile[Site]):
             raise refused(f"{len(angles)} sensel", "give the pressures of two sensels at least")
         widest = np.abs(angles).max()
         if widest > 90.0:
-            raise refused(
-                f"is up to {widest:.0f}: the skin touches within 90 degrees of the line of travel",
-                "give the angle of a sensel's middle from the face's deepest point, to the left of the travel",
-            )
+            remedy = "give the angle of a sensel's middle from the face's deepest point, to the left of the travel"
+            raise refused(f"is up to {widest:.0f}: the skin touches within 90 degrees of the line of travel", remedy)
         if widest <= _NARROWEST_DEG:
             raise refused(f"is within ± {widest:.3g}, as it would be in radians", "give it in degrees")
         between = 0.5 * (angles[1:] + angles[:-1])

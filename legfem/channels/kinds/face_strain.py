@@ -104,10 +104,8 @@ def _read(frames: Frames, face: Face) -> Read:
     if face.half_width is not None:
         outside |= np.abs(x) > _OUTSIDE * face.half_width
     if outside.mean() > _MOST_OUTSIDE:
-        raise refused(
-            f"{outside.sum()} of {len(outside)} points lie outside the specimen's face",
-            "count x from the axis and y from the middle of the height, in mm, where points were before the test",
-        )
+        remedy = "count x from the axis and y from the middle of the height, in mm, where points were before the test"
+        raise refused(f"{outside.sum()} of {len(outside)} points lie outside the specimen's face", remedy)
     found = [
         (time, place, value)
         for time in np.unique(frames.time)
@@ -159,20 +157,14 @@ def not_of_the_face(values: FloatArray, places: FloatArray, travelled: FloatArra
     farthest &= places[:, 0] == places[farthest, 0].max(initial=0.0)
     size = float(np.sqrt(np.mean(values[deep] ** 2))) / abs(said)
     if not _TRAVEL[0] < size < _TRAVEL[1]:
-        return Impossible(
-            f"the face is strained by {size:.2g} times what the travel says",
-            "check the unit of ux_mm and uy_mm, and the specimen's size along the axis",
-        )
+        remedy = "check the unit of ux_mm and uy_mm, and the specimen's size along the axis"
+        return Impossible(f"the face is strained by {size:.2g} times what the travel says", remedy)
     if farthest.any() and float(np.mean(values[farthest])) / said < -_TRAVEL[0]:
-        return Impossible(
-            "the face is strained along the other way than by the travel",
-            "check that y_mm lies along the axis, and that uy_mm counts the way it does",
-        )
+        remedy = "check that y_mm lies along the axis, and that uy_mm counts the way it does"
+        return Impossible("the face is strained along the other way than by the travel", remedy)
     rest = depth < _AT_REST * abs(said)
     stood = float(np.sqrt(np.mean(values[rest] ** 2))) / abs(said) if rest.any() else 0.0
     if stood > _STANDING:
-        return Impossible(
-            f"the face is strained by {stood:.2g} of what the travel comes to before it begins",
-            "count displacements from a frame before the test",
-        )
+        problem = f"the face is strained by {stood:.2g} of what the travel comes to before it begins"
+        return Impossible(problem, "count displacements from a frame before the test")
     return None

@@ -44,7 +44,5 @@ def not_a_stretch(values: FloatArray) -> Impossible | None:
     first, low, high = float(values[0]), float(values.min()), float(values.max())
     if abs(first - 1) < _FIRST and 1 / _WIDEST < low and high < _WIDEST:
         return None
-    return Impossible(
-        f"begins with {first:.3g}, and lies between {low:.3g} and {high:.3g}",
-        "give the diameter over that at first touch: 1 to begin with",
-    )
+    problem = f"begins with {first:.3g}, and lies between {low:.3g} and {high:.3g}"
+    return Impossible(problem, "give the diameter over that at first touch: 1 to begin with")

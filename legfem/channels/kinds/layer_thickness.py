@@ -103,15 +103,11 @@ def refused(
     # Of a line through n readings.
     error = accuracy.reading * np.sqrt(12 / len(values))
     if several and end - start > max(3 * error, 0.05 * stated):
-        return base.Impossible(
-            f"the {name} grows from {start:.3g} to {end:.3g} mm as it is pressed",
-            "check that the columns aren't exchanged, and that the frames are in order",
-        )
+        remedy = "check that the columns aren't exchanged, and that the frames are in order"
+        return base.Impossible(f"the {name} grows from {start:.3g} to {end:.3g} mm as it is pressed", remedy)
     if several and start - end > depth.max() + 3 * error:
-        return base.Impossible(
-            f"the {name} falls from {start:.3g} to {end:.3g} mm where what presses moves by {depth.max():.3g} mm",
-            "check its unit, and that its times are in s",
-        )
+        problem = f"the {name} falls from {start:.3g} to {end:.3g} mm where what presses moves by {depth.max():.3g} mm"
+        return base.Impossible(problem, "check its unit, and that its times are in s")
     first = float(np.mean(values[depth <= depth.min() + 0.1 * np.ptp(depth)]))
     tolerance = max(_APART_MM, _APART * stated, 3 * accuracy.bias, 3 * stated_sd) + float(depth.min())
     if abs(first - stated) > tolerance:
@@ -163,10 +159,8 @@ class LayerThicknesses(base.ChannelFile):
         site = recorded.site
         stated = layer_thicknesses(site.section, site.indenter.aim, site.direction).get(kind.name)
         if stated is None:
-            return base.Impossible(
-                "the line of travel meets no bone in the section: so there is no such thickness",
-                "leave the column out, or correct aim_mm and direction_deg",
-            )
+            problem = "the line of travel meets no bone in the section: so there is no such thickness"
+            return base.Impossible(problem, "leave the column out, or correct aim_mm and direction_deg")
         return refused(kind, stated, recorded.depth, recorded.values, recorded.accuracy, recorded.outline_sd)
 
     def place(self, kind: base.ChannelKind, site: Site) -> FloatArray:

@@ -175,25 +175,19 @@ class SectionDisplacements(_InCells):
         depth, values, places = recorded.depth[pressed], recorded.values[pressed], recorded.places[pressed]
         deepest, largest = float(depth.max(initial=0.0)), float(np.abs(values).max(initial=0.0))
         if largest > _TOO_FAR * deepest + _TOO_FAR_MM:
-            return base.Impossible(
-                f"points move by up to {largest:.3g} mm where the cylinder moves by {deepest:.3g} mm",
-                "check the unit of ux_mm and uy_mm",
-            )
+            problem = f"points move by up to {largest:.3g} mm where the cylinder moves by {deepest:.3g} mm"
+            return base.Impossible(problem, "check the unit of ux_mm and uy_mm")
         at_rest = values[depth < _RESTING_MM]
         moved = float(np.sqrt(2 * np.mean(at_rest**2))) if len(at_rest) else 0.0
         if moved > _AT_REST_MM:
-            return base.Impossible(
-                f"points have moved by {moved:.2g} mm before the cylinder touches",
-                "count displacements from a frame before it presses",
-            )
+            problem = f"points have moved by {moved:.2g} mm before the cylinder touches"
+            return base.Impossible(problem, "count displacements from a frame before it presses")
         along = values * recorded.site.direction[places[:, 2].astype(int)]
         deep = depth > 0.5 * deepest
         total = float(np.mean(along[deep])) if deep.any() else 0.0
         if total < -0.05 * deepest:
-            return base.Impossible(
-                f"points move by {-total:.2g} mm against the cylinder's travel in the mean",
-                "check the directions of ux_mm and uy_mm: they are those of the outlines' coordinates",
-            )
+            remedy = "check the directions of ux_mm and uy_mm: they are those of the outlines' coordinates"
+            return base.Impossible(f"points move by {-total:.2g} mm against the cylinder's travel in the mean", remedy)
         return None
 
     def arrows(self, places: FloatArray, site: Site) -> tuple[FloatArray, FloatArray]:
@@ -249,14 +243,10 @@ class SectionStrains(_InCells):
         at_rest = values[depth < _RESTING_MM]
         stood = float(np.sqrt(np.mean(at_rest**2))) if len(at_rest) else 0.0
         if stood > _STRAIN_AT_REST:
-            return base.Impossible(
-                f"the tissue is strained by {stood:.2g} before the cylinder touches",
-                "count strains from a frame before it presses, summed from frame to frame",
-            )
+            remedy = "count strains from a frame before it presses, summed from frame to frame"
+            return base.Impossible(f"the tissue is strained by {stood:.2g} before the cylinder touches", remedy)
         deep = depth > 0.5 * depth.max(initial=0.0)
         if deep.any() and float(np.mean(values[deep])) > max(0.02, 2 * recorded.accuracy.reading):
-            return base.Impossible(
-                f"the tissue is stretched along the travel, by {np.mean(values[deep]):.2g} in the mean",
-                "give a shortening as a strain below zero",
-            )
+            problem = f"the tissue is stretched along the travel, by {np.mean(values[deep]):.2g} in the mean"
+            return base.Impossible(problem, "give a shortening as a strain below zero")
         return None

@@ -79,10 +79,8 @@ class SkinRises(base.FramesFile[Site]):
         most = float(recorded.values[np.argmax(np.abs(recorded.values))])
         if abs(most) <= depth + error:
             return None
-        return base.Impossible(
-            f"the skin rises by {most:.3g} mm where the cylinder moves by {depth:.3g} mm",
-            "check its unit; it is counted from first touch",
-        )
+        problem = f"the skin rises by {most:.3g} mm where the cylinder moves by {depth:.3g} mm"
+        return base.Impossible(problem, "check its unit; it is counted from first touch")
 
     def place(self, kind: base.ChannelKind, site: Site) -> FloatArray:
         """Return the point of the skin."""

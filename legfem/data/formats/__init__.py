@@ -159,10 +159,8 @@ def _read_sheets(path: Path, size: int, changed: int) -> tuple[Sheet, ...]:
         raise
     except Exception as error:  # a damaged file: its library raises whatever it meets
         said = " ".join(str(error).split())[:120] or type(error).__name__
-        raise refused(
-            f"can't be read as {ending or 'what it begins as'} ({said})",
-            "it may be damaged, or of another kind than its name says: copy or export it again",
-        ) from error
+        remedy = "it may be damaged, or of another kind than its name says: copy or export it again"
+        raise refused(f"can't be read as {ending or 'what it begins as'} ({said})", remedy) from error
     if not sheets:
         problem = "contains no columns of numbers with names"
         raise refused(problem, "export time, displacement and force, each with its name")
