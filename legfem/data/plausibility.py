@@ -82,12 +82,8 @@ def unread_doubts(folder: Path, unread: Sequence[Path], remedy: str) -> Iterator
 def pull_doubts(trial: Segmentation) -> Iterator[Doubt]:
     """Yield a doubt about a recording of a leg, which is pressed, whose columns are called a pull's."""
     if trial.recording.pulled:
-        yield Doubt(
-            trial.source,
-            "recordings",
-            "has a pull's column names, and is read as a press",
-            'of a specimen give direction = "tension" in specimen.toml; of a leg export the press',
-        )
+        remedy = 'of a specimen give direction = "tension" in specimen.toml; of a leg export the press'
+        yield Doubt(trial.source, "recordings", "has a pull's column names, and is read as a press", remedy)
 
 
 def magnitude_doubts(trial: Segmentation) -> Iterator[Doubt]:
@@ -121,12 +117,8 @@ def loading_doubts(
 ) -> Iterator[Doubt]:
     """Yield what is unlikely in a loading (n,); ``least_level`` is the share of its way that may be level."""
     if len(time) > _MANY_ROWS and np.allclose(np.diff(time), 1.0, 0.0, 1e-6):
-        yield Doubt(
-            source,
-            "time_s",
-            "goes up by exactly 1 from row to row, as a count of samples",
-            "divide it by the sampling rate in Hz, or confirm that there was one a second",
-        )
+        remedy = "divide it by the sampling rate in Hz, or confirm that there was one a second"
+        yield Doubt(source, "time_s", "goes up by exactly 1 from row to row, as a count of samples", remedy)
     way = cut_off(displacement, force)
     if way > least_level * float(displacement.max()):
         yield Doubt(
@@ -255,12 +247,8 @@ def _spike_doubts(source: str, recording: Recording) -> Iterator[Doubt]:
     """Yield a doubt about a reading of the force that is far from its neighbours."""
     at = spike(recording.force)
     if at is not None:
-        yield Doubt(
-            source,
-            "force_N",
-            f"one reading, {recording.force[at]:.4g} N at {recording.time[at]:.4g} s, differs from all around it",
-            "remove the row if it is a disturbance",
-        )
+        problem = f"one reading, {recording.force[at]:.4g} N at {recording.time[at]:.4g} s, differs from all around it"
+        yield Doubt(source, "force_N", problem, "remove the row if it is a disturbance")
 
 
 def spike(force: FloatArray) -> int | None:

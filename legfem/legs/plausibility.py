@@ -120,12 +120,8 @@ def _spike(toml: Path, part: str, outline: FloatArray) -> Iterator[Doubt]:
     worst = int(np.argmax(out))
     if out[worst] > _FAR_OUT * max(float(np.median(ways[1])), _FAR_OUT_MM):
         x, y = outline[worst]
-        yield Doubt(
-            str(toml),
-            "section.contours",
-            f"the {part} has a spike of {out[worst]:.2g} mm at ({x:.1f}, {y:.1f})",
-            "remove the point",
-        )
+        problem = f"the {part} has a spike of {out[worst]:.2g} mm at ({x:.1f}, {y:.1f})"
+        yield Doubt(str(toml), "section.contours", problem, "remove the point")
 
 
 def _landmarks(toml: Path, subject: Subject) -> Iterator[Doubt]:
@@ -155,12 +151,8 @@ def _indenter(toml: Path, subject: Subject) -> Iterator[Doubt]:
     )
     angle = indenter.direction_deg
     if abs(angle) < 2 * math.pi + 0.01 and angle != round(angle):
-        yield Doubt(
-            str(toml),
-            "indenter.direction_deg",
-            f"{angle:g} looks like radians",
-            f"if it is, give {math.degrees(angle):.4g} degrees",
-        )
+        remedy = f"if it is, give {math.degrees(angle):.4g} degrees"
+        yield Doubt(str(toml), "indenter.direction_deg", f"{angle:g} looks like radians", remedy)
     slant = _slant_deg(subject)
     if slant > _GRAZING_DEG:
         found = Doubt(
@@ -194,12 +186,8 @@ def _tissue(toml: Path, field: str, tissue: TissueParameters) -> Iterator[Doubt]
     ratio = poisson_ratio(tissue)
     # A thin sheet's change of volume moves nothing: the published fascia's ratio is below zero.
     if name != "fascia" and ratio is not None and ratio < 0:
-        yield Doubt(
-            str(toml),
-            f"{field}.D1_per_MPa",
-            f"Poisson's ratio is {ratio:.2f} with the C10 and D1 given",
-            "soft tissues' is near 0.5: check the units of both",
-        )
+        problem = f"Poisson's ratio is {ratio:.2f} with the C10 and D1 given"
+        yield Doubt(str(toml), f"{field}.D1_per_MPa", problem, "soft tissues' is near 0.5: check the units of both")
 
 
 _OUTSIDE = float(ndtri(0.995))

@@ -182,12 +182,8 @@ def _noise(subject: Subject, toml: Path) -> Iterator[Doubt]:
     seen = _noise_seen(subject)
     stated = subject.instrument.force_sd
     if seen > _NOISE_FACTOR * stated + 0.01:
-        yield Doubt(
-            str(toml),
-            "instrument.force_sd_N",
-            f"{stated:.3g} N is stated, but force_N jumps by {seen:.3g} N from sample to sample",
-            "check the unit of force_N, or the stated accuracy",
-        )
+        problem = f"{stated:.3g} N is stated, but force_N jumps by {seen:.3g} N from sample to sample"
+        yield Doubt(str(toml), "instrument.force_sd_N", problem, "check the unit of force_N, or the stated accuracy")
 
 
 _FARTHEST_LAG_S = 3.0
