@@ -56,8 +56,12 @@ def stocking(
     """
     known = loading.load_leg(leg) if isinstance(leg, str | Path) else leg
     if not isinstance(known, StockingLeg):
-        remedy = "give an id, a folder, or what load_leg returned"
-        raise InputError("leg", type(known).__name__, "is not a leg that was scanned in a stocking", remedy)
+        raise InputError(
+            "leg",
+            type(known).__name__,
+            "is not a leg that was scanned in a stocking",
+            "give an id, a folder, or what load_leg returned",
+        )
     loading.check_whole("cells", cells, 1)
     if not 2_000 <= cells <= 5_000_000:
         raise loading.wrong("cells", cells, "is out of range", "give 2000 to 5000000")

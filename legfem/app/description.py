@@ -4,7 +4,7 @@ import math
 import tomllib
 import types
 from collections.abc import Iterator, Mapping, MutableMapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, Union, get_args, get_origin
 
@@ -19,7 +19,7 @@ from legfem.common.input_files import FileTable, checked
 from legfem.data import seen_instrument
 from legfem.data.formats import recording_files
 from legfem.data.reader import read_samples, trials_in
-from legfem.data.recording import SourceColumns
+from legfem.data.recording import QUANTITIES, SourceColumns
 from legfem.legs.folder import plain_id, subject_text
 from legfem.legs.schema import SUBJECTS, SubjectFile, site_names, subject_entry
 from legfem.specimens.schema import SIZES, SeveralTests, SpecimenFile
@@ -104,18 +104,13 @@ def with_settings(text: str, changed: Mapping[tuple[str, ...], Value]) -> str:
 
 def with_channels(text: str, channels: SourceColumns | None) -> str:
     """Return the file's text with the columns of its recordings, or without any."""
-    keys: dict[tuple[str, ...], Value] = {}
-    names = ("time", "displacement", "force")
     if channels is None:
-        keys |= {("recordings", name): None for name in (*names, "sheet")}
-        return with_settings(text, keys)
-    keys["recordings", "sheet"] = channels.sheet
-    for name in names:
-        channel = getattr(channels, name)
-        keys["recordings", name, "column"] = channel.column
-        keys["recordings", name, "unit"] = channel.unit
-        if name != "time":
-            keys["recordings", name, "sign"] = channel.sign
+        return with_settings(text, {("recordings", name): None for name in (*QUANTITIES, "sheet")})
+    keys: dict[tuple[str, ...], Value] = {("recordings", "sheet"): channels.sheet}
+    for name in QUANTITIES:
+        for key, value in asdict(getattr(channels, name)).items():
+            if (name, key) != ("time", "sign"):
+                keys["recordings", name, key] = value
     return with_settings(text, keys)
 
 
@@ -132,7 +127,7 @@ def _settings(schema: type[FileTable], given: Mapping[str, Any], above: tuple[st
         plain, choices = _plain(field.annotation)
         key = (*above, name)
         if isinstance(plain, type) and issubclass(plain, FileTable):
-            if name in _COLUMNS or (found is None and name in schema.alternatives):
+            if name in QUANTITIES or (found is None and name in schema.alternatives):
                 continue
             table = found if isinstance(found, Mapping) else None
             needed = table is not None or type(None) not in get_args(field.annotation)
@@ -143,9 +138,6 @@ def _settings(schema: type[FileTable], given: Mapping[str, Any], above: tuple[st
             said = " ".join((field.description or "").replace("``", "").split())
             unwrapped = found.unwrap() if isinstance(found, Item) else found
             yield Setting(key, plain, choices, unwrapped, default, field.is_required(), said)
-
-
-_COLUMNS = ("time", "displacement", "force")
 
 
 def _plain(annotation: Any) -> tuple[Any, tuple[str, ...]]:

@@ -104,7 +104,7 @@ class Run:
         """Send Ctrl-C to all of a run's processes, or end them at once; return whether it ran."""
         if not self.alive:
             return False
-        leader = self._read("session.json").get("leader")
+        leader = read_json(self.folder / "session.json").get("leader")
         if leader is None:
             return False
         with suppress(ProcessLookupError):
@@ -139,7 +139,7 @@ class Run:
             INTERRUPTED: RunState.STOPPED,
             -signal.SIGINT: RunState.STOPPED,
             -signal.SIGKILL: RunState.LOST,
-        }.get(self._read("exit.json").get("status"), RunState.FAILED)
+        }.get(read_json(self.folder / "exit.json").get("status"), RunState.FAILED)
 
     @property
     def then(self) -> str:
@@ -196,7 +196,7 @@ class Run:
 
     def reached(self) -> Reached | None:
         """Return how far its progress says that it is; None before it said anything."""
-        begun = self._read("session.json").get("log_from")
+        begun = read_json(self.folder / "session.json").get("log_from")
         return None if begun is None else reached(self._lines(begun))
 
     def _lines(self, begun: int) -> list[str]:
@@ -220,9 +220,6 @@ class Run:
             return _GIVEN.validate_json((self.folder / "run.json").read_bytes())
         except ValidationError:
             return _DAMAGED
-
-    def _read(self, name: str) -> dict[str, Any]:
-        return read_json(self.folder / name)
 
 
 def read_json(path: Path) -> dict[str, Any]:

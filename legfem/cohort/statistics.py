@@ -105,10 +105,9 @@ def statistics(members: Sequence[Member], rows: Sequence[Row]) -> Statistics:
     groups = [effect.p_value for one in made for effect in one.effects if effect.of_group]
     adjusted = iter(holm(groups))
 
-    def with_adjusted(effect: Effect) -> Effect:
-        return replace(effect, adjusted=float(next(adjusted))) if effect.of_group else effect
-
-    made = [replace(one, effects=tuple(map(with_adjusted, one.effects))) for one in made]
+    for place, one in enumerate(made):
+        each = (replace(e, adjusted=float(next(adjusted))) if e.of_group else e for e in one.effects)
+        made[place] = replace(one, effects=tuple(each))
     return Statistics(tuple(made), tuple(reasons))
 
 

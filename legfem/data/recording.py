@@ -268,17 +268,14 @@ def _readings(
     path: Path, values: Sequence[FloatArray], column: str, remedy: str, lines: Sequence[int] | None = None
 ) -> list[FloatArray]:
     """Return time since a trial's start, displacement and force that may be a test's; see `check_increasing`."""
-    first = int(_first_is_doubled(values[0]))
+    given = values[0]
+    # Some programs write the first sample twice; later ones are no such thing.
+    first = int(len(given) > 2 and given[0] == given[1] and (np.diff(given[1:]) > 0).all())
     time, *others = (one[first:] for one in values)
     found = [since_start(time), *others]
     _check_sizes(path, *found)
     check_increasing(path, found[0], column, remedy, lines if lines is None else lines[first:])
     return found
-
-
-def _first_is_doubled(time: FloatArray) -> bool:
-    """Tell whether the first sample was written twice, as some programs do; later ones are no such thing."""
-    return len(time) > 2 and time[0] == time[1] and bool((np.diff(time[1:]) > 0).all())
 
 
 _CODES = (999.0, 9999.0, 99999.0, 999.25, 999.99, 9999.99, 32767.0, 32768.0, 65535.0)

@@ -164,10 +164,8 @@ def places_table(places: Sequence[Place], found: Diagnosis) -> WebTable:
 def evidence_table(found: Diagnosis) -> WebTable:
     """Return how probable each reported explanation is, and what it leaves."""
     base = found.weighted_base
-    rows, missing = (
-        [(BASE_NAME, found.explained.adequacy, "-", "-", found.base_held_out, "-")],
-        1 - found.explained.adequacy,
-    )
+    rows = [(BASE_NAME, found.explained.adequacy, "-", "-", found.base_held_out, "-")]
+    missing = 1 - found.explained.adequacy
     for model, held in zip(found.models, found.held_out, strict=True):
         gain = f"{model.posterior.log_evidence - base.posterior.log_evidence:.1f}"
         explained = percent(explained_share(found, model)) + (" (in part)" if model.in_part else "")

@@ -48,14 +48,9 @@ _EARLIER = 0.2
 """Farthest that contact may be before where it was detected, over the depth."""
 
 
-def earliest(course: Course) -> float:
-    """Return how far (mm) contact may be before where it was detected."""
-    return min(FARTHEST * course.contact.displacement_error, _EARLIER * course.depth)
-
-
 def deepest_of(course: Course) -> float:
     """Return the displacement (mm) that a course goes to, wherever its contact is."""
-    return course.depth + earliest(course)
+    return course.depth + min(FARTHEST * course.contact.displacement_error, _EARLIER * course.depth)
 
 
 def power_of(course: Course) -> float:
@@ -65,11 +60,6 @@ def power_of(course: Course) -> float:
     if len(d) < 3 or np.ptp(d) == 0:
         return 1.0
     return float(np.polyfit(np.log(d), np.log(force), 1, w=force)[0])
-
-
-def slope_of(course: Course, force: FloatArray) -> FloatArray:
-    """Return the slope (n,), N/mm, of a force in proportion to a power of the displacement."""
-    return np.asarray(power_of(course) * force / course.displacement)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +102,7 @@ class OnsetEffect:
         ahead = course.contact.displacement - expected
         if slope is None:
             risen = replace(course, force=course.force - course.standing) if course.standing else course
-            slope = slope_of(risen, risen.force)
+            slope = np.asarray(power_of(risen) * risen.force / risen.displacement)
         first = slope[course.displacement < course.depth / 3]
         pressed = 0.0
         if course.standing and len(first):

@@ -82,10 +82,8 @@ class OnARig:
     @property
     def softened(self) -> float:
         """By what factor thin specimens may seem softer than they are, as far as 19 of 20 rigs yield; else one."""
-        courses, every = (
-            [part.course for part in self.comparison.parts],
-            [one.sizes for one in self.comparison.recordings],
-        )
+        courses = [part.course for part in self.comparison.parts]
+        every = [one.sizes for one in self.comparison.recordings]
         shapes = [one.kind.slenderness(one.body) if one.kind.presses(one.body) else None for one in every]
         if not all(shape and shape[0] < _THIN for shape in shapes):
             return 1.0

@@ -168,10 +168,8 @@ def corrections_by_leg_cells() -> Cells:
     for name, paper in PAPER.items():
         subject = load_subject(SUBJECTS.find(name), need_recordings=False)
         correction = correction_of(subject)
-        P, sd = (
-            correction.correction(depths, kpa_to_mpa(np.array(paper.c10)), kpa_to_mpa(np.array(paper.c20))),
-            correction.standard_deviation(depths),
-        )
+        P = correction.correction(depths, kpa_to_mpa(np.array(paper.c10)), kpa_to_mpa(np.array(paper.c20)))
+        sd = correction.standard_deviation(depths)
         radius, depth = size_of(subject)
         row = {"subject": name, "radius, depth to bone (mm)": f"{radius:.1f}, {depth:.1f}"}
         rows.append(row | {f"P at {d:g} mm (sd)": f"{p:+.2f} ({s:.2f})" for d, p, s in zip(depths, P, sd, strict=True)})

@@ -176,18 +176,14 @@ def _table(rows: list[RunResult], reference: tuple[float, float, float] | None) 
                 tag("th", text).props("scope=col")
         with ui.element("tbody"):
             for row in rows:
-                _row(row, reference)
-
-
-def _row(row: RunResult, reference: tuple[float, float, float] | None) -> None:
-    with ui.element("tr"):
-        with ui.element("th").props("scope=row"):
-            ui.link(row.run, page_of("run", row.run))
-        for name in list(_COLUMNS)[1:]:
-            tag("td", getattr(row, name) or "–").props(f'data-label="{_COLUMNS[name]}"')
-        ends = row.c10_ends
-        difference = "–" if ends is None or reference is None else relative_difference(ends, reference)
-        tag("td", difference).props('data-label="difference (95 %)"')
+                with ui.element("tr"):
+                    with ui.element("th").props("scope=row"):
+                        ui.link(row.run, page_of("run", row.run))
+                    for name in list(_COLUMNS)[1:]:
+                        tag("td", getattr(row, name) or "–").props(f'data-label="{_COLUMNS[name]}"')
+                    ends = row.c10_ends
+                    difference = "–" if ends is None or reference is None else relative_difference(ends, reference)
+                    tag("td", difference).props('data-label="difference (95 %)"')
 
 
 def _one(reports: dict[str, Run], first: str) -> None:

@@ -271,32 +271,21 @@ def _at_end(given: calibration.Calibration, found: calibration.Calibrated) -> tu
 
 def _headline(given: calibration.Calibration, found: calibration.Calibrated) -> web.Headline:
     depth, P, sd = _at_end(given, found)
-    more = "more" if P < 0 else "less"
-    length = given.reference.cylinder.length
-    share = f"{100 * abs(P):.0f} %"
+    length, share = given.reference.cylinder.length, f"{100 * abs(P):.0f} %"
+    beside, without = "the force that", "Hardly anything"
+    if share != "0 %":
+        beside = f"{share} {'more' if P < 0 else 'less'} force than"
+        without = f"Without this correction, C10 would be about {share} too {'high' if P < 0 else 'low'}"
     return web.Headline(
         "caution" if _warnings(found) or 1.96 * sd > abs(P) else "sound",
-        f"At a depth of {depth:g} mm, a cylinder {length:g} mm long meets "
-        + (
-            "the force that plane strain predicts."
-            if share == "0 %"
-            else f"{share} {more} force than plane strain predicts."
-        ),
+        f"At a depth of {depth:g} mm, a cylinder {length:g} mm long meets {beside} plane strain predicts.",
         [
             (
                 "How sure",
                 f"P is {P:+.2f} ± {sd:.2f} at that depth (one standard deviation, from the mesh, the leg's length and "
                 "first contact).",
             ),
-            (
-                "What it does to C10",
-                (
-                    "Hardly anything"
-                    if share == "0 %"
-                    else f"Without this correction, C10 would be about {share} too {'high' if P < 0 else 'low'}"
-                )
-                + "; legfem identify applies it.",
-            ),
+            ("What it does to C10", f"{without}; legfem identify applies it."),
             ("What to do", _next()[0]),
         ],
         "What plane strain leaves out",
@@ -305,9 +294,7 @@ def _headline(given: calibration.Calibration, found: calibration.Calibrated) -> 
 
 def _warnings(found: calibration.Calibrated) -> list[str]:
     softened = sum(outcome.softened for outcome in found.outcomes)
-    if not softened:
-        return []
-    return [f"{softened} of {len(found.outcomes)} models needed a softer contact to go on."]
+    return [f"{softened} of {len(found.outcomes)} models needed a softer contact to go on."] if softened else []
 
 
 def _next() -> list[str]:
