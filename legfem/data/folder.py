@@ -103,8 +103,10 @@ class RecordingsEntry(input_files.FileTable):
         """Return where the quantities are found; None where files are in legfem's own form."""
         if self.time is None or self.displacement is None or self.force is None:
             return None
-        entries = (self.time, self.displacement, self.force)
-        return SourceColumns(*(SourceColumn(one.column, one.unit, one.sign) for one in entries), sheet=self.sheet)
+        time, displacement, force = (
+            SourceColumn(entry.column, entry.unit, entry.sign) for entry in (self.time, self.displacement, self.force)
+        )
+        return SourceColumns(time, displacement, force, self.sheet)
 
 
 class LabIndenterEntry(input_files.FileTable):
