@@ -14,7 +14,7 @@ from making import write_subject
 
 from legfem.app import workspace as module
 from legfem.app.description import settings_of, with_settings
-from legfem.app.runs import ACTIONS, Run, RunState, looked_at
+from legfem.app.runs import ACTIONS, Run, RunState, looked_at, read_json
 from legfem.app.workspace import Workspace, check_within, text_of
 from legfem.common.errors import InputError
 from legfem.legs.schema import SubjectFile
@@ -83,7 +83,7 @@ def test_a_run_whose_supervisor_died_says_whether_it_finished(workspace, tmp_pat
     (tmp_path / "pretended.py").write_text(WAITS if finishes else WAITS.replace("(out", "sys.exit(1)\n(out"))
     folder = workspace.run(workspace.new_run("identify-leg"))
     run = Run.begun(folder, "pretended", [str(folder / "results"), "found"], "leg")
-    leader = run._read("session.json")["leader"]
+    leader = read_json(run.folder / "session.json")["leader"]
     time.sleep(0.7)
     os.kill(leader, signal.SIGKILL)
     os.waitpid(leader, 0)
