@@ -130,11 +130,10 @@ def _where(found: Diagnosis) -> list[web.Block]:
         elif found.verdict == "consistent":
             none = "No interval stands out from the noise."
         return [web.Prose(none)]
-    how = (
-        "The table lists intervals in which the repaired model differs from the base model by more than a trial's noise"
-        if found.models
-        else "The table lists intervals that stand out from the noise (chosen among all intervals)"
-    )
+    how = "The table lists intervals that stand out from the noise (chosen among all intervals)"
+    if found.models:
+        how = "The table lists intervals in which the repaired model differs from the base model by more than a "
+        how += "trial's noise"
     places = places_of(found)
     more = len(places) - tables.PLACES_SHOWN
     return [

@@ -18,40 +18,26 @@ def procedure(result: SpecimenFit) -> str:
     every = result.details.folder.recordings
     note, axes = " ".join(dict.fromkeys(filter(None, (one.sizes.kind.note for one in every)))), every[0].axes
     timed = [one.recording.timed for one in every]
-    untimed = (
-        ""
-        if all(timed)
-        else f"{'Some' if any(timed) else 'They'} are tables of stretch and stress without a time, so nothing is "
-        "known of rates; forces are those on a body of the stated size, or on a cube of 10 mm. The errors of the "
-        "tables are their differences from a smooth curve. "
-    )
-    relaxing = (
-        "Its stress relaxes with one log-normal spectrum of times: faster at larger strain if recordings at two rates "
-        "show that, otherwise quasi-linearly. This is exact where the whole specimen has the same strain, "
-        "and an approximation for small strain elsewhere. "
-        if result.details.folder.relaxes
-        else ""
-    )
-    own = (
-        "Each specimen has its own stiffness, a factor on the law's; the law describes a typical "
-        "specimen (the geometric mean), and its interval includes the differences between specimens. "
-        if result.details.stiffness
-        else ""
-    )
-    until = (
-        "until hardly any force was left, with the returns as they were driven. "
-        if result.details.folder.returns
-        else "to the first return; recordings after that were not used. "
-    )
-    fitted = sum(one.fitted for one in result.tests)
-    together = (
-        f"{fitted} recordings were fitted together by one law, weighted equally relative to their greatest {axes.load},"
-        if fitted > 1
-        else "1 recording was fitted"
-    )
+    fitted, together = sum(one.fitted for one in result.tests), "1 recording was fitted"
+    if fitted > 1:
+        together = f"{fitted} recordings were fitted together by one law, weighted equally relative to their greatest "
+        together += f"{axes.load},"
+    said = "to the first return; recordings after that were not used. "
+    if result.details.folder.returns:
+        said = "until hardly any force was left, with the returns as they were driven. "
+    if not all(timed):
+        said += f"{'Some' if any(timed) else 'They'} are tables of stretch and stress without a time, so nothing is "
+        said += "known of rates; forces are those on a body of the stated size, or on a cube of 10 mm. The errors of "
+        said += "the tables are their differences from a smooth curve. "
+    if result.details.folder.relaxes:
+        said += "Its stress relaxes with one log-normal spectrum of times: faster at larger strain if recordings at "
+        said += "two rates show that, otherwise quasi-linearly. This is exact where the whole specimen has the same "
+        said += "strain, and an approximation for small strain elsewhere. "
+    if result.details.stiffness:
+        said += "Each specimen has its own stiffness, a factor on the law's; the law describes a typical specimen (the "
+        said += "geometric mean), and its interval includes the differences between specimens. "
     return (
-        f"{together} from first contact {until}{untimed}{relaxing}"
-        f"{own}{_of_layers(result)}{_of_fibres(result)}{f'{note} ' if note else ''}"
+        f"{together} from first contact {said}{_of_layers(result)}{_of_fibres(result)}{f'{note} ' if note else ''}"
         "A genetic algorithm (pygad) searched on an emulator of the tests, which full solves "
         "refined and confirmed. The intervals include the errors of the instrument and of the model, and the "
         f"factor by which recordings differ ({100 * result.details.gain_sd:.2g} %)."
@@ -79,17 +65,13 @@ def _of_fibres(result: SpecimenFit) -> str:
     if not ratio:
         return ""
     sought = ratio in result.estimates
-    shape = (
-        "the bend of a curve was not used, because fibres that are slack at first can change it by tens of percent"
-        if result.details.ratio_undetermined
-        else f"the shape of a curve is taken to be known to {100 * SHAPE_SD_OF_LAYERS:.0f} %"
-    )
-    typical = (
-        "Typical specimens of both directions are taken to be equally stiff, and a specimen that was turned to "
-        "be the same. "
-        if sought and result.details.stiffness and not result.details.ratio_undetermined
-        else ""
-    )
+    shape, typical = f"the shape of a curve is taken to be known to {100 * SHAPE_SD_OF_LAYERS:.0f} %", ""
+    if result.details.ratio_undetermined:
+        shape = "the bend of a curve was not used, because fibres that are slack at first can change it by tens of "
+        shape += "percent"
+    elif sought and result.details.stiffness:
+        typical = "Typical specimens of both directions are taken to be equally stiff, and a specimen that was turned "
+        typical += "to be the same. "
     return (
         "The tissue is stiffer along its fibres: the ratio of its shear moduli is "
         f"{'estimated' if sought else f'taken to be {result.values[ratio]:.3g}'}, Young's modulus "

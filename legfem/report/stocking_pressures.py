@@ -58,12 +58,10 @@ def place_in_fat(bare: LegShape, point: FloatArray) -> str:
 
 def pressure_blocks(details: StockingDetails) -> list[Block]:
     """Return the pressures on the skin and inside."""
-    note = (
-        "By Laplace's law, from the fabric's tension and the curvature of the leg as it is "
-        "compressed; the fabric spans hollows and presses on nothing there."
-        if details.equilibrium.state.report.complete
-        else "Of the bare leg's shape, since the leg in its stocking could not be computed."
-    )
+    note = "Of the bare leg's shape, since the leg in its stocking could not be computed."
+    if details.equilibrium.state.report.complete:
+        note = "By Laplace's law, from the fabric's tension and the curvature of the leg as it is compressed; the "
+        note += "fabric spans hollows and presses on nothing there."
     blocks: list[Block] = [Prose(note), _bars(details)]
     return blocks if details.pressures is None else [*blocks, *_inside(details, details.pressures)]
 

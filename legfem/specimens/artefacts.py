@@ -192,12 +192,9 @@ class SizeDependence:
     def text(self) -> str:
         """The finding as sentences."""
         ratio = (self.greatest / self.smallest) ** self.power
-        more = "stiffer" if ratio > 1 else "softer"
-        causes = (
-            "plates that don't touch all over, or a rig that yields"
-            if ratio > 1
-            else "friction at the faces that the model lacks, or a size that is wrong"
-        )
+        more, causes = "softer", "friction at the faces that the model lacks, or a size that is wrong"
+        if ratio > 1:
+            more, causes = "stiffer", "plates that don't touch all over, or a rig that yields"
         return (
             f"The constant depends on the thickness: specimens of {self.greatest:.3g} mm are "
             f"{max(ratio, 1 / ratio):.2f} times {more} than those of {self.smallest:.3g} mm (power {self.power:.2g} ± "

@@ -174,18 +174,15 @@ def _headline(result: StudyResult) -> web.Headline:
         )
     factor, share, metric = result.largest_share()
     fits = [a.anova.predicted_r_squared for a in result.analyses]
-    unseen = tables.not_seen(result)
+    hides = "Every factor causes 1 % or more somewhere."
+    if unseen := tables.not_seen(result):
+        hides = f"It hardly depends on {' and '.join(unseen)}: below 1 % in every window."
     return web.Headline(
         "caution" if _warnings(result) else "sound",
         f"The force of a press {result.definition.depth:g} mm deep depends most on {in_words(factor.name)}, which "
         f"causes {100 * share:.0f} % of the variation in the {metric.label} over the ranges.",
         [
-            (
-                "What it does not show",
-                f"It hardly depends on {' and '.join(unseen)}: below 1 % in every window."
-                if unseen
-                else "Every factor causes 1 % or more somewhere.",
-            ),
+            ("What it does not show", hides),
             (
                 "How sure",
                 f"The fitted surface predicts {_percents(fits)} of the variance of runs that were not used in the fit "

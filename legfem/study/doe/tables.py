@@ -313,9 +313,7 @@ def to_measure(result: StudyResult) -> list[str]:
             "within their ranges: do not identify it from this test alone."
             for name, at in depths.items()
         ),
-        "These assumed values matter, the most important first: "
-        + ", ".join(in_words(name) for name, _ in ranked)
-        + ".",
+        f"These assumed values matter, the most important first: {', '.join(in_words(name) for name, _ in ranked)}.",
     ]
 
 
