@@ -59,7 +59,7 @@ def test_its_table_stands_in_for_solutions_between_the_strengths(solved):
     """At a stiffness of the table, so that only the strengths are interpolated between."""
     observed, _ = observations(ramps(1))
     mechanism = mechanism_named("dermis")
-    library = build_library(solved, solved, observed, [mechanism], 1, Silent(), rounded(SOFT[0]), 0.8)
+    library = build_library(solved, observed, [mechanism], 1, Silent(), rounded(SOFT[0]), 0.8)
     assert library.missing == {}
     c10 = library.middle * float(np.exp(CHANGES_AT[1]))
     at = c10, c10 * float(np.expm1(0.8))

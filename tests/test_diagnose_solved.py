@@ -157,7 +157,7 @@ def test_the_library_stands_in_for_solutions(variants, observed, tmp_path):
     able, unable = shown_mechanisms(with_correction(mechanisms(), correction), observed, WITHOUT_ENDS)
     assert "preconditioning" in unable
     quick = [m for m in able if m.name not in ("contact-slip", "poroelastic-drainage")]
-    library = build_library(solved, solved, observed, quick, 1, Silent(), rounded(SOFT[0]), 0.8)
+    library = build_library(solved, observed, quick, 1, Silent(), rounded(SOFT[0]), 0.8)
     assert library.missing == {}
     np.testing.assert_allclose(library.curve(*SOFT), solved.curve(*SOFT), rtol=6e-3)
     deep = observed.displacement > 0.3 * DEPTH

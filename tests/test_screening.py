@@ -147,9 +147,9 @@ def test_mechanisms_come_after_the_base_model_and_are_left_after_a_deadline(tmp_
     elastic = [Task((1e-3 * factor, 0.0)) for factor in (0.5, 1.0, 2.0)]
     tasks = [*elastic, *(Task((1e-3, 0.0), one, one.strengths[0]) for one in asked)]
     ticks = count()
-    begun = outcomes_of((responses, responses), tasks, 1, Until(Silent(), Deadline(3.0, lambda: float(next(ticks)))))
+    begun = outcomes_of(responses, tasks, 1, Until(Silent(), Deadline(3.0, lambda: float(next(ticks)))))
     assert sorted(begun) == [0, 1, 2, 3]
-    assert len(outcomes_of((responses, responses), tasks, 1, Silent())) == len(tasks)
+    assert len(outcomes_of(responses, tasks, 1, Silent())) == len(tasks)
 
 
 def test_a_detail_that_was_solved_in_part_is_none(tmp_path):
@@ -157,7 +157,7 @@ def test_a_detail_that_was_solved_in_part_is_none(tmp_path):
     observed, _ = observations(ramps())
     told, detail = Until(Silent(), Deadline(6.0, lambda: float(next(ticks)))), Detail(frozenset(NAMES))
     with pytest.raises(TimeIsUpError):
-        build_library(responses, responses, observed, SOUGHT, 1, told, 1e-3, detail=detail)
+        build_library(responses, observed, SOUGHT, 1, told, 1e-3, detail=detail)
     assert next(ticks) == 7, "in the middle of a mechanism's"
 
 

@@ -91,7 +91,7 @@ def test_without_compliance_nothing_changes(solved):
 @pytest.mark.slow
 def test_its_table_stands_in_for_solutions_between_the_strengths(solved):
     observed, _ = observations(ramps(1))
-    library = build_library(solved, solved, observed, [SUPPORT], 1, Silent(), rounded(SOFT[0]), 0.8)
+    library = build_library(solved, observed, [SUPPORT], 1, Silent(), rounded(SOFT[0]), 0.8)
     assert library.missing == {}
     c10 = library.middle * float(np.exp(CHANGES_AT[1]))
     at = c10, c10 * float(np.expm1(0.8))
@@ -115,7 +115,7 @@ def test_where_springs_stop_the_frame_is_left(variants, solved, monkeypatch):
     monkeypatch.setattr(LegVariants, "follow", stops)
     observed, _ = observations(ramps(1))
     shallow = SolvedResponses(variants, 1.0, None, {"test": 2})
-    library = build_library(shallow, shallow, observed, [SUPPORT], 1, Silent(), rounded(SOFT[0]), 0.8)
+    library = build_library(shallow, observed, [SUPPORT], 1, Silent(), rounded(SOFT[0]), 0.8)
     assert library.missing == {}
     values = {"compliance": 0.3, "at_bones": 0.7}
     assert not np.any(library.relative_change(SUPPORT, values, SOFT, observed))

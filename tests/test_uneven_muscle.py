@@ -78,7 +78,7 @@ def test_its_derivatives_are_those_of_the_force(solved, mechanism):
 def test_its_table_is_near_full_solutions_between_the_places(solved, mechanism):
     """Between places and radii it is an average: within a fifth of one lump there, so that a full solution finds it."""
     observed, _ = observations(ramps(1))
-    library = build_library(solved, solved, observed, [mechanism], 1, Silent(), rounded(MUSCLE[0]), 0.8)
+    library = build_library(solved, observed, [mechanism], 1, Silent(), rounded(MUSCLE[0]), 0.8)
     assert library.missing == {}
     at = library.middle, library.middle * float(np.expm1(0.8))
     deep = (observed.displacement > 0.3 * DEPTH) & (observed.displacement < DEPTH)

@@ -7,7 +7,6 @@ import numpy as np
 from scipy.interpolate import make_smoothing_spline
 
 from legfem.common.deadline import TimeIsUpError
-from legfem.common.errors import UnsolvedError
 from legfem.common.progress import Progress, Silent
 from legfem.common.units import FloatArray
 from legfem.inverse.body_models import Columns, channels_of, derivative_of
@@ -23,7 +22,7 @@ from legfem.inverse.library import (
     coordinates,
     unchanged,
 )
-from legfem.inverse.library_tasks import ONE, Outcome, Task, cross, middle_of, outcomes_of, tasks_for, unknowns_of
+from legfem.inverse.library_tasks import ONE, Outcome, Task, cross, outcomes_of, tasks_for, unknowns_of
 from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, prior_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.responses import ELASTIC_DERIVATIVES, SolvedResponses
@@ -39,7 +38,6 @@ _FEWEST = 5
 
 def build_library(
     solved: SolvedResponses,
-    coarse: SolvedResponses,
     observed: Observations,
     asked: Sequence[Mechanism],
     jobs: int,
@@ -53,9 +51,9 @@ def build_library(
 
     Parameters
     ----------
-    solved, coarse
-        The leg's responses on the mesh that is reported on, elastic curves; and on a coarser one, relative changes, in
-        which most of a mesh's error cancels.
+    solved
+        The leg's responses. A coarse mesh will do: most of its error cancels in relative changes, and what is left of
+        elastic curves where they are corrected by one solution on a finer mesh.
     observed
         The recordings, for their stiffness and their protocols.
     asked
@@ -81,8 +79,8 @@ def build_library(
     lattice = lattice or cross(stiffening)
     library: Library | None = None
     while True:
-        tasks = tasks_for(observed, tissue, middle, stiffening, coarse.variants, lattice, detail)
-        found = outcomes_of((solved, coarse), tasks, jobs, progress)
+        tasks = tasks_for(observed, tissue, middle, stiffening, solved.variants, lattice, detail)
+        found = outcomes_of(solved, tasks, jobs, progress)
         begun = {t.mechanism.name if t.mechanism else "" for k, t in enumerate(tasks) if k not in found}
         if begun and library is not None:
             return library
@@ -97,46 +95,39 @@ def build_library(
         detail |= Detail(frozenset(library.missing))
 
 
-def base_library(each: Sequence[SolvedResponses], observed: Observations, stiffening: float) -> Library:
-    """Return a library of the base model alone, by a few solutions where the loading is about as recorded.
+def base_library(
+    solved: SolvedResponses, observed: Observations, middle: float, stiffening: float, derivatives: bool
+) -> Library | None:
+    """Return a library of the base model alone, by one elastic curve; None where that stops.
 
     Parameters
     ----------
-    each
-        Responses on meshes, of which the first is taken that comes as far as was recorded.
+    solved
+        Responses.
     observed
         The recordings.
-    stiffening
-        ln(1 + C20 / C10) there.
-
-    Raises
-    ------
-    UnsolvedError
-        If none does.
+    middle, stiffening
+        C10 (MPa) and ln(1 + C20 / C10) there.
+    derivatives
+        Whether by the geometry and by what is assumed, too.
     """
-    for solved in each:
-        middle = middle_of(observed, solved, stiffening)
-        point = (middle, middle * float(np.expm1(stiffening)))
-        tasks = [Task(point), Task(point, derivatives=unknowns_of(solved.variants))]
-        found = outcomes_of((solved, solved), tasks, 1, Silent())
-        if found[0] is not None:
-            return replace(_assembled(solved, observed, (), tasks, [found[0], found[1]], middle), beside=NO_CHANNELS)
-    raise UnsolvedError(f"the model stops before {observed.depth:.1f} mm; use less of the recordings' depth")
+    point = middle, middle * float(np.expm1(stiffening))
+    tasks = [Task(point)] + [Task(point, derivatives=unknowns_of(solved.variants))] * derivatives
+    found = outcomes_of(solved, tasks, 1, Silent())
+    if found[0] is None:
+        return None
+    return replace(_assembled(solved, observed, (), tasks, list(found.values()), middle), beside=NO_CHANNELS)
 
 
 def geometric_changes(
-    responses: tuple[SolvedResponses, SolvedResponses],
-    observed: Observations,
-    stiffness: Stiffness,
-    jobs: int,
-    progress: Progress,
+    responses: SolvedResponses, observed: Observations, stiffness: Stiffness, jobs: int, progress: Progress
 ) -> NuisanceChanges:
     """Solve what errors of the geometry, and of what is assumed, do to the elastic courses; none where that stops.
 
     Parameters
     ----------
     responses
-        The body's on the mesh that is reported on, and on a coarser one.
+        The body's, as those of a library.
     observed
         The recordings, for their channels.
     stiffness
@@ -144,10 +135,10 @@ def geometric_changes(
     jobs, progress
         See `build_library`.
     """
-    tasks = [Task(stiffness, derivatives=unknowns_of(responses[1].variants))]
+    tasks = [Task(stiffness, derivatives=unknowns_of(responses.variants))]
     done = [(tasks[0], one) for one in outcomes_of(responses, tasks, jobs, progress).values() if one is not None]
     names = _known_channels(done) if observed.channels else ()
-    return _nuisances(responses[0], done, names)
+    return _nuisances(responses, done, names)
 
 
 def _assembled(

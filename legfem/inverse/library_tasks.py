@@ -31,7 +31,7 @@ STIFFENING: Mapping[LawName, float] = {"neo-hookean": 0.0, "reduced-polynomial":
 """ln(1 + C20 / C10) at which changes are tabulated, by a tissue's law."""
 _SCREENED = 3
 """Strengths from which a mechanism is screened by fewer."""
-_ROUND = 0.25
+ROUND = 0.25
 """Of the middle's ln C10; and of where its stiffening is looked up."""
 _ROUND_FROM, _FIRST_C10 = 1e-3, 0.8e-3
 """MPa: the stiffness from which those logarithms count, and the one that is tried first."""
@@ -74,31 +74,31 @@ type Outcome = Mapping[str, Columns]
 ONE = ""
 
 
-def _work(responses: tuple[SolvedResponses, SolvedResponses], task: Task) -> Outcome | None:
+def _work(solved: SolvedResponses, task: Task) -> Outcome | None:
     """Return an entry; None where its solution stopped."""
-    found = _solved(*responses, task)
+    found = _solved(solved, task)
     return None if any(np.isnan(columns["force"]).any() for columns in found.values()) else found
 
 
-def _solved(solved: SolvedResponses, coarse: SolvedResponses, task: Task) -> Outcome:
+def _solved(solved: SolvedResponses, task: Task) -> Outcome:
     mechanism = task.mechanism
     leg = PLAIN if task.beside is None else task.beside[0].solution(_values_at(*task.beside))
     if task.derivatives:
-        return coarse.sensitivities(task.derivatives, task.point, leg)
+        return solved.sensitivities(task.derivatives, task.point, leg)
     if task.pair:
-        found = coarse.pair_change([(m, _values_at(m, strength)) for m, strength in task.pair], task.point)
+        found = solved.pair_change([(m, _values_at(m, strength)) for m, strength in task.pair], task.point)
     elif mechanism is None:
         found = solved.elastic(task.point)
     elif task.node is not None:
-        found = coarse.elastic_change(mechanism.solution(task.node), task.point)
+        found = solved.elastic_change(mechanism.solution(task.node), task.point)
     elif mechanism.derivatives:
-        found = coarse.by_derivatives(mechanism, task.stations, task.point)
+        found = solved.by_derivatives(mechanism, task.stations, task.point)
     else:
         solution = mechanism.solution(_values_at(mechanism, task.strength))
         if task.stations is None:
-            found = coarse.elastic_change(solution, task.point)
+            found = solved.elastic_change(solution, task.point)
         else:
-            found = coarse.path_change(solution, task.stations, task.point)
+            found = solved.path_change(solution, task.stations, task.point)
     return {ONE: found}
 
 
@@ -176,14 +176,14 @@ def cross(stiffening: float) -> list[tuple[float, float]]:
     return list(dict.fromkeys([*((log, stiffening) for log in LOGS), *((0.0, q) for q in STIFFENINGS)]))
 
 
-def middle_of(observed: Observations, coarse: SolvedResponses, stiffening: float) -> float:
+def middle_of(observed: Observations, solved: SolvedResponses, stiffening: float) -> float:
     """Return the C10 (MPa, of a round logarithm) at which the loading is about as recorded.
 
     Parameters
     ----------
     observed
         The recordings.
-    coarse
+    solved
         Responses by full solutions.
     stiffening
         ln(1 + C20 / C10) there.
@@ -193,27 +193,27 @@ def middle_of(observed: Observations, coarse: SolvedResponses, stiffening: float
     log = np.log(_FIRST_C10)
     for _ in range(5):
         c10 = float(np.exp(log))
-        curve = coarse.curve(c10, c10 * float(np.expm1(stiffening)))
+        curve = solved.curve(c10, c10 * float(np.expm1(stiffening)))
         if np.isnan(curve).any():
             log += 0.7
             continue
-        grid = np.concatenate([[0.0], coarse.grid])
+        grid = np.concatenate([[0.0], solved.grid])
         there = CubicSpline(grid, np.concatenate([[0.0], curve]))(np.maximum(d, 0.0))
         ratio = float(force @ there) / float(there @ there)
         step = float(np.clip(np.log(max(ratio, 1e-3)) / 0.7, -1.5, 1.5))
         log += step
-        if abs(step) < 0.5 * _ROUND:
+        if abs(step) < 0.5 * ROUND:
             break
     return rounded(float(np.exp(log)))
 
 
 def rounded(c10: float) -> float:
     """Return a stiffness (MPa) of a round logarithm near one."""
-    return _ROUND_FROM * float(np.exp(_ROUND * round(float(np.log(c10 / _ROUND_FROM)) / _ROUND)))
+    return _ROUND_FROM * float(np.exp(ROUND * round(float(np.log(c10 / _ROUND_FROM)) / ROUND)))
 
 
 def outcomes_of(
-    responses: tuple[SolvedResponses, SolvedResponses], tasks: Sequence[Task], jobs: int, progress: Progress
+    solved: SolvedResponses, tasks: Sequence[Task], jobs: int, progress: Progress
 ) -> dict[int, Outcome | None]:
     """Return tasks' outcomes by their places; processes are started for what isn't kept only.
 
@@ -221,7 +221,7 @@ def outcomes_of(
     its own tasks. What `legfem.common.progress.Until` leaves no time for has no outcome.
     """
     found: dict[int, Outcome | None] = {}
-    kept = responses[0].recalling(), responses[1].recalling()
+    kept = solved.recalling()
     for place, task in enumerate(tasks):
         with suppress(NotKeptError):
             found[place] = _work(kept, task)
@@ -229,7 +229,7 @@ def outcomes_of(
         progress.stage(f"{len(found)} of {len(tasks)} responses are kept from earlier runs")
     missing = [place for place in range(len(tasks)) if place not in found]
     stages = {"elastic responses": False, "responses in time": True}
-    with Workers(_work, responses, jobs) as workers, suppress(TimeIsUpError):
+    with Workers(_work, solved, jobs) as workers, suppress(TimeIsUpError):
         for name, in_time in stages.items():
             places = [place for place in missing if (tasks[place].stations is not None) == in_time]
             if places:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from legfem.common.deadline import NEVER, Deadline, TimeIsUpError
-from legfem.common.errors import Doubt, InputError
+from legfem.common.errors import Doubt, InputError, UnsolvedError
 from legfem.common.numbers import share
 from legfem.common.progress import Progress, Silent, Until
 from legfem.common.wording import Argument
@@ -23,8 +23,8 @@ from legfem.inverse.elastography import disagreement, elastography_priors
 from legfem.inverse.explanation import ADDS_FROM, log_bayes_factor
 from legfem.inverse.fit import Identity
 from legfem.inverse.library import UNTRIED, Detail, Library
-from legfem.inverse.library_build import base_library, build_library
-from legfem.inverse.library_tasks import STIFFENING, STIFFENINGS, rounded
+from legfem.inverse.library_build import base_library, build_library, geometric_changes
+from legfem.inverse.library_tasks import ROUND, STIFFENING, STIFFENINGS, middle_of, rounded
 from legfem.inverse.mechanism import shown_mechanisms
 from legfem.inverse.notice import FitNotice, Notice, doubted
 from legfem.inverse.observations import Observations, observe
@@ -41,6 +41,7 @@ from legfem.legs.nuisances import ShapeAccuracy, accuracy_of_shape
 from legfem.legs.plausibility import doubts_about, doubts_about_stiffness
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import Subject
+from legfem.legs.unknowns import Geometry
 from legfem.mechanisms import OCCURRENCES, Mechanism, mechanisms
 from legfem.mechanisms.muscle import MuscleFibres
 from legfem.mechanisms.rig import EndEffects
@@ -114,18 +115,29 @@ class Diagnoser:
             asked, _ = shown_mechanisms(with_correction(mechanisms(), self.correction), observed, WITHOUT_ENDS)
         asked = sorted(asked, key=lambda one: (*FIRST, one.name).index(one.name))
         fine, coarse = self._responses(subject, observed)
-        law = subject.tissues["deep"].law
-        solve = partial(build_library, fine, coarse, observed, asked, self.jobs, progress, middle, STIFFENING[law])
-        return solve, fine
+        stiffening = STIFFENING[subject.tissues["deep"].law]
+        there = coarse.elastic((middle, middle * math.expm1(stiffening)))["force"]
+        solved = fine if np.isnan(there).any() else coarse
+        return partial(build_library, solved, observed, asked, self.jobs, progress, middle, stiffening), fine
 
-    def identified(self, subject: Subject, progress: Progress, start: Mapping[str, float] | None = None) -> Identified:
-        """Return the base model's fit, as an identification has it, looked for first at values (MPa)."""
+    def identified(
+        self,
+        subject: Subject,
+        progress: Progress,
+        start: Mapping[str, float] | None = None,
+        geometry: Geometry | None = None,
+    ) -> Identified:
+        """Return the base model's fit, as an identification has it, looked for first at values (MPa).
+
+        What errors of the geometry do may be known; see `legfem.legs.problem.leg_problem`.
+        """
         law = subject.tissues["deep"].law
         request = SearchRequest(
             out=self.folder, responses=self.folder, start=start or {}, jobs=self.jobs, progress=progress
         )
         # A neo-Hookean fit is weighed by errors about one with C20, as where both laws are identified.
-        every = fit_leg(subject, LAWS if law == LAWS[0] else [law], request, [choose_correction("auto", subject)])
+        laws, corrections = LAWS if law == LAWS[0] else [law], [choose_correction("auto", subject)]
+        every = fit_leg(subject, laws, request, corrections, geometry=geometry)
         (found,) = (one for one in every if one.law == law)
         return Identified(found, found.details.stations[0])
 
@@ -146,14 +158,25 @@ class Diagnoser:
         low, high = first.shown_interval(DEEP_C10)
         progress.stage(f"by the base model alone C10 is {low:.2g} to {high:.2g} kPa; no effect is weighed yet")
         told = Until(progress, self.deadline)
-        complete, solved = self.tabulating(subject, observed, rounded(c10), told)
+        library = first.base_model.problem.predictor.library
+        # What the first answer was solved of serves on where it is near.
+        middle = library.middle if abs(math.log(c10 / library.middle)) < ROUND else rounded(c10)
+        complete, solved = self.tabulating(subject, observed, middle, told)
+        centre = middle, middle * math.expm1(STIFFENING[subject.tissues["deep"].law])
+        coarse = self._responses(subject, observed)[1]
         try:
             self.deadline.check()
             if self.deadline != NEVER:
                 nearest = min(STIFFENINGS, key=lambda one: abs(one - math.log1p(c20 / c10)))
                 screened = self.given(subject, observed, partial(complete, lattice=[(0.0, nearest)]), None)
                 self.deadline.check()
-            given = self.given(subject, observed, complete, self.identified(subject, told, first.base_model.fit.values))
+            identified = self.identified(
+                subject,
+                told,
+                first.base_model.fit.values,
+                lambda *_: geometric_changes(coarse, observed, centre, self.jobs, told),
+            )
+            given = self.given(subject, observed, complete, identified)
         except TimeIsUpError:
             if screened is None:
                 return first
@@ -162,11 +185,21 @@ class Diagnoser:
 
     def by_base_model(self, subject: Subject, observed: Observations, seed: int = 0) -> Diagnosis:
         """Diagnose the force alone by the base model on the coarsest mesh that does, with no effect weighed."""
-        fine, coarse = self._responses(subject, observed)
-        library = base_library([coarse, fine], observed, STIFFENING[subject.tissues["deep"].law])
-        alone = replace(library, missing=dict.fromkeys((one.name for one in mechanisms()), UNTRIED))
-        given = self.given(subject, replace(observed, channels=()), lambda _: alone, None)
-        return replace(diagnose(given, None, Silent(), seed), provisional=True)
+        stiffening, forces = STIFFENING[subject.tissues["deep"].law], replace(observed, channels=())
+
+        def answer(library: Library) -> Diagnosis:
+            alone = replace(library, missing=dict.fromkeys((one.name for one in mechanisms()), UNTRIED))
+            given = self.given(subject, forces, lambda _: alone, None)
+            return replace(diagnose(given, None, Silent(), seed), provisional=True)
+
+        for solved in reversed(self._responses(subject, observed)):
+            rough = base_library(solved, observed, middle_of(observed, solved, stiffening), stiffening, False)
+            if rough is not None:
+                middle = rounded(deep_stiffness(answer(rough).base_model.fit.values)[0])
+                library = base_library(solved, observed, middle, stiffening, True)
+                if library is not None:
+                    return answer(library)
+        raise UnsolvedError(f"the model stops before {observed.depth:.1f} mm; use less of the recordings' depth")
 
     def given(
         self, subject: Subject, observed: Observations, complete: Complete, identified: Identified | None

@@ -58,7 +58,7 @@ class SectionGeometry:
             folder = request.responses or (None if request.out is None else request.out / "responses")
             c10 = rounded(stiffness[0])
             centre = c10, c10 * float(np.expm1(STIFFENING[subject.tissues["deep"].law]))
-            responses = solved_responses(subject, observed, folder)
+            _, responses = solved_responses(subject, observed, folder)
             self._known[site] = geometric_changes(responses, observed, centre, request.jobs, request.progress)
         return self._known[site]
 

@@ -198,9 +198,7 @@ def _diagnosed(
         every, unable = mechanisms_of(sizes, scale, used[0].recording.timed)
         able, _ = shown_mechanisms(every, observed, {})
         detail = Detail.of_all(able, pairs=False)
-        tables = build_library(
-            solved, solved, observed, able, jobs, progress, middle, STIFFENING[law], detail, _LATTICE
-        )
+        tables = build_library(solved, observed, able, jobs, progress, middle, STIFFENING[law], detail, _LATTICE)
         library = replace(tables, missing={**unable, **tables.missing}, reach=_REACH)
         seen = observed.with_channels(library.beside.names)
         seen = replace(seen, notices=(*doubted(doubts_of(folder, middle)), *seen.notices))

@@ -256,7 +256,7 @@ class Lab:
             if case.leg not in self._middles:
                 self._middles[case.leg] = rounded(diagnoser.identified(subject, progress).fit.values[DEEP_C10])
             middle = self._middles[case.leg]
-            solve = partial(build_library, fine, coarse, observed, able, 1, progress, middle, STIFFENING[law])
+            solve = partial(build_library, coarse, observed, able, 1, progress, middle, STIFFENING[law])
             every = solve() if self.whole else None
             self._libraries[key] = (solve if every is None else lambda _: every), fine
         return self._libraries[key]

@@ -128,7 +128,7 @@ def plane_library(
     """Return the base model's library for recordings."""
     tabulated, missing = offered(observed, correction)
     middle = middle_of(observed, solved, 0.0)
-    library = build_library(solved, solved, observed, tabulated, jobs, progress, middle)
+    library = build_library(solved, observed, tabulated, jobs, progress, middle)
     return replace(library, missing={**library.missing, **missing})
 
 

@@ -132,7 +132,7 @@ def library_of(observed: Observations) -> Library:
     asked = [one for one in map(mechanism_named, ASKED) if isinstance(one, TissueMechanism)]
     middle = middle_of(observed, solved, STIFFENING[LAW])
     library = build_library(
-        solved, solved, observed, asked, 1, Silent(), middle, STIFFENING[LAW], Detail.of_all(asked, pairs=False)
+        solved, observed, asked, 1, Silent(), middle, STIFFENING[LAW], Detail.of_all(asked, pairs=False)
     )
     able, _ = shown_mechanisms(mechanisms(), observed, WITHOUT_ENDS)
     others = [one.name for one in able if isinstance(one, TissueMechanism) and one not in asked]
