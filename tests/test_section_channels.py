@@ -19,7 +19,7 @@ from legfem.channels.log import ChannelReader
 from legfem.channels.seen import ReadState
 from legfem.experiments.experiment import Solved
 from legfem.experiments.plane_strain import LateralPlacement, PlaneStrainIndentation, PlaneStrainSettings
-from legfem.fem.outlines import first_crossing
+from legfem.fem.outlines import first_crossings
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import LegSection
 from legfem.mechanics.contact import ContactSettings
@@ -163,7 +163,8 @@ def test_a_line_meets_a_patch_that_is_stretched_uniformly_where_geometry_says():
     nodes = np.concatenate([ends, ends.mean(axis=1, keepdims=True)], axis=1)
     strain = np.array([[0.1, 0.3], [0.05, -0.2]])
     moved = nodes + nodes @ strain.T
-    found = first_crossing(moved, np.array([0.4, 5.0]), np.array([0.0, -1.0]))
+    (found,) = first_crossings(moved, np.array([[0.4, 5.0]]), np.array([[0.0, -1.0]]))
+    assert found is not None
     # x = 1.1 X + 0.3 and y = 0.05 X + 0.8 on the outline Y = 1.
     at = (0.4 - 0.3) / 1.1
     assert found.along == pytest.approx(5.0 - (0.05 * at + 0.8), rel=1e-12)
@@ -177,8 +178,10 @@ def test_a_line_meets_a_patch_that_is_stretched_uniformly_where_geometry_says():
 
 def test_a_line_beside_an_outline_meets_nothing():
     edge = np.array([[[0.0, 0.0], [1.0, 0.0], [0.5, 0.1]]])
-    assert first_crossing(edge, np.array([2.0, 5.0]), np.array([0.0, -1.0])) is None
-    assert first_crossing(edge, np.array([2.0, 5.0]), np.array([0.0, -1.0]), shift=1.2) is None
+    down = np.array([0.0, -1.0])
+    beside, past, through = np.array([[2.0, 5.0], [3.2, 5.0], [0.5, 5.0]])
+    found = first_crossings(edge, np.array([beside, through, past]), np.array([down, down, down]))
+    assert [one is None for one in found] == [True, False, True]
 
 
 def test_forces_in_3d_turn_with_the_travel():

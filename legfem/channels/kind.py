@@ -264,11 +264,12 @@ class ChannelFile:
 
     def read(self, seen: "Seen") -> Channels:
         """Return what there is of its kinds in a state; collective over the system's ranks."""
-        return self.laid(seen, AS_STATED)
+        (found,) = self.laid(seen, [AS_STATED]) or [{}]
+        return found
 
-    def laid(self, seen: "Seen", image: Laid) -> Channels:
-        """Return what there is in a state of its kinds that are read in images, of one that is laid elsewhere."""
-        return {}
+    def laid(self, seen: "Seen", images: Sequence[Laid]) -> Sequence[Channels]:
+        """Return what there is in a state of its kinds that are read in images, for each of some that lie elsewhere."""
+        return []
 
     def plans(self, site: Site) -> Sequence[ChannelPlan]:
         """Return the ways to record its kinds at a site that a plan may recommend."""

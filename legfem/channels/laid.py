@@ -66,6 +66,8 @@ WAYS: Mapping[str, Laid] = MappingProxyType(
     {"shift in x": Laid((STEP_MM, 0.0)), "shift in y": Laid((0.0, STEP_MM)), "turn": Laid(turn_deg=STEP_DEG)}
 )
 """Ways in which an image may lie elsewhere, by a step each."""
+IMAGES = (AS_STATED, *(side for image in WAYS.values() for side in (image, image.other_side)))
+"""An image as stated, then to both sides in each of the ways."""
 
 
 def laid_course(course: str, way: str) -> str:

@@ -4,27 +4,30 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import batched
 
 import numpy as np
 
 from legfem.channels import Sight
 from legfem.channels.kind import ChannelFile, Channels
-from legfem.channels.laid import WAYS, laid_course
+from legfem.channels.laid import IMAGES, WAYS, laid_course
 from legfem.channels.seen import ReadState, Seen, SeenModel, SeenSpecimen
 from legfem.common.units import FloatArray
-from legfem.fem.system import Shift, System
+from legfem.fem.system import System
 from legfem.geometry.indenter import TravelLine
 from legfem.solve.sensitivity import SensitivityTracker
 
+_SHIFT = 1e-5
+"""Of a shift, mm or degrees, by whose difference channels are differentiated."""
 
-def _of_images(file: ChannelFile, seen: Seen, stated: Channels) -> dict[str, tuple[float, FloatArray]]:
-    """Return what a step in each of the ways does that images may lie elsewhere.
+
+def _of_images(stated: Channels, laid: Sequence[Channels]) -> dict[str, tuple[float, FloatArray]]:
+    """Return what a step in each of the ways does that images may lie elsewhere, laid to both sides in each.
 
     Where one to a side shows nothing, beyond the tissue, it is the step to the other; nothing where both don't.
     """
     found = {}
-    for way, image in WAYS.items():
-        sides = file.laid(seen, image), file.laid(seen, image.other_side)
+    for way, sides in zip(WAYS, batched(laid, 2), strict=True):
         for name in (name for name in stated if name in sides[0] or name in sides[1]):
             ahead, behind = (one[name] if name in one and math.isfinite(one[name][0]) else None for one in sides)
             (high, high_rates), (low, low_rates) = ahead or stated[name], behind or stated[name]
@@ -65,8 +68,8 @@ class ChannelReader:
         """Return the channels there are in a state; collective over the system's ranks."""
         seen, found = Seen(self._model, state), dict[str, tuple[float, FloatArray]]()
         for file in self.files:
-            stated = file.read(seen)
-            found |= {**stated, **_of_images(file, seen, stated)}
+            stated, *laid = file.laid(seen, IMAGES) or [file.read(seen)]
+            found |= {**stated, **(_of_images(stated, laid) if laid else {})}
         return found
 
     def read_as_stated(self, state: ReadState) -> dict[str, float]:
@@ -92,7 +95,7 @@ class ChannelLog:
         self, reader: ChannelReader | None, parameters: Sequence[str], tracker: SensitivityTracker | None = None
     ) -> None:
         self._reader, self._parameters, self._tracker = reader, tuple(parameters), tracker
-        self._aside: dict[tuple[int, float], ChannelReader] = {}
+        self._aside: dict[int, ChannelReader] = {}
         self.values: dict[str, list[float]] = {}
         """By name, NaN where a channel isn't there."""
         self._rates: dict[str, list[FloatArray]] = {}
@@ -102,8 +105,9 @@ class ChannelLog:
             nodal = np.zeros((nodes // size, size))
             rates = [np.zeros((0, *one.shape)) for one in (unknown, force, nodal)]
             self._at_rest = ReadState(unknown, rates[0], force, rates[1], nodal, rates[2])
-            self.values = {name: [value] for name, (value, _) in reader.read(self._at_rest).items()}
-            self._rates = {name: [by] for name, by in self._by_shifts(reader, self._at_rest).items()}
+            read = reader.read(self._at_rest)
+            self.values = {name: [value] for name, (value, _) in read.items()}
+            self._rates = {name: [by] for name, by in self._by_shifts(reader, self._at_rest, read).items()}
 
     def take(self, contact_force: FloatArray, chain: FloatArray, whole: float) -> None:
         """Read the state that a step came to.
@@ -128,36 +132,35 @@ class ChannelLog:
             displacement=system.displacement,
             whole=whole,
         )
-        explicit = self._by_shifts(self._reader, state)
+        moving = state
         if tracker is not None:
-            state = replace(
+            moving = replace(
                 state,
                 unknown_rates=chain.T @ np.array(list(tracker.state_rates().values())),
                 contact_force_rates=whole * (chain.T @ tracker.contact_force_rates),
                 nodal_force_rates=np.tensordot(chain.T, tracker.nodal_force_rates, axes=1),
             )
-        read = self._reader.read(state)
+        read = self._reader.read(moving)
+        explicit = self._by_shifts(self._reader, state, read)
         for name, values in self.values.items():
             value, by = read.get(name, (np.nan, np.full(len(self._parameters), np.nan)))
             values.append(value)
             self._rates[name].append(by + explicit[name])
 
-    def _by_shifts(self, reader: ChannelReader, state: ReadState) -> dict[str, FloatArray]:
+    def _by_shifts(self, reader: ChannelReader, state: ReadState, read: Channels) -> dict[str, FloatArray]:
         """Return derivatives (parameters,) of channels by shifts of the leg and the cylinder in a state that stays.
 
         What images show that lie elsewhere is a difference already, and is taken to stay.
         """
         found = np.zeros((len(self._parameters), len(self.values)))
         for place, shift in self._tracker.shifts.items() if self._tracker else ():
-
-            def values(size: float, place: int = place, shift: Shift = shift) -> FloatArray:
-                if (place, size) not in self._aside:
-                    line = reader.stated and replace(reader.stated, origin=reader.stated.origin + size * shift.stated)
-                    self._aside[place, size] = replace(reader, stated=line)
-                read = self._aside[place, size].read_as_stated(state)
-                return np.array([read.get(name, 0.0) for name in self.values])
-
-            found[place] = reader.system.by_shift(shift, values)
+            if place not in self._aside:
+                line = reader.stated and replace(reader.stated, origin=reader.stated.origin + _SHIFT * shift.stated)
+                self._aside[place] = replace(reader, stated=line)
+            with reader.system.shifted(shift, _SHIFT):
+                aside = self._aside[place].read_as_stated(state)
+            moves = [aside[name] - read[name][0] if name in aside and name in read else 0.0 for name in self.values]
+            found[place] = np.array(moves) / _SHIFT
         return dict(zip(self.values, found.T, strict=True))
 
     def channels(self) -> tuple[dict[str, FloatArray], dict[str, dict[str, FloatArray]]]:

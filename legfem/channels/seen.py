@@ -9,7 +9,7 @@ from scipy.interpolate import make_interp_spline
 
 from legfem.channels import Sight
 from legfem.common.units import FloatArray
-from legfem.fem.outlines import Crossing, Outline, PointsInside, first_crossing, outline_between, outline_of_facets
+from legfem.fem.outlines import Crossing, Outline, PointsInside, first_crossings, outline_between, outline_of_facets
 from legfem.fem.system import System
 from legfem.geometry.indenter import TravelLine
 from legfem.geometry.section import across, cross
@@ -112,8 +112,8 @@ class SeenModel:
         }
 
     @cached_property
-    def crossings_at_rest(self) -> dict[str, dict[bytes, Crossing | None]]:
-        """Crossings of lines with the undeformed outlines, as far as they were asked for."""
+    def crossings_at_rest(self) -> dict[str, dict[bytes, list[Crossing | None]]]:
+        """First crossings of lines with the undeformed outlines, as far as they were asked for."""
         return {name: {} for name in self.outlines}
 
     @cached_property
@@ -172,12 +172,12 @@ class Seen:
         return np.array([place for sight in self.model.sights if sight.name == name for place in sight.places])
 
     def moves(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return displacements (m, 2) of points (m, 2) of the undeformed section, mm, and derivatives (p, m, 2).
+        """Return displacements (..., 2) of points (..., 2) of the undeformed section, mm, and derivatives (p, ..., 2).
 
         NaN of those that lie outside the tissue.
         """
-        found = self.model.inside(points).values(self._moved)
-        return found[0], found[1:]
+        found = self.model.inside(points.reshape(-1, 2)).values(self._moved)
+        return found[0].reshape(points.shape), found[1:].reshape(-1, *points.shape)
 
     @cached_property
     def _moved(self) -> FloatArray:
@@ -264,7 +264,7 @@ class Seen:
         """Outlines by name, crossed by the line of travel."""
         system, found = self.model.system, {}
         for name, outline in self.model.outlines.items():
-            moved = np.array([outline.values(one) for one in self._moved])
+            moved = outline.values(self._moved)
             places, line = outline.places, (system.start, system.direction)
             known = self.model.crossings_at_rest[name]
             found[name] = CrossedOutline(places, places + moved[0], moved[1:], *line, known)
@@ -284,7 +284,7 @@ class CrossedOutline:
     origin, direction
         Point and direction of the line.
     known
-        Crossings with the undeformed outline that were found in earlier states, by the line.
+        Crossings with the undeformed outline that were found in earlier states, by the lines.
     """
 
     places: FloatArray
@@ -292,18 +292,28 @@ class CrossedOutline:
     rates: FloatArray
     origin: FloatArray
     direction: FloatArray
-    known: dict[bytes, Crossing | None]
+    known: dict[bytes, list[Crossing | None]]
 
-    def undeformed(self, shift: float) -> Crossing | None:
-        """Return where the line, shifted to its left (mm), first meets the undeformed outline."""
-        line = np.array([*self.origin, *self.direction, shift]).tobytes()
-        if line not in self.known:
-            self.known[line] = first_crossing(self.places, self.origin, self.direction, shift)
-        return self.known[line]
+    def place(self) -> tuple[float, FloatArray] | None:
+        """Return where the line of travel first meets the deformed outline (mm), and the derivatives."""
+        (found,) = self._places(self.origin[None], self.direction[None])
+        return found
 
-    def place(self, shift: float = 0.0) -> tuple[float, FloatArray] | None:
-        """Return where the shifted line first meets the deformed outline (mm), and the derivatives."""
-        found = first_crossing(self.points, self.origin, self.direction, shift)
-        if found is None:
-            return None
-        return found.along, found.rate(self.rates, self.direction) if len(self.rates) else np.zeros(0)
+    def rises(self, origins: FloatArray, directions: FloatArray) -> list[tuple[float, FloatArray] | None]:
+        """Return how far the outline rose against lines (k, 2) where they meet it first (mm), and the derivatives.
+
+        None of a line that doesn't meet it, deformed and undeformed.
+        """
+        met = zip(self._at_rest(origins, directions), self._places(origins, directions), strict=True)
+        return [None if one is None or now is None else (one.along - now[0], -now[1]) for one, now in met]
+
+    def _at_rest(self, origins: FloatArray, directions: FloatArray) -> list[Crossing | None]:
+        key = np.stack([origins, directions]).tobytes()
+        if key not in self.known:
+            self.known[key] = first_crossings(self.places, origins, directions)
+        return self.known[key]
+
+    def _places(self, origins: FloatArray, directions: FloatArray) -> list[tuple[float, FloatArray] | None]:
+        found = first_crossings(self.points, origins, directions)
+        ways = zip(found, directions, strict=True)
+        return [None if one is None else (one.along, one.rate(self.rates, way)) for one, way in ways]

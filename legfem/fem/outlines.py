@@ -48,8 +48,8 @@ class Outline:
     comm: MPI.Intracomm
 
     def values(self, nodal: FloatArray) -> FloatArray:
-        """Return a field's values at the edges' nodes, (m, 3, 2), from those at the rank's nodes, (nodes, 2)."""
-        return np.concatenate(self.comm.allgather(nodal[self.nodes]))
+        """Return fields at the edges' nodes, (..., m, 3, 2), from their values at the rank's nodes, (..., nodes, 2)."""
+        return np.concatenate(self.comm.allgather(nodal[..., self.nodes, :]), axis=-3)
 
 
 @dataclass(frozen=True)
@@ -79,36 +79,34 @@ class Crossing:
         return np.asarray(moves @ direction - self.slip * (moves @ across(direction)))
 
 
-def first_crossing(
-    points: FloatArray, origin: FloatArray, direction: FloatArray, shift: float = 0.0
-) -> Crossing | None:
-    """Return the first crossing of a line with an outline; None where there is none.
+def first_crossings(points: FloatArray, origins: FloatArray, directions: FloatArray) -> list[Crossing | None]:
+    """Return each line's first crossing with an outline; None where there is none.
 
     Parameters
     ----------
     points
         Deformed nodes of the outline's edges, (m, 3, 2), mm.
-    origin, direction
-        A point on the line (mm) and its unit vector.
-    shift
-        How far the line is shifted to the left of its direction (mm).
+    origins, directions
+        A point on each of k lines (k, 2), mm, and their unit vectors (k, 2).
     """
-    away = points - origin
-    offset, along = away @ across(direction) - shift, away @ direction
-    first, last, middle = offset.T
+    away = points - origins[:, None, None]
+    offset, along = (
+        np.einsum("kmnd,kd->kmn", away, ways) for ways in (np.array([across(one) for one in directions]), directions)
+    )
+    first, last, middle = np.moveaxis(offset, -1, 0)
     # The edge is within the hull of its Bezier points.
     bezier = 2 * middle - 0.5 * (first + last)
     low, high = (of(of(first, last), bezier) for of in (np.minimum, np.maximum))
-    found = []
-    for edge in np.flatnonzero((low <= _ROUND) & (high >= -_ROUND)):
-        square, linear, constant = _coefficients(offset[edge])
+    found: list[list[Crossing]] = [[] for _ in origins]
+    for line, edge in np.argwhere((low <= _ROUND) & (high >= -_ROUND)):
+        square, linear, constant = _coefficients(offset[line, edge])
         for position in _roots(square, linear, constant):
             slope = 2 * square * position + linear
             if slope != 0.0:
-                bend, rise, start = _coefficients(along[edge])
+                bend, rise, start = _coefficients(along[line, edge])
                 place = (bend * position + rise) * position + start
-                found.append(Crossing(int(edge), position, place, (2 * bend * position + rise) / slope))
-    return min(found, key=lambda crossing: crossing.along, default=None)
+                found[line].append(Crossing(int(edge), position, place, (2 * bend * position + rise) / slope))
+    return [min(one, key=lambda crossing: crossing.along, default=None) for one in found]
 
 
 def edge_shapes(position: float | FloatArray) -> FloatArray:

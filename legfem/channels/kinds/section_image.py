@@ -81,8 +81,8 @@ class _InCells(base.FramesFile[Site], ABC):
     needs: ClassVar[str]
 
     @abstractmethod
-    def laid(self, seen: "Seen", image: Laid) -> base.Channels:
-        """Return what an image shows in the cells."""
+    def laid(self, seen: "Seen", images: Sequence[Laid]) -> Sequence[base.Channels]:
+        """Return what images show in the cells."""
 
     def plans(self, site: Site) -> Sequence[base.ChannelPlan]:
         """Return the readings of cells beneath the cylinder."""
@@ -159,15 +159,18 @@ class SectionDisplacements(_InCells):
     asks = "take ultrasound images of the section before the test and at {at}, and track how the tissue moves"
     needs = "an ultrasound probe, software that tracks speckle"
 
-    def laid(self, seen: "Seen", image: Laid) -> base.Channels:
-        """Return the displacements that an image shows there."""
+    def laid(self, seen: "Seen", images: Sequence[Laid]) -> Sequence[base.Channels]:
+        """Return the displacements that images show there."""
         places = seen.places(INSIDE.name)
         if not len(places):
-            return {}
+            return []
         at = places[:, :2]
-        values, rates = map(image.shown, seen.moves(image.truly(at, at.mean(axis=0))))
+        values, rates = seen.moves(np.stack([image.truly(at, at.mean(axis=0)) for image in images]))
         rows, way = np.arange(len(places)), places[:, 2].astype(int)
-        return INSIDE.by_course(values[rows, way], rates[:, rows, way])
+        return [
+            INSIDE.by_course(image.shown(values[k])[rows, way], image.shown(rates[:, k])[:, rows, way])
+            for k, image in enumerate(images)
+        ]
 
     def check(self, kind: base.ChannelKind, recorded: base.ReadingsAtSite) -> base.Impossible | None:
         """Refuse displacements that are too large, against the travel, or not counted from first touch."""
@@ -222,16 +225,19 @@ class SectionStrains(_InCells):
     asks = "image the strain of the section at {at} by strain elastography"
     needs = "ultrasound with strain elastography"
 
-    def laid(self, seen: "Seen", image: Laid) -> base.Channels:
-        """Return the strains that an image shows there, along a beam that is turned with it."""
+    def laid(self, seen: "Seen", images: Sequence[Laid]) -> Sequence[base.Channels]:
+        """Return the strains that images show there, along a beam that is turned with each."""
         places = seen.places(STRAIN.name)
         if not len(places):
-            return {}
+            return []
         way, middle = seen.model.system.direction, places.mean(axis=0)
-        half = 0.5 * WINDOW_MM * way
-        ahead, ahead_rates = map(image.shown, seen.moves(image.truly(places + half, middle)))
-        behind, behind_rates = map(image.shown, seen.moves(image.truly(places - half, middle)))
-        return STRAIN.by_course(((ahead - behind) @ way) / WINDOW_MM, ((ahead_rates - behind_rates) @ way) / WINDOW_MM)
+        ends = np.stack([places + 0.5 * WINDOW_MM * way, places - 0.5 * WINDOW_MM * way])
+        values, rates = seen.moves(np.stack([image.truly(ends, middle) for image in images]))
+        strains, rising = ((of[..., 0, :, :] - of[..., 1, :, :]) / WINDOW_MM for of in (values, rates))
+        return [
+            STRAIN.by_course(image.shown(strains[k]) @ way, image.shown(rising[:, k]) @ way)
+            for k, image in enumerate(images)
+        ]
 
     def check(self, kind: base.ChannelKind, recorded: base.ReadingsAtSite) -> base.Impossible | None:
         """Refuse strains in per cent, of the other sign, or not counted from first touch."""

@@ -9,7 +9,6 @@ that is steep there already.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -53,19 +52,18 @@ class SkinRises(base.FramesFile[Site]):
     entry = "skin_profile"
     columns = ("x_mm", "y_mm")
 
-    def laid(self, seen: "Seen", image: Laid) -> base.Channels:
-        """Return the rises that an image shows, shifted, and turned about the axis of the cylinder at first touch.
+    def laid(self, seen: "Seen", images: Sequence[Laid]) -> Sequence[base.Channels]:
+        """Return the rises that images show, shifted, and turned about the axis of the cylinder at first touch.
 
         None of a line that doesn't meet the skin.
         """
-        stated, found = seen.profile, dict[str, tuple[float, FloatArray]]()
-        origin, direction = image.truly(stated.origin, stated.origin), image.turned(stated.direction)
-        skin = replace(stated, origin=origin, direction=direction)
-        for offset, kind in RISES.items():
-            now, first = skin.place(offset), skin.undeformed(offset)
-            if now is not None and first is not None:
-                found[kind.name] = (first.along - now[0], -now[1])
-        return found
+        skin = seen.profile
+        ways = np.array([image.turned(skin.direction) for image in images for _ in RISES])
+        origins = np.array([image.truly(skin.origin, skin.origin) for image in images for _ in RISES])
+        aside = np.array([offset * across(way) for offset, way in zip([*RISES] * len(images), ways, strict=True)])
+        each = iter(skin.rises(origins + aside, ways))
+        named = ([(kind.name, next(each)) for kind in RISES.values()] for _ in images)
+        return [{name: one for name, one in rises if one is not None} for rises in named]
 
     def plans(self, site: Site) -> Sequence[base.ChannelPlan]:
         """Return the rises next to the cylinder."""
