@@ -23,6 +23,7 @@ import ufl
 from dolfinx import fem, la
 from ufl.algorithms import expand_derivatives, extract_coefficients, replace
 from ufl.constantvalue import Zero
+from ufl.corealg.traversal import unique_pre_traversal
 
 from legfem.common.units import FloatArray
 from legfem.fem.compiled import compiled
@@ -164,14 +165,15 @@ class _PlaceSensitivity:
         self._partials = [
             _compiled_if_any(_by_symbol(residual, domain.symbols[name])) if name else None for name in known
         ]
-        self._updates = [
-            {
+        updates = {
+            name: {
                 key: forms.history.expression(total)
                 for key in old
                 if not isinstance(total := self._total(forms.updated[key], forms, domain, name), Zero)
             }
-            for name in known
-        ]
+            for name in dict.fromkeys(known)
+        }
+        self._updates = [updates[name] for name in known]
         self._states = [
             (np.zeros_like(self._before.x.array), {k: v.x.array.copy() for k, v in old.items()}) for _ in parameters
         ]
@@ -271,9 +273,8 @@ def _felt(forms: DomainForms, residual: Any) -> tuple[dict[str, Any], frozenset[
 
 
 def _by_symbol(form: Any, variable: Any) -> Any:
-    return ufl.Form(
-        [integral.reconstruct(integrand=ufl.diff(integral.integrand(), variable)) for integral in form.integrals()]
-    )
+    having = (one for one in form.integrals() if variable in set(unique_pre_traversal(one.integrand())))
+    return ufl.Form([one.reconstruct(integrand=ufl.diff(one.integrand(), variable)) for one in having])
 
 
 def _compiled_if_any(form: Any) -> Any:
