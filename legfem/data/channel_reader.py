@@ -1,5 +1,6 @@
 """Reading channels beside the force: columns of a recording, or files of their own that ``[channels]`` names."""
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from fnmatch import fnmatch
@@ -16,11 +17,16 @@ from legfem.common.errors import InputError
 from legfem.common.input_files import FileTable, NotNegative, Positive, Text, read_table, trouble
 from legfem.common.units import FloatArray
 from legfem.data.formats import file_of, read_sheets
+from legfem.data.formats.films import read_film
+from legfem.data.formats.frames import LaidFrames
 from legfem.data.formats.labels import Quantity
+from legfem.data.formats.points import read_points
 from legfem.data.recording import RecordedChannel, Recording, channel_of, check_increasing
 from legfem.geometry.indenter import Site
 
 _LONGEST_HEADER = 200
+_POINTS, _SENSELS = ("x_mm", "y_mm", "ux_mm", "uy_mm"), ("angle_deg", "pressure_kPa")
+"""Columns of tables that programs of cameras and films export otherwise."""
 TRIAL = "{trial}"
 """Stands for the trial's name in the name of a file."""
 SITE = "{site}"
@@ -51,12 +57,13 @@ def _key(error: str, unit: str) -> str:
     return error if unit == "-" else f"{error}_{unit}"
 
 
-class RecordedChannelEntry(FileTable):
+class RecordedChannelEntry(LaidFrames):
     """``[channels.NAME]``: where a channel is found, and how accurate it is; what isn't given is usual."""
 
     file: Text | None = None
     """Table of ``time_s`` and the channel, within the subject's folder or beside the recordings; without it, the
-    channel is a column of the recordings."""
+    channel is a column of the recordings. Of frames it may be what a camera's or a film's software exported: a file, or
+    one a frame (``a-*.csv``)."""
     column: Text | None = None
     """Column of that table, where its name isn't the channel's."""
     gain_percent: NotNegative | None = None
@@ -200,7 +207,7 @@ def with_channels(
             continue
         paths = [_channel_file(toml, entry, one, len(recordings), key, name) for one in recordings]
         if frames and site is not None:
-            read = _of_frames(paths, frames, site, recordings)
+            read = _of_frames(paths, frames, site, recordings, entry)
         else:
             read = [[Read(key, *read_channel(path, CHANNELS[key], entry.column))] for path in paths]
         each = zip(paths, read, recordings, strict=True)
@@ -224,7 +231,13 @@ def _channel_file(
         raise InputError(toml, f"channels.{name}.file", f"'{entry.file}' is one file for {trials} trials", remedy)
     path = toml.parent / entry.file.replace(SITE, site).replace(TRIAL, recording.trial)
     nearby = None if recording.source is None else file_of(recording.source).parent / path.name
-    return nearby if nearby is not None and nearby.is_file() and not path.is_file() else path
+    return nearby if nearby is not None and files_named(nearby) and not files_named(path) else path
+
+
+def files_named(path: Path) -> list[Path]:
+    """Return the files that a path names; with ``*`` in its name, of those that there are."""
+    found = path.parent.glob(path.name) if "*" in path.name else [path]
+    return sorted(one for one in found if one.is_file())
 
 
 def is_channel_file(path: Path, given: FileTable, site: str = "") -> bool:
@@ -235,24 +248,44 @@ def is_channel_file(path: Path, given: FileTable, site: str = "") -> bool:
 
 def frames_in(path: Path) -> list[FramesFile[Any]]:
     """Return what may read a table of frames, by its header; nothing of other files."""
+    return [one for one in OF_FRAMES.values() if _header(path) == ("time_s", *one.columns)]
+
+
+def _header(path: Path) -> tuple[str, ...]:
     with path.open(encoding="utf-8-sig", errors="replace") as file:
-        header = tuple(name.strip() for name in file.readline(_LONGEST_HEADER).split(","))
-    return [one for one in OF_FRAMES.values() if header == ("time_s", *one.columns)]
+        return tuple(name.strip() for name in re.split("[,;\t]", file.readline(_LONGEST_HEADER)))
 
 
 def _of_frames(
-    paths: Sequence[Path], file: FramesFile[Any], site: Site | Sequence[Face], recordings: Sequence[Recording]
+    paths: Sequence[Path],
+    file: FramesFile[Any],
+    site: Site | Sequence[Face],
+    recordings: Sequence[Recording],
+    laid: LaidFrames,
 ) -> Sequence[Sequence[Read]]:
     """Return the channels that every trial's file of frames gives."""
     frames = []
     for path, one in zip(paths, recordings, strict=True):
-        table = read_table(path, ("time_s", *file.columns)).to_numpy(dtype=np.float64)
+        table = _frames_table(path, file, site, laid)
         table = table[np.argsort(table[:, 0], kind="stable")]
         frames.append(Frames(table[:, 0], table[:, 1:], one.time, one.force))
     try:
         return file.of_frames(frames, site)
     except InputError as error:
         raise error.at(paths[0]) from None
+
+
+def _frames_table(path: Path, file: FramesFile[Any], site: Site | Sequence[Face], laid: LaidFrames) -> FloatArray:
+    """Return a table of frames: legfem's own, or one that a camera's or a film's software exported."""
+    files = files_named(path)
+    foreign = bool(files) and _header(files[0])[0] != "time_s"
+    if foreign and file.columns == _POINTS:
+        return read_points(files, laid)
+    if foreign and file.columns == _SENSELS and isinstance(site, Site):
+        return read_film(files, laid, site.indenter)
+    table = read_table(path, ("time_s", *file.columns))
+    laid.ask(path, {})
+    return table.to_numpy(dtype=np.float64)
 
 
 def _with_read(

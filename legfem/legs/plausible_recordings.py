@@ -12,7 +12,7 @@ from legfem.channels.kinds import FILE_OF
 from legfem.common.errors import Doubt, InputError
 from legfem.common.units import FloatArray, spaced_unit
 from legfem.data import Segmentation, ranges
-from legfem.data.channel_reader import LONGEST_LAG_S
+from legfem.data.channel_reader import LONGEST_LAG_S, files_named
 from legfem.data.formats import recording_files
 from legfem.data.formats.sheet import file_of
 from legfem.data.plausibility import loading_doubts, pull_doubts, refuse_copies, trial_doubts, unread_doubts
@@ -113,7 +113,8 @@ def doubts_about_recordings(subject: Subject, toml: Path, room: float) -> Iterat
 def _unread(subject: Subject) -> Iterator[Doubt]:
     read = {file_of(one.source) for one in subject.recordings if one.source is not None}
     folders = {path.parent for path in read}
-    read |= {channel.source for one in subject.recordings for channel in one.channels if channel.source is not None}
+    sources = {channel.source for one in subject.recordings for channel in one.channels if channel.source is not None}
+    read |= {file for source in sources for file in files_named(source)}
     others = sorted(file for folder in folders for file in recording_files(folder) if file not in read)
     them = "it" if len(others) == 1 else "them"
     remedy = f"remove {them}, or give [recordings] from `legfem data look`"

@@ -141,12 +141,18 @@ def read_matlab(path: Path) -> list[Sheet]:
     ``force`` may stand in its name (``force_N``), in ``force_unit`` or in
     ``units.force``.
     """
+    return _sheets_of(path, "", content_of_matlab(path))
+
+
+def content_of_matlab(path: Path, names: list[str] | None = None) -> dict[str, Any]:
+    """Return the variables of a .mat file, or those of some names that it has; raises InputError of a large one."""
     if not h5py.is_hdf5(path):
         check_size(path, sum(8 * math.prod(shape) for _, shape, _ in whosmat(path)))
     else:
         with h5py.File(path) as file:
             _check_datasets(path, file)
-    return _sheets_of(path, "", read_mat(str(path)))
+    found: dict[str, Any] = read_mat(str(path), variable_names=names)
+    return found
 
 
 def read_hdf5(path: Path) -> list[Sheet]:

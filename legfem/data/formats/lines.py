@@ -71,16 +71,16 @@ class TextLines:
     remarks: tuple[str, ...]
 
 
-def read_lines(path: Path) -> TextLines:
-    """Read a text's lines.
+def read_lines(path: Path, part: str | None = None) -> TextLines:
+    """Read a text's lines, or those of a part of it.
 
     Raises
     ------
     InputError
         If it is no text, has too many lines, or a block of it was never written.
     """
-    text, encoding, left = _decoded(path)
-    given = _DASH.sub("-", text.translate(_CHARACTERS)).splitlines()
+    text, encoding, left = decoded(path) if part is None else (part, "", 0)
+    given = text.splitlines()
     if len(given) > _MOST_LINES:
         remedy = f"export the test alone, or keep one line of {-(-len(given) // _MOST_LINES)}: {_thinning(path, given)}"
         raise InputError(path, "file", f"contains {len(given):,} lines; at most {_MOST_LINES:,} are read", remedy)
@@ -190,9 +190,19 @@ def _with_whole_cells(lines: Sequence[str]) -> list[str]:
     return whole
 
 
-def _decoded(path: Path) -> tuple[str, str, int]:
-    """Return a file's text, its encoding, and how many null bytes were left out at its end."""
-    raw = path.read_bytes()
+def decoded(path: Path) -> tuple[str, str, int]:
+    """Return a file's text in plain characters, its encoding, and how many null bytes were left out at its end.
+
+    Raises
+    ------
+    InputError
+        If it is no text, or a block of it was never written.
+    """
+    text, encoding, left = _decoded(path, path.read_bytes())
+    return _DASH.sub("-", text.translate(_CHARACTERS)), encoding, left
+
+
+def _decoded(path: Path, raw: bytes) -> tuple[str, str, int]:
     for mark, name in _MARKS.items():
         if raw.startswith(mark):
             return raw.removeprefix(codecs.BOM_UTF8).decode(name, errors="replace"), name, 0

@@ -96,14 +96,7 @@ def _holds_curves(path: Path) -> bool:
 
 
 _A_STEP = "export a step, a ramp or a hold: time, displacement or angle, and force or torque"
-_OF_POINTS = (
-    "give [channels.face_strain], or section_displacement, a row a point and frame: time_s,x_mm,y_mm,ux_mm,uy_mm, on "
-    "the recording's clock and in mm (pixels times mm a pixel)"
-)
-_OF_SENSELS = (
-    "give [channels.contact_pressure] a row a sensel and frame: time_s,angle_deg,pressure_kPa, their mean along the "
-    "cylinder, and as angle 57.3 times the way from the face's deepest point over the cylinder's radius"
-)
+_ASKED = "with file = \"its name\" in the folder's .toml: what it doesn't say of place and time is asked for then"
 _BENDS = r"flexural|(three|four|3|4).?point.bend|biege|durchbiegung"
 _FIELD = r"^subset_id$|^[uv]_pi?x|^(eps|u|displ?(acement)?)_?[xy]$|^lambda.?1$|^u\nv$"
 _OTHERS = {
@@ -111,7 +104,7 @@ _OTHERS = {
     r"G''|G″|loss mod|verlustmod": ("an oscillation's (G', G''), which is none of legfem's tests", _A_STEP),
     rf"\A(?!(?s:.)*(force|load|^f_?[xyz]$))(?s:.)*({_FIELD})": (
         "a camera's field of points, no recording's",
-        _OF_POINTS,
+        f"give [channels.face_strain], or section_displacement, {_ASKED}",
     ),
 }
 """By a pattern of columns' names, a line each: what they are, and what to do."""
@@ -177,7 +170,7 @@ def refuse_what_holds_no_table(path: Path) -> None:
     told = next((told for mark, told in _BEGINS.items() if begin.startswith(mark)), None)
     told = told or _packed(begin, path.suffix.lower()) or _marked_up(begin) or _of_office(path, begin)
     if told is None and _FILM.search(begin):
-        told = "a pressure film's frames, and no recording", _OF_SENSELS
+        told = "a pressure film's frames, and no recording", f"give [channels.contact_pressure] {_ASKED}"
     if begin[257:262] == b"ustar":
         told = "an archive (tar)", _UNPACK
     if told is not None:

@@ -31,15 +31,15 @@ _BARE_THOUSANDS = re.compile(r'(?<![\d."])\d{1,3}(,\d{3})+\.\d+(?![\d"])')
 _LINES_TRIED = 40
 
 
-def read_text(path: Path) -> list[Sheet]:
-    """Read a text file's table.
+def read_text(path: Path, part: str | None = None) -> list[Sheet]:
+    """Read a text file's table, or that in a part of it.
 
     Raises
     ------
     InputError
         If it is no text, or no table of numbers, or one that can be read in two ways.
     """
-    lines = read_lines(path)
+    lines = read_lines(path, part)
     _check_thousands(path, lines.texts)
     delimiter, decimal = _dialect(path, lines)
     parted = _with_row_numbers(lines, _parted(lines.texts, delimiter))

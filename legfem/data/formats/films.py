@@ -1,0 +1,153 @@
+"""Pressure films and mats, as their makers' software exports them: grids of sensels by frames.
+
+Tekscan's ``.asf`` and CSV and XSENSOR's CSV have a grid a frame, below a line with the frame's number; novel's
+``.asc`` has a frame a row, below a line with the sensels' numbers. Where Tekscan writes ``B`` there is no sensel.
+"""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray, mpa_to_kpa
+from legfem.data.formats.frames import LaidFrames, RawFrame, clock_of, numbered, of_numbers, split_frames
+from legfem.data.formats.labels import unit_named
+from legfem.data.formats.lines import decoded
+from legfem.data.formats.sheet import check_size
+from legfem.geometry.indenter import Indenter
+
+_STATED = {
+    "unit": r"^\W*units?\W+([^\s,;\"]+)|\[([kM]?Pa|N/cm\S+|mmHg|psi)\]",
+    "frame_s": r"SECONDS_PER_FRAME\W+([\d.,]+)|time per frame\W+secs?\W+([\d.,]+)",
+    "count": r"^\W*(?:cols|columns)\W+(\d+)",
+    "rows": r"^\W*row_spacing\W+([\d.,]+)[\s,]*mm",
+    "columns": r"^\W*col_spacing\W+([\d.,]+)[\s,]*mm",
+}
+"""What a heading may state: unit, time of a frame, number of columns, mm from a row to the next, and from a column."""
+_BY_ROW = re.compile(r"\W*time\W*(?P<unit>[a-z]*)\W+1\W+2\b", re.IGNORECASE)
+"""Above rows of a frame each."""
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE)
+_WHOLE = re.compile(r"\s*\d+(?:\s*,\s*\d+)+\s*")
+"""Between commas, where they may be decimal ones."""
+_COMMAS = re.compile(r",\s*\S+\s*,|^[^\s,]+,\s*[^\s,]+$")
+"""Between cells: not behind a space and digits, where they are decimal ones."""
+_WIDEST_DEG = 90.0
+_BESIDE = 0.1
+"""Share of the greatest pressure that sensels may read which can't touch the face."""
+
+
+def read_film(paths: Sequence[Path], laid: LaidFrames, indenter: Indenter) -> FloatArray:
+    """Read a film that lies around the cylinder.
+
+    Parameters
+    ----------
+    paths
+        One file, or one a frame.
+    laid
+        What it doesn't say.
+    indenter
+        The cylinder.
+
+    Returns
+    -------
+    (n, 3) array
+        Time on the recording's clock, s; a sensel's angle from the face's deepest point, degrees; mean pressure along
+        the cylinder, kPa.
+
+    Raises
+    ------
+    InputError
+        If it has no such frames, or something that it doesn't say isn't given.
+    """
+    path, files = paths[0], [_film(one, laid) for one in paths]
+    stated, frames = files[0][0], numbered(paths, [own for _, own in files])
+    shapes = {one.values.shape for one in frames}
+    if len(shapes) != 1 or (len(frames) == len(paths) == 1 and frames[0].number is None):
+        problem = f"has {len(frames)} frames, of {len(shapes)} shapes, and no numbers of frames or times"
+        raise InputError(path, "frames", problem, "export every frame of the film, calibrated, as CSV or .asf")
+    times, needed = clock_of(path, frames, laid, float(stated["frame_s"]) if "frame_s" in stated else None)
+    counts = dict(zip(("rows", "columns"), *shapes, strict=True))
+    axis = laid.axes[0] if laid.axes else "columns"
+    side = axis.strip("-")
+    needed |= {
+        "axes": '["columns"], whose number grows around the cylinder to the left of the travel, or ["-rows"]',
+        "origin": f"[number of the one at the face's deepest point, from 1; it has {counts}]",
+        **({} if side in stated else {"mm_each": "mm from a sensel to the next around the cylinder"}),
+        **({} if "unit" in stated else {"unit": "that of the pressures"}),
+    }
+    if side not in counts or len(laid.origin or [0.0]) != 1:
+        raise InputError(path, "axes", "aren't a film's one", f"give axes = {needed['axes']}, and one number as origin")
+    laid.ask(path, needed, ("lines", "grid"))
+    unit = unit_named(stated.get("unit", laid.unit or ""))
+    if unit is None or unit.quantity != "pressure":
+        raise InputError(path, "unit", f"'{stated.get('unit')}' is none of pressure", "export it calibrated")
+    steps = {key: float(stated.get(key, laid.mm_each or 1.0)) for key in counts}
+    grids = mpa_to_kpa(unit.factor) * np.array([one.values if side == "columns" else one.values.T for one in frames])
+    pressure = _along(path, grids, laid, steps["rows" if side == "columns" else "columns"], indenter.length)
+    angle = np.rad2deg((np.arange(1, counts[side] + 1) - (laid.origin or [0.0])[0]) * steps[side] / indenter.radius)
+    beside = np.abs(angle) > _WIDEST_DEG
+    if np.nanmax(pressure[:, beside], initial=0.0) > _BESIDE * np.nanmax(pressure[:, ~beside], initial=0.0):
+        problem = f"sensels beyond {_WIDEST_DEG:g} degrees, where nothing touches, read as others do"
+        raise InputError(path, "origin", problem, f"give origin = {needed['origin']}")
+    frame, sensel = np.nonzero(np.isfinite(pressure) & ~beside)
+    signed = -angle if axis.startswith("-") else angle
+    return np.column_stack([times[frame], signed[sensel], pressure[frame, sensel]])
+
+
+def _along(path: Path, grids: FloatArray, laid: LaidFrames, apart: float, length: float) -> FloatArray:
+    """Return the means (frames, n) of what sensels (frames, m, n) read along a cylinder of a length; NaN of none.
+
+    Raises
+    ------
+    InputError
+        If more of them are taken than lie on it, mm.
+    """
+    count = grids.shape[1]
+    first, last = laid.lines or (1, count)
+    if not 1 <= first <= last <= count or (last - first) * apart > length + apart:
+        problem = f"{first} to {last} of {count}, {apart:g} mm apart, don't lie on a cylinder of {length:g} mm"
+        raise InputError(path, "lines", problem, "give lines = [first, last], those that lie on it, counted from 1")
+    taken = grids[:, first - 1 : last]
+    there = np.isfinite(taken).sum(axis=1)
+    return np.where(there, np.nansum(taken, axis=1) / np.maximum(there, 1), np.nan)
+
+
+def _film(path: Path, laid: LaidFrames) -> tuple[dict[str, str], list[RawFrame[FloatArray]]]:
+    """Return what a file's heading states, and its frames of (rows, columns).
+
+    Raises
+    ------
+    InputError
+        If its rows differ in length, aren't as many as it states, or may have decimal commas between commas.
+    """
+    check_size(path, path.stat().st_size)
+    text = decoded(path)[0]
+    found = {key: re.search(words, text, re.IGNORECASE | re.MULTILINE) for key, words in _STATED.items()}
+    stated = {key: next(filter(None, one.groups())).replace(",", ".") for key, one in found.items() if one}
+    by_row = _BY_ROW.search(text)
+    frames = split_frames(text[text.find("\n", by_row.end()) :] if by_row else text)
+    lines = [[line for line in own if of_numbers(line)] for _, own in frames]
+    grids = [[_numbers_in(line) for line in own] for own in lines]
+    widths = {len(row) for rows in grids for row in rows} | ({int(stated["count"])} if "count" in stated else set())
+    unsure = "count" not in stated and all(_WHOLE.fullmatch(line) for own in lines for line in own)
+    if len(widths) > 1 or (widths and unsure):
+        problem = f"have {' or '.join(map(str, sorted(widths)))} numbers: there may be decimal commas between commas"
+        raise InputError(path, "rows", problem, "export them with semicolons or tabs between numbers")
+    if not by_row:
+        return stated, [RawFrame(np.array(rows), **said) for rows, (said, _) in zip(grids, frames, strict=True)]
+    count = sum(widths) - 1
+    laid.ask(path, {"grid": f"[rows, columns] of its {count} sensels"}, tuple(laid.laid))
+    unit, grid = unit_named(by_row["unit"]), laid.grid or []
+    if unit is None or len(grid) != 2 or grid[0] * grid[1] != count:
+        raise InputError(path, "grid", f"{grid} isn't that of its {count} sensels", "correct it")
+    return stated, [RawFrame(np.reshape(row[1:], grid), time=row[0] * unit.factor) for rows in grids for row in rows]
+
+
+def _numbers_in(line: str) -> list[float]:
+    """Return the numbers in a line; NaN where there is none."""
+    delimiter = next((one for one in "\t;" if one in line), "," if _COMMAS.search(line) else None)
+    cells = [one.strip(' "') for one in line.strip().removesuffix(delimiter or " ").split(delimiter)]
+    plain = cells if delimiter == "," else [one.replace(",", ".") for one in cells]
+    return [float(one) if _NUMBER.fullmatch(one) else float("nan") for one in plain]
