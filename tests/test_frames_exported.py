@@ -173,6 +173,13 @@ READ: dict[str, tuple[Files, str, str]] = {
     ),
     "inches": ({f"s_{f:03d}.csv": INCH[f] for f in range(6)}, MM + EACH, own()),
     "metres": ({f"s_{f:03d}.csv": METRES[f] for f in range(6)}, MM + EACH, own()),
+    "stages with units of time before it": ({"a.csv": stages(head="Stage {f}\nTime [s]: {t}\n")}, MM, own()),
+    "stages of how many": ({"a.csv": stages(head="Stage {f} of 6\n")}, MM + EACH, own()),
+    "names behind axes": (
+        {"a.csv": stages(("X coordinate [mm]", "Y coordinate [mm]", "x displacement [mm]", "y displacement [mm]"))},
+        MM,
+        own(),
+    ),
     "an origin elsewhere": (
         {
             "a.csv": "".join(
@@ -323,6 +330,12 @@ REFUSED: dict[str, tuple[Files, str, str]] = {
         "outside the specimen's face",
     ),
     "own table with a camera's keys": ({"a.csv": own()}, "mm_each = 0.1\n", "mm_each: the file says that itself"),
+    "Ncorr whose displacements weren't formatted": (
+        {"a.mat": ncorr().replace(b"plot_u_ref_f", b"plot_u_dic_f")},
+        NCORR + EACH,
+        "can't be read as Ncorr's or MultiDIC's .*; format displacements",
+    ),
+    "half of a file": ({"a.mat": ncorr()[:900]}, NCORR + EACH, "can't be read as Ncorr's or MultiDIC's"),
     "a scale of Ncorr's mm": ({"a.mat": ncorr()}, PX + EACH, "mm_each: the file says that itself"),
     "no point that was followed": (
         {
@@ -417,6 +430,11 @@ FILMS: dict[str, tuple[Files, str, dict]] = {
     "XSENSOR": ({"a.csv": xsensor()}, FILM + EACH + "mm_each = 2.0\n", {}),
     "XSENSOR in UTF-16": ({"a.csv": xsensor().encode("utf-16")}, FILM + EACH + "mm_each = 2.0\n", {}),
     "XSENSOR with semicolons": ({"a.csv": xsensor(delimiter=";", comma=True)}, FILM + EACH + "mm_each = 2.0\n", {}),
+    "XSENSOR with a peak in another unit": (
+        {"a.csv": xsensor(XSENSOR.replace("Rows", "Peak [mmHg]{d}9\nRows"))},
+        FILM + EACH + "mm_each = 2.0\n",
+        {},
+    ),
     "XSENSOR with quotes": ({"a.csv": xsensor().replace("Frame:,", '"Frame:",')}, FILM + EACH + "mm_each = 2.0\n", {}),
     "a frame a file": (
         {f"film_{f:03d}.csv": rows_of(grid(f)) for f in ALL},
@@ -430,6 +448,12 @@ FILMS: dict[str, tuple[Files, str, dict]] = {
 FILMS_REFUSED: dict[str, tuple[Files, str, str]] = {
     "nothing said": ({"a.csv": xsensor()}, "", r"give with it: frame_s = .*clock_s = .*axes = .*origin = .*mm_each = "),
     "no unit": ({"a.asf": tekscan(head=TEKSCAN.replace("UNITS KPa\n", ""))}, FILM, "give with it: unit"),
+    "one line": ({"a.asf": tekscan()}, FILM + "lines = [3]\n", "lines.*wrong length|at least 2 items"),
+    "milliseconds": (
+        {"a.asf": tekscan(head=TEKSCAN.replace("SECONDS_PER_FRAME 1", "MILLISECONDS_PER_FRAME 1000"))},
+        FILM,
+        "give with it: frame_s",
+    ),
     "raw counts": ({"a.asf": tekscan(head=TEKSCAN.replace("KPa", "Raw"))}, FILM, "unit: 'Raw' is none of pressure"),
     "another unit": ({"a.asf": tekscan()}, FILM + 'unit = "mmHg"\n', "unit: the file says that itself"),
     "decimal commas between commas": (
@@ -530,6 +554,6 @@ def test_a_film_is_read_as_the_pressures_that_were_there(tmp_path: Path, leg: Su
 @pytest.mark.parametrize("name", FILMS_REFUSED)
 def test_a_film_that_can_t_be_read_for_certain_is_refused_in_a_line(tmp_path: Path, leg: Subject, name: str) -> None:
     files, entry, cause = FILMS_REFUSED[name]
-    with pytest.raises(InputError, match=cause) as refused:
+    with pytest.raises((InputError, ValidationError), match=cause) as refused:
         film(tmp_path, leg, files, named(files) + entry)
     print(refused.value)

@@ -19,13 +19,14 @@ from legfem.data.formats.sheet import check_size
 from legfem.geometry.indenter import Indenter
 
 _STATED = {
-    "unit": r"^\W*units?\W+([^\s,;\"]+)|\[([kM]?Pa|N/cm\S+|mmHg|psi)\]",
-    "frame_s": r"SECONDS_PER_FRAME\W+([\d.,]+)|time per frame\W+secs?\W+([\d.,]+)",
+    "unit": r"^\W*units?\W+([^\s,;\"]+)",
+    "frame_s": r"^\W*SECONDS_PER_FRAME\W+([\d.,]+)|time per frame\W+secs?\W+([\d.,]+)",
     "count": r"^\W*(?:cols|columns)\W+(\d+)",
     "rows": r"^\W*row_spacing\W+([\d.,]+)[\s,]*mm",
     "columns": r"^\W*col_spacing\W+([\d.,]+)[\s,]*mm",
 }
 """What a heading may state: unit, time of a frame, number of columns, mm from a row to the next, and from a column."""
+_BRACKETED = re.compile(r"[(\[]([kM]?Pa|N/cm[²2]|mmHg|psi)[)\]]")
 _BY_ROW = re.compile(r"\W*time\W*(?P<unit>[a-z]*)\W+1\W+2\b", re.IGNORECASE)
 """Above rows of a frame each."""
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE)
@@ -126,6 +127,8 @@ def _film(path: Path, laid: LaidFrames) -> tuple[dict[str, str], list[RawFrame[F
     text = decoded(path)[0]
     found = {key: re.search(words, text, re.IGNORECASE | re.MULTILINE) for key, words in _STATED.items()}
     stated = {key: next(filter(None, one.groups())).replace(",", ".") for key, one in found.items() if one}
+    bracketed = set(_BRACKETED.findall(text))
+    stated |= {"unit": bracketed.pop()} if "unit" not in stated and len(bracketed) == 1 else {}
     by_row = _BY_ROW.search(text)
     frames = split_frames(text[text.find("\n", by_row.end()) :] if by_row else text)
     lines = [[line for line in own if of_numbers(line)] for _, own in frames]
@@ -140,7 +143,7 @@ def _film(path: Path, laid: LaidFrames) -> tuple[dict[str, str], list[RawFrame[F
     count = sum(widths) - 1
     laid.ask(path, {"grid": f"[rows, columns] of its {count} sensels"}, tuple(laid.laid))
     unit, grid = unit_named(by_row["unit"]), laid.grid or []
-    if unit is None or len(grid) != 2 or grid[0] * grid[1] != count:
+    if unit is None or np.prod(grid) != count:
         raise InputError(path, "grid", f"{grid} isn't that of its {count} sensels", "correct it")
     return stated, [RawFrame(np.reshape(row[1:], grid), time=row[0] * unit.factor) for rows in grids for row in rows]
 

@@ -4,9 +4,10 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import Field
 
 from legfem.common.errors import InputError, Lack
 from legfem.common.input_files import FileTable, Finite, Positive, Text
@@ -22,8 +23,15 @@ FRAME = (
     r"(?:[_ ]?(?:no|nr|number|nummer|index|id))?"
 )
 """How a frame's number is called."""
-_NUMBER_OF_FRAME = re.compile(rf"\W*{FRAME}\W+(\d+)\W*", re.IGNORECASE)
-_TIME_OF_FRAME = re.compile(r"\W*(?:time|zeit|temps|tiempo|tempo)\W+(\d+(?:[.,]\d+)?)\W+([^\W\d]+)\W*", re.IGNORECASE)
+_NUMBER_OF_FRAME = re.compile(rf"\W*{FRAME}\W+(\d+)(?:\s*(?:/|@|of\b|von\b|sur\b).*)?\W*", re.IGNORECASE)
+_TIME_OF_FRAME = re.compile(
+    r"\W*(?:time|zeit|temps|tiempo|tempo)\W*(?P<before>[^\W\d]*)\W+(?P<value>\d+(?:[.,]\d+)?)\W*(?P<behind>[^\W\d]*)\W*",
+    re.IGNORECASE,
+)
+"""With the unit in brackets before the value, or behind it."""
+
+
+type _Two = Annotated[list[int], Field(min_length=2, max_length=2)]
 
 
 class LaidFrames(FileTable):
@@ -44,9 +52,9 @@ class LaidFrames(FileTable):
     """The recording's time where the file's is 0, or where a frame of number 0 would be."""
     unit: Text | None = None
     """Unit of a film's pressures, where its file states none."""
-    grid: list[int] | None = None
+    grid: _Two | None = None
     """Rows and columns of a film whose file has a frame a row, its sensels numbered along rows."""
-    lines: list[int] | None = None
+    lines: _Two | None = None
     """First and last of a film's lines along the cylinder that lie on it, counted from 1."""
 
     @property
@@ -85,7 +93,7 @@ class RawFrame[Values]:
     """A frame as its file has it, with its number, and its time in s, where that states them."""
 
     values: Values
-    number: int | None = None
+    number: float | None = None
     time: float | None = None
 
 
@@ -113,9 +121,9 @@ def split_frames(text: str) -> list[tuple[dict[str, Any], list[str]]]:
 def stated_in(line: str) -> dict[str, Any]:
     """Return what a line between frames states: the number, or the time in s, of the one below."""
     numbered, timed = _NUMBER_OF_FRAME.fullmatch(line), _TIME_OF_FRAME.fullmatch(line)
-    unit = unit_named(timed[2]) if timed else None
+    unit = unit_named(timed["before"] or timed["behind"]) if timed else None
     if timed and unit and unit.quantity == "time":
-        return {"time": float(timed[1].replace(",", ".")) * unit.factor}
+        return {"time": float(timed["value"].replace(",", ".")) * unit.factor}
     return {"number": int(numbered[1])} if numbered else {}
 
 
@@ -153,5 +161,5 @@ def clock_of(
         return begin + np.array(stated), {"clock_s": "the recording's time where the file's is 0"}
     numbers = np.array(stated or [0])
     needed = {"frame_s": "seconds from one frame to the next"} if numbers.any() and every is None else {}
-    first = f"the recording's time of frame 0 (the first in it has number {numbers[0]})"
+    first = f"the recording's time of frame 0 (the first in it has number {numbers[0]:g})"
     return begin + numbers * (every or laid.frame_s or 0.0), needed | {"clock_s": first}

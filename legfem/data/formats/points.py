@@ -39,12 +39,13 @@ from legfem.data.formats.sheet import Column, check_size
 from legfem.data.formats.text import read_text
 
 _PIXELS = re.compile(r"(?:[\s_]|^)(?:px|pix|pxl|pixels?)\.?$", re.IGNORECASE)
-_PLACE = r"(?:(?:model_)?(?:coo?rd\w*|koord\w*|pos\w*|point|punkt|座標|坐标)[ _.]*)?([xyz])"
+_AT = r"(?:model_)?(?:coo?rd\w*|koord\w*|pos\w*|point|punkt|座標|坐标)"
+_PLACE = rf"(?:{_AT}[ _.]*)?([xyz])(?:[ _.]*{_AT})?"
 _WAY = r"displ?\.?(?:acement)?|verschiebung|d[ée]pl\w*|desplazamiento|spostamento|deslocamento|przem\w*|変位|位移|[udΔ]"
 _KINDS = {
     "before": re.compile(_PLACE + r"[ _.]*(?:und\w*|ref\w*|unv\w*|0)", re.IGNORECASE),
     "place": re.compile(_PLACE, re.IGNORECASE),
-    "moved": re.compile(rf"(?:{_WAY})[ _.-]*([xyz])|([uvw])", re.IGNORECASE),
+    "moved": re.compile(rf"(?:{_WAY})[ _.-]*([xyz])|([xyz])[ _.-]*(?:{_WAY})|([uvw])", re.IGNORECASE),
     "frame": re.compile(FRAME, re.IGNORECASE),
     "time": re.compile(r"(?:time|zeit|temps|tiempo|tempo|t)\b.*", re.IGNORECASE),
     "sigma": re.compile("sigma", re.IGNORECASE),
@@ -167,7 +168,11 @@ def _frames_of(path: Path) -> Iterator[RawFrame[_Columns]]:
         begin = file.read(6)
     tables: Iterable[tuple[dict[str, Any], Sequence[Column]]]
     if begin == b"MATLAB":
-        tables = _of_matlab(path)
+        try:
+            tables = list(_of_matlab(path))
+        except Exception as error:  # a damaged file, or displacements that weren't formatted: whatever isn't there
+            problem = f"can't be read as Ncorr's or MultiDIC's ({' '.join(str(error).split())[:80]})"
+            raise InputError(path, "file", problem, "format displacements, and save it again") from error
     elif begin[:4] in (b"PK\x03\x04", b"\xd0\xcf\x11\xe0"):
         tables = ((stated_in(sheet.name) or {"number": k}, sheet.columns) for k, sheet in enumerate(read_sheets(path)))
     else:
@@ -183,7 +188,7 @@ def _frames_of(path: Path) -> Iterator[RawFrame[_Columns]]:
             raise InputError(path, by.name, "the column has no unit of time", "call it time_s, in s")
         elif columns and by is not None:
             for one in np.unique(by.values):
-                stated = {"time": one * by.factor} if by.is_time else {"number": int(one)}
+                stated = {"time": one * by.factor} if by.is_time else {"number": float(one)}
                 yield RawFrame(_kept(columns, by.values == one), **stated)
 
 
