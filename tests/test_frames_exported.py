@@ -14,6 +14,7 @@ from making_exports import (
     FRAMES,
     MIDDLE,
     PIXEL,
+    PLACES,
     TIMES,
     X,
     columns,
@@ -489,6 +490,28 @@ FILMS_REFUSED: dict[str, tuple[Files, str, str]] = {
     "a camera's axes": ({"a.asf": tekscan()}, FILM.replace("columns", "x"), "aren't a film's one"),
     "a frame twice": ({"a.asf": tekscan([0, 1, 1])}, FILM, "two frames have 1"),
 }
+
+
+def test_small_displacements_that_are_rounded_to_nothing_are_no_lost_points(tmp_path: Path) -> None:
+    small = [np.round(0.02 * frame, 3) for frame in FRAMES]
+    rows = [
+        f"{t:g},{x},{y},{u},{v}"
+        for t, one in zip(TIMES, small, strict=True)
+        for (x, y), (u, v) in zip(PLACES, one, strict=True)
+    ]
+    text = "".join(
+        f"Time: {t} s\n" + table(dict(zip(UNDEFORMED, np.hstack([PLACES, one]).T, strict=True)))
+        for t, one in zip(TIMES, small, strict=True)
+    )
+    assert any((0 < (one == 0).all(axis=1).sum() < len(one)) for one in small)
+    wanted = of_own(tmp_path, "\n".join(["time_s,x_mm,y_mm,ux_mm,uy_mm", *rows]))
+    same(read(tmp_path, {"a.csv": text}, 'file = "a.csv"\n' + MM), wanted)
+
+
+def test_a_channel_of_one_reading_has_no_place_for_a_camera_s_keys(tmp_path: Path, leg: Subject) -> None:
+    given = ChannelsEntry.model_validate({"lateral_force": {"frame_s": 1.0}})
+    with pytest.raises(InputError, match="frame_s: the file says that itself, or has no place for it; leave it out"):
+        with_channels(tmp_path / "subject.toml", given, [PULL])
 
 
 def test_stages_of_a_bar_are_what_its_face_says(tmp_path: Path) -> None:

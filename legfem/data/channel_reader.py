@@ -17,10 +17,8 @@ from legfem.common.errors import InputError
 from legfem.common.input_files import FileTable, NotNegative, Positive, Text, read_table, trouble
 from legfem.common.units import FloatArray
 from legfem.data.formats import file_of, read_sheets
-from legfem.data.formats.films import read_film
 from legfem.data.formats.frames import LaidFrames
 from legfem.data.formats.labels import Quantity
-from legfem.data.formats.points import read_points
 from legfem.data.recording import RecordedChannel, Recording, channel_of, check_increasing
 from legfem.geometry.indenter import Site
 
@@ -189,6 +187,8 @@ def with_channels(
     entries: dict[str, RecordedChannelEntry] = {name: entry for name, entry in given if entry is not None}
     for key, entry in entries.items():
         frames = OF_FRAMES.get(key)
+        if not frames:
+            entry.ask(toml, {})
         accuracy = None if frames else entry.accuracy(CHANNELS[key], toml)
         if not recordings or (frames and site is None):
             continue
@@ -280,8 +280,12 @@ def _frames_table(path: Path, file: FramesFile[Any], site: Site | Sequence[Face]
     files = files_named(path)
     foreign = bool(files) and _header(files[0])[0] != "time_s"
     if foreign and file.columns == _POINTS:
+        from legfem.data.formats.points import read_points
+
         return read_points(files, laid)
     if foreign and file.columns == _SENSELS and isinstance(site, Site):
+        from legfem.data.formats.films import read_film
+
         return read_film(files, laid, site.indenter)
     table = read_table(path, ("time_s", *file.columns))
     laid.ask(path, {})

@@ -58,8 +58,8 @@ _LOST = re.compile(
 )
 """What stands, or doesn't, for a point that was lost."""
 _MOSTLY = 0.9
-_NEAR = 0.05
-"""Distance, over that of neighbouring points, up to which points of two frames are the same."""
+_NEAR = 0.02
+"""Over the distance of neighbouring points, that up to which two are one, and a displacement up to which it is small."""
 _OF_NEIGHBOURS = 0.5
 """Share of a frame's middle displacement: where neighbours move farther, a point that rests was lost."""
 
@@ -132,10 +132,10 @@ def _of_axes(path: Path, columns: _Columns, laid: LaidFrames) -> tuple[FloatArra
     place, moved = both[:, ::2], both[:, 1::2]
     rests = (moved == 0).all(axis=1)
     if 0 < rests.sum() < len(both) - 3:
-        # What wasn't followed may stand as 0: it does where neighbours have moved.
+        # What wasn't followed may stand as 0: it does where neighbours have moved, by more than is lost in rounding.
         size = np.linalg.norm(moved[~rests], axis=1)
-        near = KDTree(place[~rests]).query(place[rests], 3)[1]
-        rests[rests] = size[near].mean(axis=1) > _OF_NEIGHBOURS * np.median(size)
+        away, near = KDTree(place[~rests]).query(place[rests], 3)
+        rests[rests] = size[near].mean(axis=1) > np.maximum(_OF_NEIGHBOURS * np.median(size), _NEAR * away[:, 0])
         place, moved = place[~rests], moved[~rests]
     return place, moved
 
