@@ -12,7 +12,7 @@ import numpy as np
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, mpa_to_kpa
-from legfem.data.formats.frames import LaidFrames, RawFrame, clock_of, numbered, of_numbers, split_frames
+from legfem.data.formats.frames import LaidFrames, Stated, clock_of, number_in_name, of_numbers, split_frames
 from legfem.data.formats.labels import unit_named
 from legfem.data.formats.lines import decoded
 from legfem.data.formats.sheet import check_size
@@ -63,12 +63,13 @@ def read_film(paths: Sequence[Path], laid: LaidFrames, indenter: Indenter) -> Fl
         If it has no such frames, or something that it doesn't say isn't given.
     """
     path, files = paths[0], [_film(one, laid) for one in paths]
-    stated, frames = files[0][0], numbered(paths, [own for _, own in files])
-    shapes = {one.values.shape for one in frames}
-    if len(shapes) != 1 or (len(frames) == len(paths) == 1 and frames[0].number is None):
+    stated, frames = files[0][0], [frame for _, own in files for frame in own]
+    said = [of or number_in_name(one, paths) for one, (_, own) in zip(paths, files, strict=True) for of, _ in own]
+    shapes = {grid.shape for _, grid in frames}
+    if len(shapes) != 1 or not said[0]:
         problem = f"has {len(frames)} frames, of {len(shapes)} shapes, and no numbers of frames or times"
         raise InputError(path, "frames", problem, "export every frame of the film, calibrated, as CSV or .asf")
-    times, needed = clock_of(path, frames, laid, float(stated["frame_s"]) if "frame_s" in stated else None)
+    times, needed = clock_of(path, said, laid, float(stated["frame_s"]) if "frame_s" in stated else None)
     counts = dict(zip(("rows", "columns"), *shapes, strict=True))
     axis = laid.axes[0] if laid.axes else "columns"
     side = axis.strip("-")
@@ -85,7 +86,7 @@ def read_film(paths: Sequence[Path], laid: LaidFrames, indenter: Indenter) -> Fl
     if unit is None or unit.quantity != "pressure":
         raise InputError(path, "unit", f"'{stated.get('unit')}' is none of pressure", "export it calibrated")
     steps = {key: float(stated.get(key, laid.mm_each or 1.0)) for key in counts}
-    grids = mpa_to_kpa(unit.factor) * np.array([one.values if side == "columns" else one.values.T for one in frames])
+    grids = mpa_to_kpa(unit.factor) * np.array([one if side == "columns" else one.T for _, one in frames])
     pressure = _along(path, grids, laid, steps["rows" if side == "columns" else "columns"], indenter.length)
     angle = np.rad2deg((np.arange(1, counts[side] + 1) - (laid.origin or [0.0])[0]) * steps[side] / indenter.radius)
     beside = np.abs(angle) > _WIDEST_DEG
@@ -115,7 +116,7 @@ def _along(path: Path, grids: FloatArray, laid: LaidFrames, apart: float, length
     return np.where(there, np.nansum(taken, axis=1) / np.maximum(there, 1), np.nan)
 
 
-def _film(path: Path, laid: LaidFrames) -> tuple[dict[str, str], list[RawFrame[FloatArray]]]:
+def _film(path: Path, laid: LaidFrames) -> tuple[dict[str, str], list[tuple[Stated, FloatArray]]]:
     """Return what a file's heading states, and its frames of (rows, columns).
 
     Raises
@@ -139,13 +140,13 @@ def _film(path: Path, laid: LaidFrames) -> tuple[dict[str, str], list[RawFrame[F
         problem = f"have {' or '.join(map(str, sorted(widths)))} numbers: there may be decimal commas between commas"
         raise InputError(path, "rows", problem, "export them with semicolons or tabs between numbers")
     if not by_row:
-        return stated, [RawFrame(np.array(rows), **said) for rows, (said, _) in zip(grids, frames, strict=True)]
+        return stated, [(said, np.array(rows)) for rows, (said, _) in zip(grids, frames, strict=True)]
     count = sum(widths) - 1
     laid.ask(path, {"grid": f"[rows, columns] of its {count} sensels"}, tuple(laid.laid))
     unit, grid = unit_named(by_row["unit"]), laid.grid or []
     if unit is None or np.prod(grid) != count:
         raise InputError(path, "grid", f"{grid} isn't that of its {count} sensels", "correct it")
-    return stated, [RawFrame(np.reshape(row[1:], grid), time=row[0] * unit.factor) for rows in grids for row in rows]
+    return stated, [({"time": row[0] * unit.factor}, np.reshape(row[1:], grid)) for rows in grids for row in rows]
 
 
 def _numbers_in(line: str) -> list[float]:

@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -88,13 +87,8 @@ class LaidFrames(FileTable):
             raise InputError(path, extra, "the file says that itself, or has no place for it", "leave it out")
 
 
-@dataclass(frozen=True, eq=False)
-class RawFrame[Values]:
-    """A frame as its file has it, with its number, and its time in s, where that states them."""
-
-    values: Values
-    number: float | None = None
-    time: float | None = None
+type Stated = dict[str, float]
+"""What a file states of a frame: its ``number``, its ``time`` in s, or nothing."""
 
 
 def of_numbers(line: str) -> bool:
@@ -102,9 +96,9 @@ def of_numbers(line: str) -> bool:
     return _OF_NUMBERS.fullmatch(line) is not None
 
 
-def split_frames(text: str) -> list[tuple[dict[str, Any], list[str]]]:
+def split_frames(text: str) -> list[tuple[Stated, list[str]]]:
     """Return a text's frames: what a line above each states of it, and its lines, of which some are of numbers."""
-    frames: list[tuple[dict[str, Any], list[str]]] = [({}, [])]
+    frames: list[tuple[Stated, list[str]]] = [({}, [])]
     for line in text.splitlines():
         said = stated_in(line)
         if said and any(map(of_numbers, frames[-1][1])):
@@ -118,27 +112,23 @@ def split_frames(text: str) -> list[tuple[dict[str, Any], list[str]]]:
     return [one for one in frames if any(map(of_numbers, one[1])) and (one[0] or not several)]
 
 
-def stated_in(line: str) -> dict[str, Any]:
+def stated_in(line: str) -> Stated:
     """Return what a line between frames states: the number, or the time in s, of the one below."""
     numbered, timed = _NUMBER_OF_FRAME.fullmatch(line), _TIME_OF_FRAME.fullmatch(line)
     unit = unit_named(timed["before"] or timed["behind"]) if timed else None
     if timed and unit and unit.quantity == "time":
         return {"time": float(timed["value"].replace(",", ".")) * unit.factor}
-    return {"number": int(numbered[1])} if numbered else {}
+    return {"number": float(numbered[1])} if numbered else {}
 
 
-def numbered[Values](paths: Sequence[Path], frames: Sequence[Sequence[RawFrame[Values]]]) -> list[RawFrame[Values]]:
-    """Return all files' frames; of one a file, which doesn't state its number, by that in the file's name."""
-    found: list[RawFrame[Values]] = []
-    for path, own in zip(paths, frames, strict=True):
-        named = _NUMBERED.search(path.stem)
-        alone = len(paths) > 1 and len(own) == 1 and named is not None and own[0].number is None
-        found += [replace(own[0], number=int(named[1]))] if alone and named else own
-    return found
+def number_in_name(path: Path, paths: Sequence[Path]) -> Stated:
+    """Return the number of a frame that stands alone in one of several files: the last in the file's name."""
+    named = _NUMBERED.search(path.stem) if len(paths) > 1 else None
+    return {"number": float(named[1])} if named else {}
 
 
 def clock_of(
-    path: Path, frames: Sequence[RawFrame[Any]], laid: LaidFrames, every: float | None = None
+    path: Path, frames: Sequence[Stated], laid: LaidFrames, every: float | None = None
 ) -> tuple[FloatArray, dict[str, str]]:
     """Return every frame's time (n,) on the recording's clock, and what of that has to be given.
 
@@ -149,8 +139,8 @@ def clock_of(
     InputError
         If some have times or numbers and others don't, or two have the same.
     """
-    name = "time" if any(frame.time is not None for frame in frames) else "number"
-    stated = [one for frame in frames if (one := getattr(frame, name)) is not None]
+    name = "time" if any("time" in said for said in frames) else "number"
+    stated = [said[name] for said in frames if name in said]
     if stated and len(stated) < len(frames):
         raise InputError(path, name, f"{len(stated)} of {len(frames)} frames state it", "export all frames alike")
     if len(set(stated)) < len(stated):

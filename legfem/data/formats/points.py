@@ -26,9 +26,9 @@ from legfem.data.formats.arrays import content_of_matlab
 from legfem.data.formats.frames import (
     FRAME,
     LaidFrames,
-    RawFrame,
+    Stated,
     clock_of,
-    numbered,
+    number_in_name,
     of_numbers,
     split_frames,
     stated_in,
@@ -59,7 +59,7 @@ _LOST = re.compile(
 """What stands, or doesn't, for a point that was lost."""
 _MOSTLY = 0.9
 _NEAR = 0.02
-"""Over the distance of neighbouring points, that up to which two are one, and a displacement up to which it is small."""
+"""Over the distance of neighbouring points, that up to which two are one, and up to which one hasn't moved far."""
 _OF_NEIGHBOURS = 0.5
 """Share of a frame's middle displacement: where neighbours move farther, a point that rests was lost."""
 
@@ -88,13 +88,14 @@ def read_points(paths: Sequence[Path], laid: LaidFrames) -> FloatArray:
     InputError
         If it has no such points, can be read in two ways, or something that it doesn't say isn't given.
     """
-    path, frames = paths[0], numbered(paths, [list(_frames_of(path)) for path in paths])
-    problem = "no table names x and y of points and how far they moved in both (ux, uy), with a number of these"
-    nothing = InputError(path, "columns", problem, "export them so, or Ncorr's .mat with formatted displacements")
+    path = paths[0]
+    every = ((said or number_in_name(one, paths), columns) for one in paths for said, columns in _frames_of(one))
+    frames = [(said, own) for said, own in every if all(np.isfinite(one.values).any() for one in own.values())]
     if not frames:
-        raise nothing
-    times, needed = clock_of(path, frames, laid)
-    first = frames[0].values
+        problem = "no table names x and y of points and how far they moved in both (ux, uy), with a number of these"
+        raise InputError(path, "columns", problem, "export them so, or Ncorr's .mat with formatted displacements")
+    times, needed = clock_of(path, [said for said, _ in frames], laid)
+    first = frames[0][1]
     middle = ", ".join(
         f"{key[-1]} {np.nanmedian(one.values) + 0.0:.2f}"
         for key, one in first.items()
@@ -109,12 +110,10 @@ def read_points(paths: Sequence[Path], laid: LaidFrames) -> FloatArray:
     axes = [axis[-1] for axis in laid.axes or []]
     if not len(axes) == len(laid.origin or []) == 2 or any(f"moved {axis}" not in first for axis in axes):
         raise InputError(path, "axes", f"{axes} and origin {laid.origin} aren't two each of the file's", "correct them")
-    both = [_of_axes(path, one.values, laid) for one in frames]
-    if not any(len(place) for place, _ in both):
-        raise nothing
+    both = [_of_axes(path, one, laid) for _, one in frames]
     if any(len(np.unique(np.round(place, 6), axis=0)) < _MOSTLY * len(place) for place, _ in both):
         raise InputError(path, "frames", "points stand several times in one", "export the frame's number with them")
-    if not all(f"before {axis}" in one.values for one in frames for axis in axes):
+    if not all(f"before {axis}" in one for _, one in frames for axis in axes):
         both = _before(path, both)
     return np.vstack([np.column_stack([np.full(len(one[0]), t), *one]) for t, one in zip(times, both, strict=True)])
 
@@ -161,12 +160,12 @@ def _before(path: Path, frames: Sequence[tuple[FloatArray, FloatArray]]) -> list
     return [(place - moved if away[1] < away[0] else place, moved) for place, moved in frames]
 
 
-def _frames_of(path: Path) -> Iterator[RawFrame[_Columns]]:
+def _frames_of(path: Path) -> Iterator[tuple[Stated, _Columns]]:
     """Yield the frames in a file: those that a column tells apart, or its tables."""
     check_size(path, path.stat().st_size)
     with path.open("rb") as file:
         begin = file.read(6)
-    tables: Iterable[tuple[dict[str, Any], Sequence[Column]]]
+    tables: Iterable[tuple[Stated, Sequence[Column]]]
     if begin == b"MATLAB":
         try:
             tables = list(_of_matlab(path))
@@ -174,7 +173,9 @@ def _frames_of(path: Path) -> Iterator[RawFrame[_Columns]]:
             problem = f"can't be read as Ncorr's or MultiDIC's ({' '.join(str(error).split())[:80]})"
             raise InputError(path, "file", problem, "format displacements, and save it again") from error
     elif begin[:4] in (b"PK\x03\x04", b"\xd0\xcf\x11\xe0"):
-        tables = ((stated_in(sheet.name) or {"number": k}, sheet.columns) for k, sheet in enumerate(read_sheets(path)))
+        tables = (
+            (stated_in(sheet.name) or {"number": float(k)}, sheet.columns) for k, sheet in enumerate(read_sheets(path))
+        )
     else:
         tables = _of_text(path)
     for said, table in tables:
@@ -183,20 +184,20 @@ def _frames_of(path: Path) -> Iterator[RawFrame[_Columns]]:
             columns = _kept(columns, columns.pop("sigma").values >= 0)
         by = next((columns.pop(key) for key in ("time", "frame") if key in columns), None)
         if columns and by is None:
-            yield RawFrame(columns, **said)
+            yield said, columns
         elif columns and by is not None and by.is_time and by.quantity != "time":
             raise InputError(path, by.name, "the column has no unit of time", "call it time_s, in s")
         elif columns and by is not None:
             for one in np.unique(by.values):
-                stated = {"time": one * by.factor} if by.is_time else {"number": float(one)}
-                yield RawFrame(_kept(columns, by.values == one), **stated)
+                stated = {"time": one * by.factor} if by.is_time else {"number": one}
+                yield stated, _kept(columns, by.values == one)
 
 
 def _kept(columns: _Columns, rows: NDArray[np.bool_]) -> _Columns:
     return {key: replace(one, values=one.values[rows]) for key, one in columns.items()}
 
 
-def _of_text(path: Path) -> Iterator[tuple[dict[str, Any], Sequence[Column]]]:
+def _of_text(path: Path) -> Iterator[tuple[Stated, Sequence[Column]]]:
     """Yield a text's tables, without the points that were lost, and what is stated above them."""
     names: list[str] = []
     frames = [
@@ -216,7 +217,7 @@ def _of_text(path: Path) -> Iterator[tuple[dict[str, Any], Sequence[Column]]]:
                 parts[-1].append(line)
         for k, part in enumerate(parts):
             for sheet in read_text(path, "\n".join([*names, *part])) if part else ():
-                yield said if len(parts) == 1 else {"number": k}, sheet.columns
+                yield said if len(parts) == 1 else {"number": float(k)}, sheet.columns
 
 
 def _named(path: Path, columns: Sequence[Column]) -> _Columns:
@@ -251,7 +252,7 @@ def _unit(path: Path, column: Column) -> float | None:
     raise InputError(path, column.name, f"'{column.unit}' is no unit of length", "export it in mm or in pixels")
 
 
-def _of_matlab(path: Path) -> Iterator[tuple[dict[str, Any], Sequence[Column]]]:
+def _of_matlab(path: Path) -> Iterator[tuple[Stated, Sequence[Column]]]:
     """Yield the frames of Ncorr's or MultiDIC's .mat."""
     content = content_of_matlab(path, ["data_dic_save", "DIC3DPPresults"])
     if "data_dic_save" in content:
@@ -263,12 +264,12 @@ def _of_matlab(path: Path) -> Iterator[tuple[dict[str, Any], Sequence[Column]]]:
             at = np.nonzero((u != 0) | (v != 0))
             row, column = (scale * (1.0 + (float(info["spacing"]) + 1.0) * one) for one in at)
             values = {"x_undeformed": column, "y_undeformed": row, "u": u[at], "v": v[at]}
-            yield {"number": k}, [Column(name, unit, one) for name, one in values.items()]
+            yield {"number": float(k)}, [Column(name, unit, one) for name, one in values.items()]
     elif "DIC3DPPresults" in content:
         points = _listed(content["DIC3DPPresults"]["Points3D"])
         for k, one in enumerate(points):
             columns = np.hstack([points[0], one - points[0]]).T
-            yield {"number": k}, [Column(name, None, own) for name, own in zip(_MULTIDIC, columns, strict=True)]
+            yield {"number": float(k)}, [Column(name, None, own) for name, own in zip(_MULTIDIC, columns, strict=True)]
 
 
 def _listed(frames: Any) -> list[FloatArray]:
