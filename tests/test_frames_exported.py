@@ -263,7 +263,7 @@ REFUSED: dict[str, tuple[Files, str, str]] = {
     "decimal commas between commas": (
         {"a.csv": stages(comma=True)},
         MM,
-        "4 names are above 8 cells: commas separate both",
+        "time 0, line 2: 4 names are above 8 cells: commas separate both",
     ),
     "points and commas": (
         {"a.csv": replaced(stages(which=[0, 1], delimiter=";"), ("\n-2.400000000;-0.", "\n-2,400000000;-0,"))},
@@ -278,12 +278,12 @@ REFUSED: dict[str, tuple[Files, str, str]] = {
     "a row cut short": (
         {"a.csv": replaced(stages(went=False), ("\n-2.400000000,-0.100000000,", "\n-2.4\n"))},
         MM,
-        "a.csv: line ",
+        "number 0, time 0, line 57: ",
     ),
     "a word in a row": (
         {"a.csv": replaced(stages(went=False), ("\n-2.400000000,-0.1", "\nerr,-0.1"))},
         MM,
-        "a.csv: line ",
+        "number 0, time 0, line 57: ",
     ),
     "frames that aren't told apart": ({"a.csv": replaced(mudic(), ("frame,", "q,"))}, PX, "stand several times"),
     "a frame twice": ({"a.csv": stages(which=[0, 1, 1, 2], head="Stage {f}\n")}, MM + EACH, "two frames have 1"),

@@ -96,11 +96,8 @@ def read_points(paths: Sequence[Path], laid: LaidFrames) -> FloatArray:
         raise InputError(path, "columns", problem, "export them so, or Ncorr's .mat with formatted displacements")
     times, needed = clock_of(path, [said for said, _ in frames], laid)
     first = frames[0][1]
-    middle = ", ".join(
-        f"{key[-1]} {np.nanmedian(one.values) + 0.0:.2f}"
-        for key, one in first.items()
-        if key.startswith(("place", "before"))
-    )
+    at = {key[-1]: np.nanmedian(one.values) + 0.0 for key, one in first.items() if key.startswith(("place", "before"))}
+    middle = ", ".join(f"{axis} {one:.2f}" for axis, one in at.items())
     needed |= {
         "axes": 'those of the file that lie across and along, or on our x and y, as ["x", "-y"]',
         "origin": f"where our origin is along them, in the file's numbers (the points' middle: {middle})",
@@ -216,8 +213,13 @@ def _of_text(path: Path) -> Iterator[tuple[Stated, Sequence[Column]]]:
             elif lost in (None, least):
                 parts[-1].append(line)
         for k, part in enumerate(parts):
-            for sheet in read_text(path, "\n".join([*names, *part])) if part else ():
-                yield said if len(parts) == 1 else {"number": float(k)}, sheet.columns
+            stated = said if len(parts) == 1 else {"number": float(k)}
+            try:
+                sheets = read_text(path, "\n".join([*names, *part])) if part else []
+            except InputError as error:  # its lines are counted within the frame
+                frame = "".join(f"{name} {one:g}, " for name, one in stated.items())
+                raise error.at(field=f"{frame}{error.field}") from None
+            yield from ((stated, sheet.columns) for sheet in sheets)
 
 
 def _named(path: Path, columns: Sequence[Column]) -> _Columns:
