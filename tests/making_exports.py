@@ -107,6 +107,11 @@ def ncorr_hdf5() -> bytes:
         for name, matrix in (("plot_u_ref_formatted", u), ("plot_v_ref_formatted", v)):
             found = [kept(refs, f"{name}{k}", one.T, "double").ref for k, one in enumerate(matrix)]
             shown.create_dataset(name, data=np.array(found, dtype=h5py.ref_dtype).reshape(-1, 1))
+        regions = [kept(refs, f"roi{k}", np.full((6, 1), k, dtype="u4"), "ncorr_class_roi") for k in range(len(u))]
+        for one in regions:
+            one.attrs["MATLAB_object_decode"] = 3
+        found = np.array([one.ref for one in regions], dtype=h5py.ref_dtype)
+        shown.create_dataset("roi_ref_formatted", data=found.reshape(-1, 1))
         kept(info, "spacing", [[15.0]], "double")
         kept(info, "pixtounits", [[PIXEL]], "double")
         kept(info, "units", np.array([[ord(one)] for one in "mm"], dtype="u2"), "char").attrs["MATLAB_int_decode"] = 2

@@ -355,6 +355,7 @@ def named(files: Files) -> str:
     return f'file = "{first if len(files) == 1 else first[:-7] + "*" + first[-4:]}"\n'
 
 
+@pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("name", READ)
 def test_an_export_is_read_as_the_frames_that_were_seen(tmp_path: Path, name: str) -> None:
     files, entry, wanted = READ[name]

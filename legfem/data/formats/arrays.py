@@ -7,6 +7,7 @@ Format*.
 
 import logging
 import math
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -151,7 +152,10 @@ def content_of_matlab(path: Path, names: list[str] | None = None) -> dict[str, A
     else:
         with h5py.File(path) as file:
             _check_datasets(path, file)
-    found: dict[str, Any] = read_mat(str(path), variable_names=names)
+    with warnings.catch_warnings():
+        # Of objects of MATLAB's classes, which aren't read.
+        warnings.simplefilter("ignore", UserWarning)
+        found: dict[str, Any] = read_mat(str(path), variable_names=names)
     return found
 
 
