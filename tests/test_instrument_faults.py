@@ -143,6 +143,28 @@ def step(size: float) -> Callable[[Trials], Trials]:
     return of_force(lambda t, d, f: f + size * (t >= t[int(np.argmax(calm(d) > 0.4 * d.max()))]))
 
 
+def jump(way: float) -> Callable[[Trials], Trials]:
+    """A counter loses its way half way down, and the force goes on."""
+    return lambda trials: [(t, d + way * (t >= t[int(np.argmax(calm(d) > 0.55 * d.max()))]), f) for t, d, f in trials]
+
+
+def air(way: float) -> Callable[[Trials], Trials]:
+    """The drive goes some way before it touches, though first contact is stated to be where it starts."""
+
+    def change(trials: Trials) -> Trials:
+        begun = []
+        for seed, (t, d, f) in enumerate(trials):
+            rng, step = np.random.default_rng(seed), float(np.median(np.diff(t)))
+            n = int(way / float(np.polyfit(t[: len(t) // 4], d[: len(t) // 4], 1)[0]) / step)
+            there = np.linspace(0.0, way, n, endpoint=False) + 0.05 * rng.standard_normal(n)
+            nothing = f[0] * 0.0 + float(np.std(f[:20] - calm(f)[:20])) * rng.standard_normal(n)
+            time = np.concatenate([step * np.arange(n), step * n + t])
+            begun.append((time, np.concatenate([there, d + way]), np.concatenate([nothing, f])))
+        return begun
+
+    return change
+
+
 def slip(way: float) -> Callable[[Trials], Trials]:
     """Half way down the tissue loses some of the way that is pressed."""
 
@@ -173,6 +195,8 @@ SPOILT = {
     "a filter": ([low_pass(2.0), low_pass(4.0)], "a lag or play", LOOSE),
     "play": ([play(1.0), play(2.2)], "a lag or play", LOOSE),
     "a zero that jumps": ([step(-0.7), step(1.6)], "a step", LEGS),
+    "a counter that jumps": ([jump(-1.5), jump(2.0)], "a jump", LEGS),
+    "air before a stated touch": ([air(3.5), air(6.0)], "a late touch", ("closed form, held",)),
     "a slip": ([slip(1.5), slip(3.0)], "a step", LEGS),
     "a trial of another gain": ([gains(1, 1.3, 1), gains(0.6, 1, 1)], "trials that differ", LEGS),
     "trials that soften": ([gains(1, 0.9, 0.82), gains(1, 0.75, 0.6)], "trials that soften", LEGS),

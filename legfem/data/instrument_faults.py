@@ -60,9 +60,14 @@ begin; means that are taken of the readings."""
 _HOLD = 0.1
 """Share of the loading's time that a hold lasts at least which tells of a drift."""
 _STEP = 0.025
-"""Share of the way on either side of which a step is looked for."""
-_SEARCHED, _BY_SHAPE = 2.0, 1.5
-"""By what errors grow where the worst of many places is taken, and where a shape is assumed."""
+"""Share of the way, or of the time, on either side of which a step is looked for."""
+_GOES_ALONG = 0.5
+"""Share of what a way that is really gone changes the force by, more of which shows that it was."""
+_LEAST_SLOPE = 0.1
+"""Of a force's slope at touch, over that of its chord."""
+_SEARCHED, _AIR = 2.0, 0.9
+"""By what errors grow where the worst of many places is taken; of a late touch, so that three trials show it by about
+as much as shows one where nothing is stated."""
 _REPEAT, _LIKE_SPEED, _OF_SPEED = 0.03, 2.0, 0.3
 """Standard deviation of a sound repeat's force, relative, of a living leg; ratio of speeds of repeats; the
 same of other speeds."""
@@ -103,7 +108,7 @@ class Press:
         self.trial, contact, stated = trial, trial.contact, trial.instrument
         kept = np.flatnonzero(trial.labels[: trial.deepest + 1] == LOADING)
         kept = kept[np.argsort(trial.smooth[kept], kind="stable")]
-        self.way = trial.smooth[kept] - (contact.estimate if after_air else contact.displacement)
+        self.kept, self.way = kept, trial.smooth[kept] - (contact.estimate if after_air else contact.displacement)
         self.read = trial.recording.force[kept] - contact.baseline
         self.depth, self.lasts = float(self.way[-1]), float(np.ptp(trial.recording.time[kept]))
         self.at = self.depth * (np.arange(_STATIONS) + 0.5) / _STATIONS
@@ -113,7 +118,8 @@ class Press:
         self.white = max(trial.force_noise, 1e-4 * float(np.abs(self.force).max()))
         slow = stated.slow_force_sd(self.white) if stated.stated else self.white
         self.slow = max(slow, _ZERO * float(np.abs(self.force).max()))
-        self.slope_at_touch = max(float(self.slope[:3].mean()), 1e-9)
+        chord = float(np.abs(self.force).max()) / self.depth
+        self.slope_at_touch = max(float(self.slope[:3].mean()), _LEAST_SLOPE * chord, 1e-9)
         felt = max(0.05 * trial.scales.way, min(contact.displacement_error, 3.0 * self.white / self.slope_at_touch))
         self.touch = contact.displacement_error if after_air else felt
         white = np.diag(self.white**2 * line.leverage)
@@ -261,33 +267,68 @@ def _touches_later(press: Press) -> Fault:
     if not press.trial.contact.known:
         return _UNSEEN
     seen = press.trial.detected
-    way, error = seen.estimate, _BY_SHAPE * abs(seen.estimate) / max(seen.gain, 1e-9) ** 0.5
+    way, error = seen.estimate, _AIR * abs(seen.estimate) / max(seen.gain, 1e-9) ** 0.5
     text = f"begins {way:.2g} mm later than at first contact as it is stated: air, or play in the drive"
     return Fault(way, error, press.effect(-way * press.slope), text)
+
+
+def _steps(
+    x: FloatArray, values: FloatArray, at: FloatArray, half: float, white: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return by how much values (n,) step at places (m,) of x (n,), by lines on either side, and the errors."""
+    before, after = (local_line(x, values, at + side * half, half) for side in (-1, 1))
+    steps = after.value - after.slope * half - before.value - before.slope * half
+    # At an end of a straight line the variance is four times that in its middle.
+    scatter = max(white, float(np.std(values - local_line(x, values, x, half).value)))
+    return steps, 2.0 * scatter * np.sqrt(before.leverage + after.leverage)
 
 
 def _step(press: Press) -> Fault:
     """Return by how much the force (N) steps within the loading, where it does most."""
     half = _STEP * press.depth / 2
     at = np.linspace(2 * half, 0.9 * press.depth, 200)
-    before, after = (local_line(press.way, press.read, at + side * half, half) for side in (-1, 1))
-    steps = after.value - after.slope * half - before.value - before.slope * half
-    # At an end of a straight line the variance is four times that in its middle.
-    scatter = max(press.white, float(np.std(press.read - local_line(press.way, press.read, press.way, half).value)))
-    errors = 2.0 * scatter * np.sqrt(before.leverage + after.leverage)
+    steps, errors = _steps(press.way, press.read, at, half, press.white)
     k = int(np.argmax(np.abs(steps) / errors))
-    size, beyond = float(steps[k]), press.at > at[k]
-    # A zero that jumps, or a way that is lost: what is lost of the force then grows with its slope.
-    effects = press.effect(size * beyond), press.effect(size * beyond * press.slope / press.slope[beyond][:3].mean())
+    size = float(steps[k])
     steps_by = f"{'jumps' if size > 0 else 'drops'} by {abs(size):.2g} N at {at[k]:.3g} mm"
     text = f"{steps_by}, while the displacement goes on as before"
-    return Fault(size, _SEARCHED * float(errors[k]), max(effects, key=abs), text)
+    return Fault(size, _SEARCHED * float(errors[k]), _effect_beyond(press, float(at[k]), size), text)
+
+
+def _effect_beyond(press: Press, place: float, size: float) -> float:
+    """Return the effect on C10 of a force that is off by a size (N) from a place (mm) on."""
+    beyond = press.at > min(place, 0.9 * press.depth)
+    # A zero that jumps, or a way that is lost: what is lost of the force then grows with its slope.
+    effects = press.effect(size * beyond), press.effect(size * beyond * press.slope / press.slope[beyond][:3].mean())
+    return max(effects, key=abs)
+
+
+def _jump(press: Press) -> Fault:
+    """Return by how much the displacement (mm) jumps within the loading while the force stays, where it does most."""
+    kept, trial = np.sort(press.kept), press.trial
+    time, d, half = trial.recording.time[kept], trial.recording.displacement[kept], _STEP * press.lasts / 2
+    if not trial.recording.timed or half <= 0:
+        return _UNSEEN
+    at = np.linspace(time[0] + 2 * half, time[-1] - 2 * half, 200)
+    steps, errors = _steps(time, d, at, half, trial.displacement_noise)
+    k = int(np.argmax(np.abs(steps) / errors))
+    size, place = float(steps[k]), float(np.interp(at[k], time, trial.smooth[kept]))
+    # Slopes beside the jump, over which smoothing has spread it.
+    beside = place + 2.0 * np.array([-1.0, 1.0]) * max(abs(size), half * press.depth / press.lasts)
+    along = size * float(np.interp(beside, press.at, press.slope).mean())
+    (felt,), (error,) = _steps(time, trial.recording.force[kept], at[k : k + 1], half, press.white)
+    if np.sign(along) * felt + error > _GOES_ALONG * abs(along):
+        size = 0.0
+    effect = _effect_beyond(press, place, -along)
+    text = f"goes on evenly at {at[k]:.3g} s, where displacement_mm jumps by {size:+.2g} mm: a counter that lost count"
+    return Fault(size, _SEARCHED * float(errors[k]), effect, text)
 
 
 _KINDS: dict[str, tuple[Callable[[Press], Fault], str]] = {
     "a dead band": (_dead_band, "switch off the amplifier's dead band or zero tracking"),
     "a lag or play": (_late, "record both by one clock without a filter, and measure at the indenter"),
     "a zero or preload": (_zero, "subtract what the cell reads without load, or record from before first touch"),
+    "a jump": (_jump, "add the jump to what follows, or keep the part before it"),
     "a step": (_step, "look for a slip, a loose cable or a changed sign, and keep the part without it"),
     "a drift": (_drift, "warm the load cell up, tare it, and take its drift off; legfem diagnose distinguishes drift"),
     "a late touch": (_touches_later, "subtract where it touches, or leave starts_at_contact out"),
