@@ -143,6 +143,11 @@ def step(size: float) -> Callable[[Trials], Trials]:
     return of_force(lambda t, d, f: f + size * (t >= t[int(np.argmax(calm(d) > 0.4 * d.max()))]))
 
 
+def steps(*sizes: float) -> Callable[[Trials], Trials]:
+    """Each trial's zero jumps by another size."""
+    return lambda trials: [step(size)([one])[0] for one, size in zip(trials, sizes, strict=True)]
+
+
 def jump(way: float) -> Callable[[Trials], Trials]:
     """A counter loses its way half way down, and the force goes on."""
     return lambda trials: [(t, d + way * (t >= t[int(np.argmax(calm(d) > 0.55 * d.max()))]), f) for t, d, f in trials]
@@ -195,6 +200,7 @@ SPOILT = {
     "a filter": ([low_pass(2.0), low_pass(4.0)], "a lag or play", LOOSE),
     "play": ([play(1.0), play(2.2)], "a lag or play", LOOSE),
     "a zero that jumps": ([step(-0.7), step(1.6)], "a step", LEGS),
+    "zeros that jump by other signs": ([steps(-1.2, 1.3, 0.0), steps(0.0, 0.0, -2.5)], "a step", LEGS),
     "a counter that jumps": ([jump(-1.5), jump(2.0)], "a jump", LEGS),
     "air before a stated touch": ([air(3.5), air(6.0)], "a late touch", ("closed form, held",)),
     "a slip": ([slip(1.5), slip(3.0)], "a step", LEGS),

@@ -21,6 +21,7 @@ a force that is cut by 0.5 N is identified 20 % too soft, where 21 % are said.
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from copy import copy
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -209,6 +210,9 @@ def _dead_band(press: Press) -> Fault:
     # A contact that began with the recording would by then have come as far as the slope goes on to.
     band, since = float(way[count]), press.at - press.depth + way[press.trial.deepest]
     slope = float(press.slope[since > band][:3].mean())
+    # Nor is contact then where it seems to be.
+    press = copy(press)
+    press.touch = 0.0
     text = f"is constant over the first {band:.2g} mm, without its noise of {press.white:.2g} N: a dead band"
     return Fault(band, 0.1 * band, press.effect(-slope * np.minimum(since, band)), text)
 
@@ -353,7 +357,7 @@ def _doubt(press: Press, problem: str, effect: float, remedy: str, kind: str) ->
 
 
 def _of_each(presses: Sequence[Press]) -> Iterator[Doubt]:
-    """Yield faults whose mean over the trials counts."""
+    """Yield faults whose mean over the trials counts, or that of one trial by itself."""
     told = False
     for name, (look, remedy) in _KINDS.items():
         found = [(one, press) for press in presses if np.isfinite((one := look(press)).error)]
@@ -361,7 +365,12 @@ def _of_each(presses: Sequence[Press]) -> Iterator[Doubt]:
             continue
         sizes, errors, effects = np.array([one[:3] for one, _ in found]).T
         mean, count, effect = float(sizes.mean()), len(found), float(effects.mean())
-        if Fault(mean, float(np.linalg.norm(errors)) / count, effect).counts:
+        alone = [Fault(one.size, one.error, one.effect / count) for one, _ in found]
+        if not (of_all := Fault(mean, float(np.linalg.norm(errors)) / count, effect)).counts:
+            # What is in one trial, or of another sign in each, is none of their mean.
+            of_all = max(alone, key=lambda one: abs(one.effect) * one.counts)
+            mean, effect = of_all.size, of_all.effect
+        if of_all.counts:
             told = True
             worst, press = found[int(np.argmax(sizes * np.sign(mean)))]
             have = np.count_nonzero(2.0 * sizes / worst.size > 1.0)
