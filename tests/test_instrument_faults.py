@@ -12,6 +12,7 @@ from making import CROSSCHECK
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
+import legfem as lf
 from legfem.data import Instrument, Recording, mean_loading_curve, segment
 from legfem.data.folder import RESOURCES
 from legfem.data.instrument_faults import instrument_doubts, presses_of
@@ -287,16 +288,31 @@ def test_the_effect_on_c10_is_that_of_a_fit_of_another_form(error) -> None:
     assert press.effect(error(press.at)) == pytest.approx(refitted(error(press.at), press.at), rel=0.4, abs=0.01)
 
 
+def spoilt_folder(folder: Path, change: Callable[[Trials], Trials]) -> None:
+    """Write a shipped subject's folder with its recordings spoilt."""
+    subject = load_subject(RESOURCES / "frauziols" / "subjects" / "1")
+    for one in (subject.directory / "contours.csv", subject.directory / "subject.toml"):
+        (folder / one.name).write_bytes(one.read_bytes())
+    (folder / "recordings").mkdir()
+    trials = change([(one.time, one.displacement, one.force) for one in subject.recordings])
+    for k, (time, way, force) in enumerate(trials):
+        rows = "".join(f"{t},{d},{f}\n" for t, d, f in zip(time, way, force, strict=True))
+        text = f"time_s,displacement_mm,force_N\n{rows}"
+        (folder / "recordings" / f"trial{k + 1}.csv").write_text(text)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("change", [jump(-1.5), dead_band(0.5), gains(1, 1.4, 1)], ids=["jump", "dead band", "gain"])
+def test_what_a_person_would_see_leads_the_page_of_a_fit(change: Callable[[Trials], Trials], tmp_path: Path) -> None:
+    spoilt_folder(tmp_path, change)
+    fit = lf.identify(tmp_path, law="reduced-polynomial", mesh="coarse")["reduced-polynomial"]
+    assert fit.answer.doubts > 0
+
+
 def test_the_folder_of_a_spoilt_leg_says_what_c10_is_off_by(tmp_path: Path) -> None:
     subject = load_subject(RESOURCES / "frauziols" / "subjects" / "1")
     assert [one for one in doubts_about(subject) if one.effect_on_C10] == []
-    for one in (subject.directory / "contours.csv", subject.directory / "subject.toml"):
-        (tmp_path / one.name).write_bytes(one.read_bytes())
-    (tmp_path / "recordings").mkdir()
-    for one in subject.recordings:
-        rows = "".join(f"{t},{d},{f - 0.7}\n" for t, d, f in zip(one.time, one.displacement, one.force, strict=True))
-        text = f"time_s,displacement_mm,force_N\n{rows}"
-        (tmp_path / "recordings" / f"{one.trial}.csv").write_text(text)
+    spoilt_folder(tmp_path, zero(-0.7))
     (found,) = doubts_about(load_subject(tmp_path))
     assert found.effect_on_C10 is not None and -0.4 < found.effect_on_C10 < -0.1
     assert (
