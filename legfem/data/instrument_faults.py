@@ -303,7 +303,8 @@ def _effect_beyond(press: Press, place: float, size: float) -> float:
     """Return the effect on C10 of a force that is off by a size (N) from a place (mm) on."""
     beyond = press.at > min(place, 0.9 * press.depth)
     # A zero that jumps, or a way that is lost: what is lost of the force then grows with its slope.
-    effects = press.effect(size * beyond), press.effect(size * beyond * press.slope / press.slope[beyond][:3].mean())
+    slope = float(press.slope[beyond][:3].mean()) or np.inf
+    effects = press.effect(size * beyond), press.effect(size * beyond * press.slope / slope)
     return max(effects, key=abs)
 
 
