@@ -277,7 +277,8 @@ class Search[C: Comparison]:
                 self.converged = True
                 return
             rough = -gained < _ROUGH and self._gains_nothing(emulated, proposal)
-            if refuted >= _REFUTED and (rough or (self._wide and self.is_stationary())):
+            short = near and self._is_short(step - self.best.point, _AGREE_OF_ERROR, _AGREE_OF_VALUE)
+            if refuted >= _REFUTED and (rough or short or (self._wide and self.is_stationary())):
                 self.converged = True
                 return
             # Where forces grow without measure an emulator is wrong between its solves.
