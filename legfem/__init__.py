@@ -19,7 +19,7 @@ if sys.version_info < (3, 12):  # noqa: UP036  (who has a checkout alone asked n
     )
 
 if TYPE_CHECKING:
-    from legfem.api.cohorts import Cohort, cohort
+    from legfem.api.cohorts import Cohort, Readings, cohort
     from legfem.api.diagnosed import Diagnosed
     from legfem.api.diagnosis import PlannedTests, diagnose, plan
     from legfem.api.identification import identify
@@ -38,6 +38,7 @@ __all__ = [
     "Identification",
     "InputError",
     "PlannedTests",
+    "Readings",
     "__version__",
     "cohort",
     "diagnose",

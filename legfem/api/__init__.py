@@ -11,7 +11,7 @@ from typing import Any
 from legfem.api.loading import front, in_python_words
 
 _HOMES = {
-    "cohorts": ("Cohort", "cohort"),
+    "cohorts": ("Cohort", "Readings", "cohort"),
     "diagnosed": ("Diagnosed",),
     "diagnosis": ("PlannedTests", "diagnose", "plan"),
     "identification": ("identify",),

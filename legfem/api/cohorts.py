@@ -27,6 +27,7 @@ from legfem.cohort import rows as cohort_rows
 from legfem.cohort.anomalies import missing, suspicions
 from legfem.cohort.members import Member, Members, Task, find_members
 from legfem.cohort.population_model import PopulationFit, population_document, populations
+from legfem.cohort.readings import ReadTable, read_readings
 from legfem.cohort.statistics import statistics
 from legfem.common.documents import json_types, versions_of, write_document
 from legfem.common.errors import InputError, UnsolvedError
@@ -40,7 +41,9 @@ from legfem.legs.identification import as_leg
 from legfem.legs.subject import SitedLeg, Subject
 from legfem.report.answers import headline_of
 from legfem.report.cohort import ODD, cohort_web_page, write_cohort_page
-from legfem.report.cohort_statistics import forest_figure
+from legfem.report.cohort_statistics import TITLE as STATISTICS
+from legfem.report.cohort_statistics import agreement_curves, forest_figure, readings_page
+from legfem.report.curves import curves_figure
 from legfem.report.folder import made_in_place
 from legfem.report.page import PAGE, WebPage, command_line
 from legfem.report.render import brief
@@ -111,8 +114,53 @@ class Cohort(Result):
         return cohort_web_page(self.members, self.rows, self.options.task, command_line(), self.population)
 
 
+@dataclass(frozen=True, eq=False)
+class Readings(Result):
+    """How well the readings of a plain table agree."""
+
+    found: ReadTable
+
+    def summary(self) -> str:
+        """Return the agreement, and what the table doesn't permit."""
+        return brief(self._page(), (STATISTICS,))
+
+    def document(self) -> dict[str, Any]:
+        """Return what ``cohort.json`` holds."""
+        return {
+            "schema": "legfem.readings/1",
+            "answer": self._page().headline.said,
+            "table": str(self.found.path),
+            "statistics": json_types(self.found.statistics),
+            "versions": versions_of("legfem", "numpy", "scipy", "python"),
+        }
+
+    def plot(self) -> Figure:
+        """Return Bland and Altman's plots; raises ValueError where nothing could be compared."""
+        curves = agreement_curves(self.found.statistics.parameters)
+        if not curves:
+            raise ValueError(f"there is nothing to draw: {' '.join(self.found.statistics.not_done)}")
+        return curves_figure(curves, "Agreement of readings", self.found.path.name, "measured")
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return a row a comparison: ICC, SEM and minimal detectable change, in the values' unit."""
+        return pd.DataFrame(
+            {"what": one.name, "unit": one.unit, "by": each.by, "detectable": each.agreement.detectable}
+            | vars(each.agreement)
+            for one in self.found.statistics.parameters
+            for each in one.repeated
+        )
+
+    def write(self, folder: loading.Given) -> Path:
+        """Write cohort.html, cohort.txt and cohort.json; return cohort.txt's path."""
+        write_document(Path(folder) / DOCUMENT, self.document())
+        return write_cohort_page(self._page(), Path(folder))
+
+    def _page(self) -> WebPage:
+        return readings_page(self.found, command_line())
+
+
 def cohort(
-    folder: loading.Given,
+    folder: loading.Given | None = None,
     *,
     do: Task = "identify",
     layout: str = "",
@@ -135,7 +183,7 @@ def cohort(
     population: bool = False,
     dry_run: bool = False,
     progress: bool = False,
-) -> Cohort | cohort_rows.ExpectedRun:
+) -> Cohort | Readings | cohort_rows.ExpectedRun:
     """Identify or diagnose every leg of a cohort, or compute its stocking, and compare all of them.
 
     A member that fails costs its own row. What is done is kept in ``out``: the same call goes on where it was stopped,
@@ -143,7 +191,7 @@ def cohort(
 
     Parameters
     ----------
-    folder : str or Path
+    folder : str or Path, optional
         That holds the members' folders, and ``cohort.csv`` or ``cohort.xlsx`` if there is one: a row a member with
         ``folder`` or ``subject``, and any of group, side, session, date, rater, rig, age, sex, BMI and others.
     do : {"identify", "diagnose", "stocking"}
@@ -152,7 +200,8 @@ def cohort(
         Pattern of the members' folders; without it every folder below that holds a subject.toml or specimen.toml
         (of stockings leg.toml).
     table : str or Path, optional
-        In place of ``cohort.csv``.
+        In place of ``cohort.csv``. Without a folder, a plain table of readings, whose agreement is computed: columns
+        member, value (with its unit, as in ``value (kPa)``), visit, rater or method, and any of error, side and group.
     law, identify, prior, fix, depth, correction, model, mesh
         As `legfem.identify` takes them; depth, model and mesh don't hold for specimens.
     library : str or Path, optional
@@ -179,7 +228,7 @@ def cohort(
 
     Returns
     -------
-    Cohort or ExpectedRun
+    Cohort, Readings or ExpectedRun
         With ``summary()``; a Cohort with ``to_frame()``, ``document()``, ``plot()``, ``write(folder)`` and ``rows``.
 
     Raises
@@ -199,7 +248,11 @@ def cohort(
     loading.check_whole("jobs", jobs, 1)
     if seed is not None:
         loading.check_seed(seed)
-    if not isinstance(folder, str | Path):
+    plain = table if folder is None else folder if isinstance(folder, str | Path) and Path(folder).is_file() else None
+    if folder is None and table is None:
+        remedy = Remedy("give the folder of the members, or a plain table by ", Argument("table"))
+        raise InputError("folder", "argument", "is missing", remedy)
+    if plain is None and not isinstance(folder, str | Path):
         raise loading.of_another_kind("folder", folder, "the path of the folder that holds the members'")
     loading.check_folder("out", out)
     started = time.perf_counter()
@@ -207,6 +260,12 @@ def cohort(
     given |= {"model": model, "mesh": mesh, "cells": cells, "seed": seed}
     # A path is as good as its text, as in the command.
     texts = {name: str(value) if isinstance(value, Path) else value for name, value in given.items()}
+    if plain is not None:
+        more = {"layout": layout, "library": library, "population": population, "dry_run": dry_run}
+        for name, value in (texts | more).items():
+            if value not in (None, (), "", False):
+                raise loading.wrong(name, "given", "has no effect on a plain table of readings", "leave it out")
+        return Readings(read_readings(Path(plain)))
     options = _options(do, {name: value for name, value in texts.items() if value not in (None, ())}, library)
     if population and prior:
         problem = "would count twice: each leg's folder states it already"
@@ -214,7 +273,7 @@ def cohort(
         raise InputError(Argument("population"), ", ".join(prior), problem, remedy)
     with engine_named(on, jobs, scheduler) as engine:
         if engine is not None:
-            members = find_members(Path(folder), do, layout, None if table is None else Path(table))
+            members = find_members(Path(str(folder)), do, layout, None if table is None else Path(table))
             _check_apart(Path(out), members)
             if mesh == "coarse":
                 quick = "The mesh is coarse, for a quick look at all legs: do not rely on the values."

@@ -204,10 +204,9 @@ def agreement(table: FloatArray, people: int | None = None) -> Agreement:
     icc = (of_rows - of_rest) / (of_rows + (k - 1) * of_rest + k * between)
     m = people or n
     of_columns = of_rest + m * between
-    a, b = k * icc / (m * (1 - icc)), 1 + k * icc * (m - 1) / (m * (1 - icc))
-    freedom = (a * of_columns + b * of_rest) ** 2 / (
-        (a * of_columns) ** 2 / (k - 1) + (b * of_rest) ** 2 / ((m - 1) * (k - 1))
-    )
+    # Theirs times m (1 - ICC), which is zero where all agree wholly.
+    a, b = k * icc * of_columns, (m * (1 - icc) + k * icc * (m - 1)) * of_rest
+    freedom = (a + b) ** 2 / (a**2 / (k - 1) + b**2 / ((m - 1) * (k - 1))) if a or b else 1.0
     above, below = f_distribution.ppf(0.975, m - 1, freedom), f_distribution.ppf(0.975, freedom, m - 1)
     shared = k * of_columns + (k * m - k - m) * of_rest
     low = m * (of_rows - above * of_rest) / (above * shared + m * of_rows)

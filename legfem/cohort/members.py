@@ -3,6 +3,7 @@
 import csv
 import difflib
 import hashlib
+import math
 import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -151,7 +152,7 @@ def _folders(folder: Path, task: Task, layout: str) -> dict[str, Path]:
 
 
 def _of_table(folder: Path, table: Path, found: Mapping[str, Path], files: Sequence[str]) -> Members:
-    cells = _cells(table)
+    cells = cells_of(table)
     column = "folder" if "folder" in cells else "subject"
     near = difflib.get_close_matches("folder", list(cells), n=1, cutoff=_LIKE) if column != "folder" else []
     if near or column not in cells:
@@ -163,13 +164,8 @@ def _of_table(folder: Path, table: Path, found: Mapping[str, Path], files: Seque
     members = []
     numbers = {name: numbers for name in cells if (numbers := _as_numbers(cells[name], name)) is not None}
     for name in _NUMBERS:
-        for line, value in _plain(cells[name]).items() if name in cells else ():
-            text = cells[name][line]
-            refused = partial(InputError, table, f"{name}, line {line}")
-            if text and pd.isna(value):
-                raise refused(f"'{text}' is not a number", "write the number alone")
-            if value <= 0:
-                raise refused(f"is {text}", "write a number above 0, or leave it empty")
+        if name in cells:
+            check_numbers(table, cells, name)
     for place, (line, row) in enumerate(cells.iterrows()):
         given = {name: text for name in cells if name != "folder" and (text := str(row[name]))}
         refused = partial(InputError, table, f"{column}, line {line}")
@@ -198,6 +194,17 @@ def _of_table(folder: Path, table: Path, found: Mapping[str, Path], files: Seque
     shown = ", ".join(left[:5]) + (", …" if len(left) > 5 else "")
     notes = [f"Not in {table.name}, and so left out: {shown} ({len(left)})."] if left else []
     return Members(folder, tuple(members), table, (*notes, *_doubts(table, cells, members)))
+
+
+def check_numbers(table: Path, cells: pd.DataFrame, name: str, positive: bool = True) -> None:
+    """Refuse cells of a column that are neither empty nor a finite number, or aren't above 0 where they have to be."""
+    for line, value in plain_numbers(cells[name]).items():
+        text = cells[name][line]
+        refused = partial(InputError, table, f"{name}, line {line}")
+        if text and not math.isfinite(value):
+            raise refused(f"'{text}' is not a number", "write the number alone")
+        if positive and value <= 0:
+            raise refused(f"is {text}", "write a number above 0, or leave it empty")
 
 
 def _composed(name: str) -> str:
@@ -236,7 +243,7 @@ def _problem(path: Path, written: str, found: Mapping[str, Path], files: Sequenc
     return f"folder '{written}' {what}; {hint}"
 
 
-def _cells(table: Path) -> pd.DataFrame:
+def cells_of(table: Path) -> pd.DataFrame:
     """Texts of a table by its lower-case column names; the index is the line."""
     if not table.is_file():
         raise InputError(table, "file", "not found", "check the path")
@@ -262,7 +269,7 @@ def _cells(table: Path) -> pd.DataFrame:
     cells = cells.set_axis(lower, axis=1).set_axis(range(2, len(cells) + 2), axis=0)
     cells = cells[(cells != "").any(axis=1)]
     if cells.empty:
-        raise InputError(table, "rows", "there are none", "give a row a folder")
+        raise InputError(table, "rows", "there are none", "add them below the header")
     return cells
 
 
@@ -273,7 +280,7 @@ def _text_cells(table: Path) -> pd.DataFrame:
     mark = next((mark for mark in ";\t" if mark in first), ",")
     widths = [len(row) for row in csv.reader(StringIO(text), delimiter=mark, strict=True)]
     if not any(widths):
-        raise InputError(table, "file", "is empty", "write a header, and a row a folder")
+        raise InputError(table, "file", "is empty", "write a header, and rows below it")
     quote = "put texts that contain the separator in quotes"
     wide = [line for line, width in enumerate(widths, 1) if width > widths[0]]
     if wide and all(width > widths[0] for width in widths[1:] if width):
@@ -294,7 +301,7 @@ def _workbook_cells(table: Path) -> pd.DataFrame:
         raise InputError(table, f"cells {merged}", "are merged", "split them, and fill each")
     cells = pd.read_excel(table, dtype=str, header=None)
     if cells.empty:
-        raise InputError(table, "file", "is empty", "write a header, and a row a folder")
+        raise InputError(table, "file", "is empty", "write a header, and rows below it")
     return cells
 
 
@@ -302,11 +309,11 @@ def _as_numbers(column: "pd.Series[str]", name: str) -> list[float] | None:
     """A column's numbers, NaN where it is empty; None where one is a text, or the column is of texts."""
     if name in (*DESIGN, "folder", "sex"):
         return None
-    values = _plain(column)
+    values = plain_numbers(column)
     return None if (values.isna() & (column != "")).any() or values.isna().all() else [float(v) for v in values]
 
 
-def _plain(column: "pd.Series[str]") -> "pd.Series[float]":
+def plain_numbers(column: "pd.Series[str]") -> "pd.Series[float]":
     """Numbers of a column, with a point or a comma; NaN where there is none."""
     return pd.to_numeric(column.str.replace(r"^([+-]?\d+),(\d+)$", r"\1.\2", regex=True), errors="coerce")
 

@@ -1,12 +1,13 @@
 """Statistics of a cohort: those that its table permits, and why the others aren't there."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 import pandas as pd
+from scipy.stats import chi2
 from statsmodels.stats.power import TTestIndPower
 
 from legfem.cohort.agreement import Agreement, Fitted, Limits, MixedModel, agreement, limits
@@ -17,7 +18,11 @@ from legfem.common.units import FloatArray
 
 FACTORS = ("group", "side", "session", "rater", "rig", "sex")
 COVARIATES = ("age", "bmi")
-REPEATS = {"session": ("person", "side", "rater"), "rater": ("person", "side", "session")}
+REPEATS = {
+    "session": ("person", "side", "rater"),
+    "rater": ("person", "side", "session"),
+    "method": ("person", "side", "session", "rater"),
+}
 """What makes a target of repeated tests: all but the column itself."""
 _COLUMNS = ("value", "own", "alike", "person", "measure", "row", "date")
 _LEAST_TARGETS = 5
@@ -38,6 +43,8 @@ class Pair:
     limits: Limits
     mean: FloatArray
     difference: FloatArray
+    p_value: float = math.nan
+    """Of differences at least so large by the readings' own errors alone (chi-square), where all have one."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +108,36 @@ def statistics(members: Sequence[Member], rows: Sequence[Row]) -> Statistics:
     kept = [row for row in rows if row.judged.tone != "wrong"]
     found = [found for _, found in measured(kept, cohort_model(rows))]
     names = dict.fromkeys(name for one in found for name in one.measures)
-    made = [one for name in names if (one := _analysed(members, kept, name, reasons)) is not None]
+    every = [(name, *values_of(members, kept, name)) for name in names]
+    return _together([_analysed(table, name, unit, reasons) for name, table, unit in every], reasons)
+
+
+def statistics_of_readings(table: pd.DataFrame, name: str, unit: str, notes: Sequence[str]) -> Statistics:
+    """Return the statistics of a plain table, in the values' own unit: of each method's readings, and of all.
+
+    Parameters
+    ----------
+    table
+        A row a reading: value, own (its error, 0 where none is known), person, and any of `FACTORS`, `COVARIATES` and
+        method.
+    name, unit
+        Of the values.
+    notes
+        What is to be known of the table.
+    """
+    reasons = dict.fromkeys(notes)
+    table = table.reindex(columns=[*table, *(one for one in FACTORS if one not in table)]).assign(alike=0.0)
+    if table.duplicated([one for one in ("person", "side", *REPEATS) if one in table]).any():
+        reasons["Readings of one member that no column tells apart are averaged where agreement is computed."] = None
+    parts = [(name, table)]
+    if "method" in table:
+        parts += [(f"{name} by {method}", part.drop(columns="method")) for method, part in table.groupby("method")]
+    return _together([_analysed(part, text, unit, reasons, plain=True) for text, part in parts], reasons)
+
+
+def _together(found: Sequence[Analysed | None], reasons: Mapping[str, None]) -> Statistics:
+    """Return parameters with their groups' p-values adjusted over all of them."""
+    made = [one for one in found if one is not None]
     groups = [effect.p_value for one in made for effect in one.effects if effect.of_group]
     adjusted = iter(holm(groups))
 
@@ -111,19 +147,22 @@ def statistics(members: Sequence[Member], rows: Sequence[Row]) -> Statistics:
     return Statistics(tuple(made), tuple(reasons))
 
 
-def _analysed(members: Sequence[Member], rows: Sequence[Row], name: str, reasons: dict[str, None]) -> Analysed | None:
-    table, unit = values_of(members, rows, name)
+def _analysed(
+    table: pd.DataFrame, name: str, unit: str, reasons: dict[str, None], plain: bool = False
+) -> Analysed | None:
+    """Return a parameter's statistics, of its logarithm where all are positive unless plain."""
     people = table["person"].nunique()
     if people < 2:
         reasons["Statistics need several people: the table names one, or none has a result."] = None
         return None
-    logarithmic = bool((table["value"] > 0).all())
+    logarithmic = not plain and bool((table["value"] > 0).all())
     if logarithmic:
         table["own"] /= table["value"]
         table["alike"] /= table["value"]
         table["value"] = np.log(table["value"])
     own = float(np.sqrt(np.mean(table["own"] ** 2 + table["alike"] ** 2)))
-    repeated = tuple(one for by in REPEATS if (one := _repeated(table, by, reasons)) is not None)
+    by = ("method",) if "method" in table else ("session", "rater")
+    repeated = tuple(one for level in by if (one := _repeated(table, level, reasons)) is not None)
     effects, fitted = _effects(table, reasons)
     needed: tuple[tuple[float, int], ...] = ()
     if fitted is not None and logarithmic:
@@ -165,26 +204,36 @@ def _repeated(table: pd.DataFrame, by: str, reasons: dict[str, None]) -> Repeate
         reasons[f"No agreement between {by}s: the table has {'no' if not levels else 'one'} {by}."] = None
         return None
     targets = list(REPEATS[by])
-    wide = table.fillna(dict.fromkeys(targets, "")).pivot_table("value", targets, by, aggfunc="mean")
+    there = table.fillna(dict.fromkeys(targets, "")).assign(squared=table["own"] ** 2)
+    wide = there.pivot_table("value", targets, by, aggfunc="mean")
+    # Of means, where several readings are at one level.
+    squared = there.pivot_table("squared", targets, by, aggfunc=lambda own: own.mean() / len(own))
     whole = wide[levels].dropna()
     people = whole.index.get_level_values("person").nunique()
     if people < _LEAST_TARGETS:
-        there = f"{people} people were tested at each, and {_LEAST_TARGETS} are needed"
-        reasons[f"No agreement between {by}s: {there}."] = None
+        few = f"{people} people were tested at each, and {_LEAST_TARGETS} are needed"
+        reasons[f"No agreement between {by}s: {few}."] = None
+        return None
+    if np.ptp(whole.to_numpy()) == 0:
+        reasons[f"No agreement between {by}s: all values are alike."] = None
         return None
     pairs = []
     for one, other in combinations(levels, 2):
         both = wide[[one, other]].dropna()
         difference = (both[other] - both[one]).to_numpy()
         count = both.index.get_level_values("person").nunique()
-        pairs.append(Pair((str(one), str(other)), limits(difference, count), both.mean(axis=1).to_numpy(), difference))
+        mean = both.mean(axis=1).to_numpy()
+        expected = squared.loc[both.index, [one, other]].sum(axis=1).to_numpy()
+        known = bool((squared.loc[both.index, [one, other]] > 0).all(axis=None))
+        p_value = float(chi2.sf(np.sum(difference**2 / expected), len(both))) if known else math.nan
+        pairs.append(Pair((str(one), str(other)), limits(difference, count), mean, difference, p_value))
     own = float(np.sqrt(np.mean(table.loc[table[by].notna(), "own"] ** 2)))
     return Repeated(by, agreement(whole.to_numpy(), people), tuple(pairs), own)
 
 
 def _effects(table: pd.DataFrame, reasons: dict[str, None]) -> tuple[tuple[Effect, ...], Fitted | None]:
     """Differences by a mixed model that knows each member's own error."""
-    kept, shown, design = design_of(table, FACTORS, COVARIATES, reasons)
+    kept, shown, design = design_of(table, [one for one in (*FACTORS, "method") if one in table], COVARIATES, reasons)
     _, person = np.unique(kept["person"], return_inverse=True)
     _, leg = np.unique(kept["person"].astype(str) + "\0" + kept["side"].fillna("").astype(str), return_inverse=True)
     people = int(person.max(initial=-1)) + 1

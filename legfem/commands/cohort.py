@@ -14,7 +14,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_mar
 @app.command(cls=command_line.CheckedCommand)
 def cohort(
     context: typer.Context,
-    folder: Path,
+    folder: Annotated[Path | None, typer.Argument(show_default=False)] = None,
     do: Annotated[Literal["identify", "diagnose", "stocking"], typer.Option(show_default=False)] = "identify",
     layout: Annotated[str, typer.Option(show_default=False)] = "",
     table: Path | None = None,
@@ -50,14 +50,15 @@ def cohort(
     Parameters
     ----------
     folder
-        Folder with the members' folders and, if you have one, cohort.csv or .xlsx.
+        Folder with the members' folders and, if you have one, cohort.csv or .xlsx; or leave it out, and give --table.
     do
         What to do with each member; identify by default.
     layout
         Pattern of the members' folders, such as 'P*/leg-*'; by default every folder below that has a subject.toml
         or specimen.toml (for stockings, a leg.toml).
     table
-        Table of the members, in place of FOLDER/cohort.csv.
+        Table of the members, in place of FOLDER/cohort.csv. Without FOLDER, a plain table of readings (member,
+        value, visit or rater or method, and error where known), whose agreement is computed.
     law
         Strain energy, as for identify; both by default.
     identify
@@ -101,13 +102,14 @@ def cohort(
     with alone as processes:
         from mpi4py import MPI
 
-        from legfem.api.cohorts import DOCUMENT
+        from legfem.api.cohorts import DOCUMENT, Readings
         from legfem.api.cohorts import cohort as cohort_in_full
         from legfem.cohort.rows import CSV, ExpectedRun
         from legfem.report.cohort import PAGE
 
+        given = folder or table or Path()
         ranks = MPI.COMM_WORLD if on == "mpi" else None
-        with command_line.results_folder(out, f"cohort-{folder.resolve().name}", ranks) as place:
+        with command_line.results_folder(out, f"cohort-{given.resolve().name}", ranks) as place:
             found = cohort_in_full(
                 folder,
                 **passed(context, "cells", "layout", "table", "law", "identify", "prior", "fix", "depth", "correction"),
@@ -122,6 +124,10 @@ def cohort(
             report = found.write(place)
             print_outcome(found.summary(), place / DOCUMENT, report, quiet, as_json)
             if not as_json:
-                print(f"page:   {report.with_name(PAGE)}\ntable:  {report.with_name(CSV)}")
+                print(f"page:   {report.with_name(PAGE)}")
+            if isinstance(found, Readings):
+                return
+            if not as_json:
+                print(f"table:  {report.with_name(CSV)}")
             if not any(row.done for row in found.rows):
                 command_line.end_without_a_solution("no member could be done")

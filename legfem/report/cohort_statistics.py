@@ -10,8 +10,10 @@ import legfem.report.page as web
 from legfem.cohort.agreement import ICC_FORM
 from legfem.cohort.members import Member
 from legfem.cohort.population_model import EXPONENT, LEVELS, PopulationFit
+from legfem.cohort.readings import ReadTable
 from legfem.cohort.rows import Row, cohort_model, measured
 from legfem.cohort.statistics import LEVEL, POWER, Analysed, Pair, Repeated, Statistics
+from legfem.common.documents import versions_of
 from legfem.common.numbers import NOT_DETERMINED, between, is_determined, number, share, short_probability
 from legfem.inverse.catalogue import called
 from legfem.report.curves import Curves, Line
@@ -59,9 +61,7 @@ def chapter(found: Statistics) -> web.Chapter:
     if texts := [called(one.name) for one in some if one.logarithmic]:
         blocks.append(web.Prose(f"Logarithms of {' and '.join(texts)} were compared, so differences are relative (%)."))
     if repeated := [(one, each) for one in some for each in one.repeated]:
-        first = [(one, each.by, pair) for one, each in repeated[:2] for pair in each.pairs[:1]]
-        blocks += _agreement(repeated)
-        blocks += [_plot(one, by, pair) for one, by, pair in first if len(pair.mean) <= _MOST_POINTS]
+        blocks += [*_agreement(repeated), *agreement_curves(some)]
     if any(one.effects for one in some):
         blocks.append(_effects(some))
     if any(one.fitted for one in some):
@@ -105,7 +105,7 @@ def _agreement(repeated: Sequence[tuple[Analysed, Repeated]]) -> list[web.WebTab
     rows = [
         {
             "what": f"{called(one.name)}, {each.by}s",
-            "legs": str(each.agreement.targets),
+            "compared": str(each.agreement.targets),
             "tests each": str(each.agreement.levels),
             "ICC (95 %)": "{:.2f} ({:.2f} to {:.2f})".format(each.agreement.icc, *each.agreement.icc95),
             "SEM": _spread(one, each.agreement.sem),
@@ -122,16 +122,27 @@ def _agreement(repeated: Sequence[tuple[Analysed, Repeated]]) -> list[web.WebTab
     differ = [
         {
             "what": f"{called(one.name)}, {each.by} {pair.levels[1]} minus {each.by} {pair.levels[0]}",
-            "legs": str(len(pair.difference)),
+            "compared": str(len(pair.difference)),
             "bias (95 %)": f"{_difference(one, pair.limits.bias)} ({_between(one, pair.limits.bias95)})",
             "lower limit (95 %)": f"{_difference(one, pair.limits.low)} ({_between(one, pair.limits.low95)})",
             "upper limit (95 %)": f"{_difference(one, pair.limits.high)} ({_between(one, pair.limits.high95)})",
+            "p, by own errors": "–" if math.isnan(pair.p_value) else short_probability(pair.p_value),
         }
         for one, each in repeated
         for pair in each.pairs
     ]
-    limits = "Bland and Altman's limits of agreement, between which 95 % of the differences lie"
+    limits = (
+        "Bland and Altman's limits of agreement, between which 95 % of the differences lie; p is the probability of "
+        "differences at least so large if the tests' own errors were all that differs (chi-square)"
+    )
     return [web.WebTable.of(caption, rows), web.WebTable.of(limits, differ)]
+
+
+def agreement_curves(some: Sequence[Analysed]) -> list[Curves]:
+    """Return Bland and Altman's plots: of the first two comparisons, each of its first two levels."""
+    repeated = [(one, each) for one in some for each in one.repeated]
+    first = [(one, each.by, pair) for one, each in repeated[:2] for pair in each.pairs[:1]]
+    return [_plot(one, by, pair) for one, by, pair in first if len(pair.mean) <= _MOST_POINTS]
 
 
 def _plot(one: Analysed, by: str, pair: Pair) -> Curves:
@@ -228,3 +239,25 @@ def population_chapter(found: Sequence[PopulationFit]) -> web.Chapter:
     if doubtful := [called(one.key) for one in found if not one.converged]:
         blocks.append(web.Prose(f"The draws of {', '.join(doubtful)} have not settled: do not rely on them."))
     return web.Chapter("What people are like", blocks)
+
+
+def readings_page(found: ReadTable, command: str) -> web.WebPage:
+    """Return the page of a plain table of readings, and of the command that was given."""
+    said = [
+        f"Between {each.by}s, {called(one.name)} has an ICC of {each.agreement.icc:.2f}, and only differences above "
+        f"{_spread(one, each.agreement.detectable)} exceed the errors of two readings."
+        for one in found.statistics.parameters
+        for each in one.repeated
+    ]
+    answers = [("Readings", f"{found.readings}, of {found.members} members.")]
+    sentence = " ".join(said) or "No agreement could be computed; the page says why."
+    return web.WebPage(
+        f"Agreement of readings: {found.path.name}",
+        f"legfem cohort, {found.path}",
+        "measured",
+        web.Headline("open", sentence, answers, "Agreement of readings"),
+        [],
+        (),
+        [chapter(found.statistics)],
+        web.Repeat(command, versions_of("legfem", "numpy", "scipy", "python")),
+    )
