@@ -78,7 +78,10 @@ WRONG = {
     "misspelt": ("foldr,age\na,3\n", "header: there is no column folder or subject; rename 'foldr' folder"),
     "folder misspelt": ("subject,fodler\nA,a\nA,b\n", "header: there is no column folder; rename 'fodler' folder"),
     "a cell too many": ("folder,note\na,x\nb,x,y\n", "rows: cells don't match the header (Expected 2 fields in line 3"),
-    "cells too many": ("folder,note\na,x,y\nb,x,y\n", "rows: have more cells than the header; put texts that"),
+    "cells too many": (
+        "folder,note\na,x,y\nb,x,y\n",
+        "rows: cells don't match the header (Expected 2 fields in line 2, saw 3); put texts",
+    ),
     "a column without a name": ("folder,\na,x\n", "header: column 2 has no name; name it, or remove it"),
 }
 

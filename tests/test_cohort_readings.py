@@ -36,8 +36,8 @@ def flow(path: Path, error: str = "", mark: str = ",") -> Path:
 def test_two_methods_differ_as_bland_and_altman_say(tmp_path: Path) -> None:
     """Mini less large: 2.1 (-17.8 to 22.0), limits -73.9 and 78.1 l/min."""
     found = lf.cohort(table=flow(tmp_path / "flow.csv"), out=tmp_path / "out")
-    (pair,) = found.found.statistics.parameters[0].repeated[0].pairs
-    assert pair.levels == ("large", "mini") and found.found.statistics.parameters[0].unit == "l/min"
+    (pair,) = found.found.parameters[0].repeated[0].pairs
+    assert pair.levels == ("large", "mini") and found.found.parameters[0].unit == "l/min"
     assert (pair.limits.bias, *pair.limits.bias95) == pytest.approx((2.1, -17.8, 22.0), abs=0.1)
     assert (pair.limits.low, pair.limits.high) == pytest.approx((-73.9, 78.1), abs=0.1)
     assert "l/min" in found.summary() and len(found.plot().axes) == 1
@@ -67,9 +67,9 @@ def test_own_errors_say_whether_two_methods_agree(tmp_path: Path) -> None:
     squares = float(np.sum(np.subtract(LARGE, MINI) ** 2))
     for error in (27.4, 10.0, 80.0):
         path = flow(tmp_path / f"{error}.csv", f"{error}".replace(".", ","), ";")
-        found = lf.cohort(path, out=tmp_path).found.statistics.parameters[0].repeated[0].pairs[0].p_value
+        found = lf.cohort(path, out=tmp_path).found.parameters[0].repeated[0].pairs[0].p_value
         assert found == pytest.approx(chi2.sf(squares / (2 * error**2), 17), rel=1e-9)
-    alone = lf.cohort(flow(tmp_path / "none.csv"), out=tmp_path).found.statistics.parameters[0]
+    alone = lf.cohort(flow(tmp_path / "none.csv"), out=tmp_path).found.parameters[0]
     assert np.isnan(alone.repeated[0].pairs[0].p_value)
 
 
@@ -98,7 +98,7 @@ def test_readings_that_agree_wholly_have_a_correlation_of_one(tmp_path: Path) ->
 def test_readings_that_are_all_alike_have_no_correlation(tmp_path: Path) -> None:
     rows = [f"{k},{visit},10" for k in range(6) for visit in (1, 2)]
     path = written(tmp_path / "r.csv", "\n".join(["member,visit,value", *rows]))
-    said = lf.cohort(path, out=tmp_path / "out").found.statistics.not_done
+    said = lf.cohort(path, out=tmp_path / "out").found.not_done
     assert "No agreement between sessions: all values are alike." in said
 
 
@@ -114,7 +114,7 @@ def test_the_command_writes_page_text_and_document(tmp_path: Path) -> None:
 def test_readings_that_are_averaged_or_left_out_are_said(tmp_path: Path) -> None:
     rows = [f"{k},{visit},{10 + k + visit},x" for k in range(6) for visit in (1, 2, 2)]
     path = written(tmp_path / "r.csv", "\n".join(["member,visit,value,comment", *rows, "7,1,,"]))
-    said = " ".join(lf.cohort(path, out=tmp_path / "out").found.statistics.not_done)
+    said = " ".join(lf.cohort(path, out=tmp_path / "out").found.not_done)
     assert "are averaged" in said and "left out: 20 (1)" in said and "comment" in said
 
 
@@ -148,7 +148,7 @@ def test_a_table_that_cannot_be_used_is_told_in_one_line(text: str, told: str, t
 
 def test_a_table_of_too_few_says_what_it_needs(tmp_path: Path) -> None:
     found = lf.cohort(table=written(tmp_path / "r.csv", HEAD + "P1,1,2\nP2,1,3\n"), out=tmp_path / "out")
-    assert found.found.statistics.not_done[:1] == ("No agreement between sessions: the table has one session.",)
+    assert found.found.not_done[:1] == ("No agreement between sessions: the table has one session.",)
     assert found.to_frame().empty and "No agreement could be computed" in found.summary()
     with pytest.raises(ValueError, match="nothing to draw"):
         found.plot()

@@ -163,7 +163,9 @@ def test_a_report_repeats_the_command_as_it_was_typed(monkeypatch: pytest.Monkey
 
 def test_a_subject_is_known_by_its_id_or_its_folder(subject) -> None:
     again = lf.load_subject(SUBJECTS.find("3"))
-    assert (subject.id, subject.directory) == ("3", again.directory)
+    assert (subject.id, subject.directory) == ("3", again.directory) == ("3", lf.load_subject(3).directory)
+    with pytest.raises(lf.InputError, match="7: subject: not found; give one of 1, 2, 3, 4"):
+        lf.load_subject(7)
     assert len(subject.recordings) == len(again.recordings) == 3
 
 

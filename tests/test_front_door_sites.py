@@ -208,8 +208,8 @@ def test_a_diagnosis_takes_one_site(tmp_path) -> None:
 
 @pytest.mark.parametrize("call", [lf.identify, lf.diagnose])
 def test_what_is_no_leg_is_told_so(call, scanned) -> None:
-    with pytest.raises(lf.InputError, match=r"leg: int: is not a leg that was indented; give an id"):
-        call(3)
+    with pytest.raises(lf.InputError, match=r"leg: float: is not a leg that was indented; give an id"):
+        call(3.5)
     with pytest.raises(lf.InputError, match=r"leg: StockingLeg: is not a leg that was indented"):
         call(lf.load_leg(scanned))
 

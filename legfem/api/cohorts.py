@@ -7,8 +7,7 @@ import resource
 import sys
 import time
 import traceback
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -27,8 +26,8 @@ from legfem.cohort import rows as cohort_rows
 from legfem.cohort.anomalies import missing, suspicions
 from legfem.cohort.members import Member, Members, Task, find_members
 from legfem.cohort.population_model import PopulationFit, population_document, populations
-from legfem.cohort.readings import ReadTable, read_readings
-from legfem.cohort.statistics import statistics
+from legfem.cohort.readings import read_readings
+from legfem.cohort.statistics import Statistics, statistics
 from legfem.common.documents import json_types, versions_of, write_document
 from legfem.common.errors import InputError, UnsolvedError
 from legfem.common.progress import Progress, progress_on
@@ -118,7 +117,8 @@ class Cohort(Result):
 class Readings(Result):
     """How well the readings of a plain table agree."""
 
-    found: ReadTable
+    path: Path
+    found: Statistics
 
     def summary(self) -> str:
         """Return the agreement, and what the table doesn't permit."""
@@ -126,27 +126,22 @@ class Readings(Result):
 
     def document(self) -> dict[str, Any]:
         """Return what ``cohort.json`` holds."""
-        return {
-            "schema": "legfem.readings/1",
-            "answer": self._page().headline.said,
-            "table": str(self.found.path),
-            "statistics": json_types(self.found.statistics),
-            "versions": versions_of("legfem", "numpy", "scipy", "python"),
-        }
+        said = {"answer": self._page().headline.said, "table": str(self.path), "statistics": json_types(self.found)}
+        return {"schema": "legfem.readings/1", **said, "versions": versions_of("legfem", "numpy", "scipy", "python")}
 
     def plot(self) -> Figure:
         """Return Bland and Altman's plots; raises ValueError where nothing could be compared."""
-        curves = agreement_curves(self.found.statistics.parameters)
+        curves = agreement_curves(self.found.parameters)
         if not curves:
-            raise ValueError(f"there is nothing to draw: {' '.join(self.found.statistics.not_done)}")
-        return curves_figure(curves, "Agreement of readings", self.found.path.name, "measured")
+            raise ValueError(f"there is nothing to draw: {' '.join(self.found.not_done)}")
+        return curves_figure(curves, "Agreement of readings", self.path.name, "measured")
 
     def to_frame(self) -> pd.DataFrame:
         """Return a row a comparison: ICC, SEM and minimal detectable change, in the values' unit."""
         return pd.DataFrame(
             {"what": one.name, "unit": one.unit, "by": each.by, "detectable": each.agreement.detectable}
             | vars(each.agreement)
-            for one in self.found.statistics.parameters
+            for one in self.found.parameters
             for each in one.repeated
         )
 
@@ -156,7 +151,7 @@ class Readings(Result):
         return write_cohort_page(self._page(), Path(folder))
 
     def _page(self) -> WebPage:
-        return readings_page(self.found, command_line())
+        return readings_page(self.path, self.found, command_line())
 
 
 def cohort(
@@ -248,12 +243,10 @@ def cohort(
     loading.check_whole("jobs", jobs, 1)
     if seed is not None:
         loading.check_seed(seed)
-    plain = table if folder is None else folder if isinstance(folder, str | Path) and Path(folder).is_file() else None
-    if folder is None and table is None:
-        remedy = Remedy("give the folder of the members, or a plain table by ", Argument("table"))
-        raise InputError("folder", "argument", "is missing", remedy)
-    if plain is None and not isinstance(folder, str | Path):
-        raise loading.of_another_kind("folder", folder, "the path of the folder that holds the members'")
+    if not isinstance(table if folder is None else folder, str | Path):
+        remedy = Remedy("give the path of the folder that holds the members', or a plain table by ", Argument("table"))
+        raise InputError("folder", f"{folder}", "is of another kind", remedy)
+    plain = table if folder is None else folder if Path(folder).is_file() else None
     loading.check_folder("out", out)
     started = time.perf_counter()
     given = {"law": law, "identify": identify, "prior": prior, "fix": fix, "depth": depth, "correction": correction}
@@ -262,18 +255,18 @@ def cohort(
     texts = {name: str(value) if isinstance(value, Path) else value for name, value in given.items()}
     if plain is not None:
         more = {"layout": layout, "library": library, "population": population, "dry_run": dry_run}
-        for name, value in (texts | more).items():
-            if value not in (None, (), "", False):
-                raise loading.wrong(name, "given", "has no effect on a plain table of readings", "leave it out")
-        return Readings(read_readings(Path(plain)))
-    options = _options(do, {name: value for name, value in texts.items() if value not in (None, ())}, library)
+        _check_effect("a plain table of readings", texts | more)
+        return Readings(Path(plain), read_readings(Path(plain)))
+    _check_effect(do, texts | {"library": library})
+    asked = {name: value for name, value in texts.items() if value not in (None, ())}
+    options = cohort_rows.Options(do, asked, "" if library is None else str(library))
     if population and prior:
         problem = "would count twice: each leg's folder states it already"
         remedy = Remedy("leave out ", Argument("prior"))
         raise InputError(Argument("population"), ", ".join(prior), problem, remedy)
     with engine_named(on, jobs, scheduler) as engine:
         if engine is not None:
-            members = find_members(Path(str(folder)), do, layout, None if table is None else Path(table))
+            members = find_members(Path(folder or ""), do, layout, None if table is None else Path(table))
             _check_apart(Path(out), members)
             if mesh == "coarse":
                 quick = "The mesh is coarse, for a quick look at all legs: do not rely on the values."
@@ -289,7 +282,7 @@ def cohort(
 
 
 def _check_apart(out: Path, members: Members) -> None:
-    """Refuse a folder of results in which the study's own table would be written over, or theirs read for it."""
+    """Refuse a folder of results where the study's own table would be written over, or theirs read for it."""
     taken = {members.folder.resolve()} | ({members.table.resolve().parent} if members.table is not None else set())
     if out.resolve() in taken:
         problem = "is where the study's own cohort.csv stands, or would"
@@ -298,18 +291,15 @@ def _check_apart(out: Path, members: Members) -> None:
 
 _TAKES: Mapping[str, tuple[str, ...]] = {
     "identify": ("law", "identify", "prior", "fix", "depth", "correction", "model", "mesh", "seed"),
-    "diagnose": ("correction", "prior", "seed"),
+    "diagnose": ("correction", "prior", "seed", "library"),
     "stocking": ("cells",),
 }
 
 
-def _options(task: Task, given: Mapping[str, Any], library: loading.Given | None) -> cohort_rows.Options:
-    for name in given:
-        if name not in _TAKES[task]:
+def _check_effect(task: str, given: Mapping[str, Any]) -> None:
+    for name, value in given.items():
+        if value not in (None, (), "") and value is not False and name not in _TAKES.get(task, ()):
             raise loading.wrong(name, "given", f"has no effect on {task}", "leave it out")
-    if library is not None and task != "diagnose":
-        raise loading.wrong("library", "given", f"has no effect on {task}", "leave it out")
-    return cohort_rows.Options(task, given, "" if library is None else str(library))
 
 
 def _run(known: cohort_rows.KnownRows, engine: Engine, progress: Progress) -> list[cohort_rows.Row]:
@@ -356,9 +346,11 @@ def done_with(options: cohort_rows.Options, out: Path, member: Member) -> Made:
     """Do one member as its own command would, and write its report; what goes wrong is a row too."""
     started = time.perf_counter()
     folder = out / MEMBERS / member.place
+    log = logging.getLogger("legfem")
+    before = log.level
     try:
-        with _unheard():
-            rows = _DOES[options.task](options, member, folder)
+        log.setLevel(logging.CRITICAL)  # warnings stand in the member's report and row
+        rows = _DOES[options.task](options, member, folder)
     except (InputError, UnsolvedError) as error:
         # The row says whose files they are, wherever the study lies.
         problem = " ".join(str(error).split()).replace(f"{member.folder}{os.sep}", "")
@@ -370,22 +362,12 @@ def done_with(options: cohort_rows.Options, out: Path, member: Member) -> Made:
         said = " ".join(str(error).split())[:200]
         problem = f"unexpected {type(error).__name__}: {said}; please report {folder / 'error.txt'}"
         return Made([cohort_rows.Row(member.name, problem=problem)], worth=False)
+    finally:
+        log.setLevel(before)
     unit = 1e6 if sys.platform == "darwin" else 1e3
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit
     seconds = (time.perf_counter() - started) / len(rows)
     return Made([replace(row, seconds=seconds, peak_mb=peak) for row in rows])
-
-
-@contextmanager
-def _unheard() -> Iterator[None]:
-    """Keep to itself what is logged: warnings stand in the member's report and row."""
-    log = logging.getLogger("legfem")
-    before = log.level
-    log.setLevel(logging.CRITICAL)
-    try:
-        yield
-    finally:
-        log.setLevel(before)
 
 
 def _identified(options: cohort_rows.Options, member: Member, folder: Path) -> list[cohort_rows.Row]:

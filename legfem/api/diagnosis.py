@@ -258,9 +258,7 @@ def plan(
             loading.folder_of(subject, SUBJECTS), need_recordings=False, need_instrument=False, site=site
         )
     elif not isinstance(subject, Subject):
-        raise loading.wrong(
-            "leg", type(subject).__name__, "is not a leg that is indented", "give an id, a folder or a Subject"
-        )
+        raise loading.not_a_leg(subject, "is indented", "load_subject")
     if depth >= (room := room_before(subject)):
         raise loading.wrong("depth", f"{depth:g} mm", f"the leg leaves the cylinder {room:.0f} mm", "give less")
     doubts = tuple(doubts_about(subject))

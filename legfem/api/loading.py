@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from numbers import Integral, Real
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from legfem.common.command_line import check_out_folder
 from legfem.common.errors import InputError, log_doubts, missing_module
@@ -72,10 +72,12 @@ def front[**Given, Found](call: Callable[Given, Found]) -> Callable[Given, Found
 
     @functools.wraps(call)
     def called(*args: Given.args, **options: Given.kwargs) -> Found:
+        # A number is an id for whoever writes it.
+        known: Any = (f"{args[0]}", *args[1:]) if args and type(args[0]) is int else args
         with in_python_words():
             for name, value in options.items():
                 _check_kind(name, value)
-            return call(*args, **options)
+            return call(*known, **options)
 
     return called
 
@@ -273,12 +275,7 @@ def opened(
     if are_specimens(given):
         return given
     if not isinstance(given, Subject | SitedLeg):
-        raise InputError(
-            "leg",
-            type(given).__name__,
-            "is not a leg that was indented",
-            "give an id, a folder, or what load_subject or load_sites returned",
-        )
+        raise not_a_leg(given, "was indented", "load_subject or load_sites")
     if not site:
         return given
     sites = given.sites if isinstance(given, SitedLeg) else (given,)
@@ -399,6 +396,12 @@ def folder_of(given: Given, catalogue: Catalogue) -> Path:
     folder = Path(given)
     _check_folder_kind(folder, catalogue.file)
     return folder
+
+
+def not_a_leg(given: object, that: str, loaders: str) -> InputError:
+    """Return what is wrong with what was given for a leg that something was done with."""
+    remedy = f"give an id, a folder, or what {loaders} returned"
+    return InputError("leg", type(given).__name__, f"is not a leg that {that}", remedy)
 
 
 def _check_path(given: object) -> None:

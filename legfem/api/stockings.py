@@ -6,7 +6,6 @@ from mpi4py import MPI
 
 from legfem.api import loading
 from legfem.api.results import Identification
-from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
 from legfem.stockings.identification import CELLS, identify_in_stocking
 from legfem.stockings.leg import StockingLeg
@@ -56,12 +55,7 @@ def stocking(
     """
     known = loading.load_leg(leg) if isinstance(leg, str | Path) else leg
     if not isinstance(known, StockingLeg):
-        raise InputError(
-            "leg",
-            type(known).__name__,
-            "is not a leg that was scanned in a stocking",
-            "give an id, a folder, or what load_leg returned",
-        )
+        raise loading.not_a_leg(known, "was scanned in a stocking", "load_leg")
     loading.check_whole("cells", cells, 1)
     if not 2_000 <= cells <= 5_000_000:
         raise loading.wrong("cells", cells, "is out of range", "give 2000 to 5000000")

@@ -91,10 +91,9 @@ def largest_step(days: FloatArray, person: np.ndarray, group: np.ndarray, values
         came[str(who)].add(float(when))
     kept = np.array([len(came[str(who)]) > 1 for who in person])
     within = int(kept.sum()) >= _LEAST_DATED
+    blocks = group
     if within:
         days, blocks, values = days[kept], person[kept], values[kept]
-    else:
-        blocks = group
     starts = np.unique(days)[1:]
     if len(values) < _LEAST_DATED or not len(starts):
         return None
@@ -220,13 +219,11 @@ def _outliers(known: Mapping[str, Member], rows: Sequence[Row]) -> Iterator[Susp
 def missing(members: Sequence[Member], rows: Sequence[Row]) -> list[str]:
     """Return what a cohort lacks: results, cells of the table, and sides or sessions that others have."""
     lines = []
-    failed = [row.name for row in rows if not row.done]
-    if failed:
+    if failed := [row.name for row in rows if not row.done]:
         lines.append(f"No result: {listed(failed)}.")
     columns = dict.fromkeys(name for one in members for name in one.given)
     for name in columns:
-        lacking = [one.name for one in members if name not in one.given]
-        if lacking:
+        if lacking := [one.name for one in members if name not in one.given]:
             lines.append(f"The table says no {name} of {listed(lacking)}.")
     for name in ("side", "session"):
         levels = sorted({str(one.given[name]) for one in members if name in one.given})
@@ -234,8 +231,7 @@ def missing(members: Sequence[Member], rows: Sequence[Row]) -> list[str]:
         for one in members:
             people[one.person].add(str(one.given.get(name, "")))
         for level in levels if len(levels) > 1 else ():
-            without = [person for person, there in people.items() if level not in there]
-            if without:
+            if without := [person for person, there in people.items() if level not in there]:
                 lines.append(f"{name} {level} is missing of {listed(without)}.")
     return lines
 

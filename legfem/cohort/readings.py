@@ -1,7 +1,6 @@
 """Plain tables of readings, a row a reading: what a hand probe, a Myoton or elastography leaves of a study."""
 
 import re
-from dataclasses import dataclass
 from pathlib import Path
 
 from legfem.cohort.members import cells_of, check_numbers, plain_numbers
@@ -15,18 +14,8 @@ _KNOWN = {"member": "person", "subject": "person", "visit": "session", "error": 
 _UNIT = re.compile(r"\s*(?:\(([^()]*)\)|\[([^\[\]]*)\])\s*$")
 
 
-@dataclass(frozen=True, eq=False)
-class ReadTable:
-    """A table of readings, and what its columns permit."""
-
-    path: Path
-    members: int
-    readings: int
-    statistics: Statistics
-
-
-def read_readings(path: Path) -> ReadTable:
-    """Read a plain table of readings.
+def read_readings(path: Path) -> Statistics:
+    """Read a plain table of readings, and return what its columns permit.
 
     Parameters
     ----------
@@ -72,6 +61,5 @@ def read_readings(path: Path) -> ReadTable:
         f"Lines without a reading are left out: {', '.join(map(str, empty[:8]))} ({len(empty)}).": len(empty),
         f"Columns that statistics don't use: {', '.join(unused)}.": len(unused),
     }
-    table = table.drop(index=empty)
-    found = statistics_of_readings(table, name, unit, [text for text, count in notes.items() if count])
-    return ReadTable(path, table["person"].nunique(), len(table), found)
+    said = [text for text, count in notes.items() if count]
+    return statistics_of_readings(table.drop(index=empty), name, unit, said)

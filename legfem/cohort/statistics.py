@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -18,12 +19,8 @@ from legfem.common.units import FloatArray
 
 FACTORS = ("group", "side", "session", "rater", "rig", "sex")
 COVARIATES = ("age", "bmi")
-REPEATS = {
-    "session": ("person", "side", "rater"),
-    "rater": ("person", "side", "session"),
-    "method": ("person", "side", "session", "rater"),
-}
-"""What makes a target of repeated tests: all but the column itself."""
+REPEATS = ("session", "rater", "method")
+"""What tests are repeated by."""
 _COLUMNS = ("value", "own", "alike", "person", "measure", "row", "date")
 _LEAST_TARGETS = 5
 _LEAST_PEOPLE = 4
@@ -106,10 +103,9 @@ def statistics(members: Sequence[Member], rows: Sequence[Row]) -> Statistics:
     if wrong:
         reasons[f"{len(wrong)} members whose model does not fit are left out of statistics."] = None
     kept = [row for row in rows if row.judged.tone != "wrong"]
-    found = [found for _, found in measured(kept, cohort_model(rows))]
-    names = dict.fromkeys(name for one in found for name in one.measures)
-    every = [(name, *values_of(members, kept, name)) for name in names]
-    return _together([_analysed(table, name, unit, reasons) for name, table, unit in every], reasons)
+    names = dict.fromkeys(name for _, one in measured(kept, cohort_model(rows)) for name in one.measures)
+    made = [_analysed(*values_of(members, kept, name), name, reasons) for name in names]
+    return _together(made, reasons)
 
 
 def statistics_of_readings(table: pd.DataFrame, name: str, unit: str, notes: Sequence[str]) -> Statistics:
@@ -132,7 +128,7 @@ def statistics_of_readings(table: pd.DataFrame, name: str, unit: str, notes: Seq
     parts = [(name, table)]
     if "method" in table:
         parts += [(f"{name} by {method}", part.drop(columns="method")) for method, part in table.groupby("method")]
-    return _together([_analysed(part, text, unit, reasons, plain=True) for text, part in parts], reasons)
+    return _together([_analysed(part, unit, text, reasons, log=False) for text, part in parts], reasons)
 
 
 def _together(found: Sequence[Analysed | None], reasons: Mapping[str, None]) -> Statistics:
@@ -147,15 +143,13 @@ def _together(found: Sequence[Analysed | None], reasons: Mapping[str, None]) -> 
     return Statistics(tuple(made), tuple(reasons))
 
 
-def _analysed(
-    table: pd.DataFrame, name: str, unit: str, reasons: dict[str, None], plain: bool = False
-) -> Analysed | None:
-    """Return a parameter's statistics, of its logarithm where all are positive unless plain."""
+def _analysed(table: pd.DataFrame, unit: str, name: str, reasons: dict[str, None], log: bool = True) -> Analysed | None:
+    """Return a parameter's statistics: of its logarithm where that is asked for and all are positive."""
     people = table["person"].nunique()
     if people < 2:
         reasons["Statistics need several people: the table names one, or none has a result."] = None
         return None
-    logarithmic = not plain and bool((table["value"] > 0).all())
+    logarithmic = log and bool((table["value"] > 0).all())
     if logarithmic:
         table["own"] /= table["value"]
         table["alike"] /= table["value"]
@@ -181,19 +175,14 @@ def values_of(members: Sequence[Member], rows: Sequence[Row], name: str) -> tupl
         if one is None:
             continue
         unit = one.unit
-        given = {key: member.given.get(key) for key in (*FACTORS, *COVARIATES)}
-        entries.append(
-            {
-                "value": one.value,
-                "own": (one.sd or 0.0) * math.sqrt(1 - one.alike),
-                "alike": (one.sd or 0.0) * math.sqrt(one.alike),
-                "person": member.person,
-                **given,
-                "measure": one,
-                "row": row.name,
-                "date": member.given.get("date"),
-            }
-        )
+        sd = one.sd or 0.0
+        entry: dict[str, Any] = {
+            "value": one.value,
+            "own": sd * math.sqrt(1 - one.alike),
+            "alike": sd * math.sqrt(one.alike),
+        }
+        entry |= {key: member.given.get(key) for key in (*FACTORS, *COVARIATES, "date")}
+        entries.append(entry | {"person": member.person, "measure": one, "row": row.name})
     return pd.DataFrame(entries, columns=[*_COLUMNS, *FACTORS, *COVARIATES]), unit
 
 
@@ -203,7 +192,7 @@ def _repeated(table: pd.DataFrame, by: str, reasons: dict[str, None]) -> Repeate
     if len(levels) < 2:
         reasons[f"No agreement between {by}s: the table has {'no' if not levels else 'one'} {by}."] = None
         return None
-    targets = list(REPEATS[by])
+    targets = [one for one in ("person", "side", "session", "rater") if one != by]
     there = table.fillna(dict.fromkeys(targets, "")).assign(squared=table["own"] ** 2)
     wide = there.pivot_table("value", targets, by, aggfunc="mean")
     # Of means, where several readings are at one level.
@@ -223,9 +212,9 @@ def _repeated(table: pd.DataFrame, by: str, reasons: dict[str, None]) -> Repeate
         difference = (both[other] - both[one]).to_numpy()
         count = both.index.get_level_values("person").nunique()
         mean = both.mean(axis=1).to_numpy()
-        expected = squared.loc[both.index, [one, other]].sum(axis=1).to_numpy()
-        known = bool((squared.loc[both.index, [one, other]] > 0).all(axis=None))
-        p_value = float(chi2.sf(np.sum(difference**2 / expected), len(both))) if known else math.nan
+        known = squared.loc[both.index, [one, other]]
+        expected = known.where(known > 0).to_numpy().sum(axis=1)
+        p_value = float(chi2.sf(np.sum(difference**2 / expected), len(both)))
         pairs.append(Pair((str(one), str(other)), limits(difference, count), mean, difference, p_value))
     own = float(np.sqrt(np.mean(table.loc[table[by].notna(), "own"] ** 2)))
     return Repeated(by, agreement(whole.to_numpy(), people), tuple(pairs), own)

@@ -102,14 +102,13 @@ def cohort(
     with alone as processes:
         from mpi4py import MPI
 
-        from legfem.api.cohorts import DOCUMENT, Readings
+        from legfem.api.cohorts import DOCUMENT, Cohort
         from legfem.api.cohorts import cohort as cohort_in_full
         from legfem.cohort.rows import CSV, ExpectedRun
         from legfem.report.cohort import PAGE
 
-        given = folder or table or Path()
         ranks = MPI.COMM_WORLD if on == "mpi" else None
-        with command_line.results_folder(out, f"cohort-{given.resolve().name}", ranks) as place:
+        with command_line.results_folder(out, f"cohort-{(folder or table or Path()).resolve().name}", ranks) as place:
             found = cohort_in_full(
                 folder,
                 **passed(context, "cells", "layout", "table", "law", "identify", "prior", "fix", "depth", "correction"),
@@ -125,9 +124,6 @@ def cohort(
             print_outcome(found.summary(), place / DOCUMENT, report, quiet, as_json)
             if not as_json:
                 print(f"page:   {report.with_name(PAGE)}")
-            if isinstance(found, Readings):
-                return
-            if not as_json:
-                print(f"table:  {report.with_name(CSV)}")
-            if not any(row.done for row in found.rows):
+                print(f"table:  {report.with_name(CSV)}\n" * isinstance(found, Cohort), end="")
+            if isinstance(found, Cohort) and not any(row.done for row in found.rows):
                 command_line.end_without_a_solution("no member could be done")

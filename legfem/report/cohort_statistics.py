@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -10,7 +11,6 @@ import legfem.report.page as web
 from legfem.cohort.agreement import ICC_FORM
 from legfem.cohort.members import Member
 from legfem.cohort.population_model import EXPONENT, LEVELS, PopulationFit
-from legfem.cohort.readings import ReadTable
 from legfem.cohort.rows import Row, cohort_model, measured
 from legfem.cohort.statistics import LEVEL, POWER, Analysed, Pair, Repeated, Statistics
 from legfem.common.documents import versions_of
@@ -82,8 +82,7 @@ def chapter(found: Statistics) -> web.Chapter:
 
 
 def _difference(one: Analysed, value: float) -> str:
-    sign = "+" if value > 0 else ""
-    return f"{sign}{_spread(one, value)}"
+    return f"{'+' if value > 0 else ''}{_spread(one, value)}"
 
 
 def _spread(one: Analysed, value: float) -> str:
@@ -131,10 +130,7 @@ def _agreement(repeated: Sequence[tuple[Analysed, Repeated]]) -> list[web.WebTab
         for one, each in repeated
         for pair in each.pairs
     ]
-    limits = (
-        "Bland and Altman's limits of agreement, between which 95 % of the differences lie; p is the probability of "
-        "differences at least so large if the tests' own errors were all that differs (chi-square)"
-    )
+    limits = "Bland and Altman's limits of agreement, between which 95 % of differences lie; p by own errors alone"
     return [web.WebTable.of(caption, rows), web.WebTable.of(limits, differ)]
 
 
@@ -241,23 +237,23 @@ def population_chapter(found: Sequence[PopulationFit]) -> web.Chapter:
     return web.Chapter("What people are like", blocks)
 
 
-def readings_page(found: ReadTable, command: str) -> web.WebPage:
+def readings_page(path: Path, found: Statistics, command: str) -> web.WebPage:
     """Return the page of a plain table of readings, and of the command that was given."""
     said = [
         f"Between {each.by}s, {called(one.name)} has an ICC of {each.agreement.icc:.2f}, and only differences above "
         f"{_spread(one, each.agreement.detectable)} exceed the errors of two readings."
-        for one in found.statistics.parameters
+        for one in found.parameters
         for each in one.repeated
     ]
-    answers = [("Readings", f"{found.readings}, of {found.members} members.")]
+    answers = [("Readings", f"{one.count}, of {one.people} members.") for one in found.parameters[:1]]
     sentence = " ".join(said) or "No agreement could be computed; the page says why."
     return web.WebPage(
-        f"Agreement of readings: {found.path.name}",
-        f"legfem cohort, {found.path}",
+        f"Agreement of readings: {path.name}",
+        f"legfem cohort, {path}",
         "measured",
         web.Headline("open", sentence, answers, "Agreement of readings"),
         [],
         (),
-        [chapter(found.statistics)],
+        [chapter(found)],
         web.Repeat(command, versions_of("legfem", "numpy", "scipy", "python")),
     )
