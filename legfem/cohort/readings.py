@@ -56,10 +56,6 @@ def read_readings(path: Path) -> Statistics:
     table = cells.rename(columns={**known, value: "value"}).replace("", None)
     for column in ("value", "own", *COVARIATES):
         table[column] = plain_numbers(table[column]) if column in table else 0.0 if column == "own" else None
-    empty, unused = table.index[table["value"].isna()], [name for name in others if name != value]
-    notes = {
-        f"Lines without a reading are left out: {', '.join(map(str, empty[:8]))} ({len(empty)}).": len(empty),
-        f"Columns that statistics don't use: {', '.join(unused)}.": len(unused),
-    }
-    said = [text for text, count in notes.items() if count]
-    return statistics_of_readings(table.drop(index=empty), name, unit, said)
+    empty = table.index[table["value"].isna()]
+    left = f"Lines without a reading are left out: {', '.join(map(str, empty[:8]))} ({len(empty)})."
+    return statistics_of_readings(table.drop(index=empty), name, unit, [left] * (len(empty) > 0))
