@@ -158,3 +158,11 @@ def test_options_of_a_fit_have_no_effect_on_readings_and_are_refused(tmp_path: P
     with pytest.raises(lf.InputError, match=r"law.*has no effect on a plain table"):
         lf.cohort(flow(tmp_path / "flow.csv"), law="both", out=tmp_path / "out")
     assert CliRunner().invoke(app, []).exit_code == 2
+
+
+def test_columns_that_statistics_call_by_another_name_are_passed_over(tmp_path: Path) -> None:
+    """A lab's own column may be called as one of ours is inside."""
+    rows = [f"{k},{visit},{10 + k + 0.1 * visit},x,0.5" for k in range(6) for visit in (1, 2)]
+    path = written(tmp_path / "r.csv", "\n".join(["Person,Session,value,own,Error", *rows]))
+    (one,) = lf.cohort(path, out=tmp_path / "out").found.parameters
+    assert (one.count, one.people, one.own) == (12, 6, 0.5)

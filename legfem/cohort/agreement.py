@@ -158,7 +158,7 @@ def _intervals(cost: Callable[[FloatArray], float], at: FloatArray, scale: float
     spread = np.full(len(at), np.inf)
     if len(inside):
         covariance = 2 * np.linalg.pinv(approx_hess3(np.log(at[inside]), of_inside, epsilon=0.05))
-        spread[inside] = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        spread[inside] = np.sqrt(np.clip(np.diag(covariance), 0.0, 1e5))  # no further than numbers go
     return [
         (float(v * np.exp(-1.96 * s)), float(v * np.exp(1.96 * s))) if np.isfinite(s) else (0.0, float("inf"))
         for v, s in zip(at, spread, strict=True)

@@ -7,7 +7,7 @@ from legfem.cohort.members import cells_of, check_numbers, plain_numbers
 from legfem.cohort.statistics import COVARIATES, FACTORS, REPEATS, Statistics, statistics_of_readings
 from legfem.common.errors import InputError
 
-_KNOWN = {"member": "person", "subject": "person", "visit": "session", "error": "own"} | {
+_KNOWN = {"member": "person", "subject": "person", "person": "person", "visit": "session", "error": "own"} | {
     name: name for name in (*FACTORS, *COVARIATES, *REPEATS, "date")
 }
 """What a heading, in lower case and without its unit, is called in statistics."""
@@ -53,7 +53,7 @@ def read_readings(path: Path) -> Statistics:
             raise InputError(path, f"{heading}, line {empty[0]}", "is empty", "fill it, or remove the row")
         if meant in ("value", "own", *COVARIATES):
             check_numbers(path, cells, heading, positive=meant != "value")
-    table = cells.rename(columns={**known, value: "value"}).replace("", None)
+    table = cells[[*known, value]].rename(columns={**known, value: "value"}).replace("", None)
     for column in ("value", "own", *COVARIATES):
         table[column] = plain_numbers(table[column]) if column in table else 0.0 if column == "own" else None
     empty = table.index[table["value"].isna()]
