@@ -80,7 +80,7 @@ WRONG = {
     "a cell too many": ("folder,note\na,x\nb,x,y\n", "rows: cells don't match the header (Expected 2 fields in line 3"),
     "cells too many": (
         "folder,note\na,x,y\nb,x,y\n",
-        "rows: cells don't match the header (Expected 2 fields in line 2, saw 3); put texts",
+        "rows: cells don't match the header (Expected 2 fields in line 2, saw 3); quote texts",
     ),
     "a column without a name": ("folder,\na,x\n", "header: column 2 has no name; name it, or remove it"),
 }

@@ -284,9 +284,7 @@ def _text_cells(table: Path) -> pd.DataFrame:
     wide = [line for line, width in enumerate(widths, 1) if width > widths[0]]
     if wide:
         said = f"Expected {widths[0]} fields in line {wide[0]}, saw {widths[wide[0] - 1]}"
-        raise InputError(
-            table, "rows", f"cells don't match the header ({said})", "put texts with the separator in quotes"
-        )
+        raise InputError(table, "rows", f"cells don't match the header ({said})", "quote texts with separators")
     places = range(widths[0])
     return pd.read_csv(StringIO(text), sep=mark, dtype=str, header=None, names=places, skip_blank_lines=False)
 
