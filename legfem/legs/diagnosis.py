@@ -193,12 +193,14 @@ class Diagnoser:
             return replace(diagnose(given, None, Silent(), seed), provisional=True)
 
         for solved in reversed(self._responses(subject, observed)):
-            rough = base_library(solved, observed, middle_of(observed, solved, stiffening), stiffening, False)
-            if rough is not None:
-                middle = rounded(deep_stiffness(answer(rough).base_model.fit.values)[0])
-                library = base_library(solved, observed, middle, stiffening, True)
-                if library is not None:
-                    return answer(library)
+            middle = middle_of(observed, solved, stiffening)
+            for derivatives in (False, True):
+                if (library := base_library(solved, observed, middle, stiffening, derivatives)) is None:
+                    break
+                found = answer(library)
+                middle = rounded(deep_stiffness(found.base_model.fit.values)[0])
+            else:
+                return found
         raise UnsolvedError(f"the model stops before {observed.depth:.1f} mm; use less of the recordings' depth")
 
     def given(
