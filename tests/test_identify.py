@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -46,6 +47,22 @@ def test_planted_stiffness_is_found_in_few_solves(tmp_path: Path, c10: float, c2
     assert polynomial.cost.value <= neo_hookean.cost.value
     assert any(s.values == polynomial.values for s in polynomial.log.solves)
     assert "proposal" in {s.stage for s in polynomial.log.solves}
+
+
+class RoughLeg(AnalyticLeg):
+    """One whose force scatters with its stiffness, as solves do whose steps differ; its derivatives don't show that."""
+
+    def solve(self, values: Mapping[str, float], sensitivities: Sequence[str]) -> Outcome:
+        outcome = super().solve(values, sensitivities)
+        scatter = 1 + 1e-3 * np.sin(1e12 * values["deep.C10"])
+        return replace(outcome, curves=(replace(outcome.curve, force=scatter * outcome.curve.force),))
+
+
+def test_a_search_on_a_rough_model_ends_when_its_optima_are_refuted(tmp_path: Path) -> None:
+    leg = pressed_leg(tmp_path, 1.5, 0.4, seed=2)
+    (found,) = identify(leg, model=RoughLeg(), laws=("reduced-polynomial",))
+    assert found.log.converged and found.log.forward_solves <= 18
+    assert found.estimates["deep.C10"].shown.value == pytest.approx(1.5, rel=0.01)
 
 
 def test_neo_hookean_truth_lands_at_the_limit_of_the_polynomial(tmp_path: Path) -> None:
