@@ -310,7 +310,7 @@ REFUSED: dict[str, tuple[Files, str, str]] = {
             )
         },
         MM,
-        "don't tell whether",
+        "don't show whether",
     ),
     "a strain alone": ({"a.csv": stages(("x", "y", "exx", "eyy"))}, MM, "no table names x and y"),
     "one way alone": ({"a.csv": stages(("x", "y", "u", "exx"))}, MM, "no table names x and y"),
@@ -320,7 +320,7 @@ REFUSED: dict[str, tuple[Files, str, str]] = {
         "no table names x and y",
     ),
     "two that may be one": ({"a.csv": "x,y,u,v,ux\n" + "0,0,1,1,1\n" * 9}, MM, "'u' and 'ux' may be the same"),
-    "an unknown unit": ({"a.csv": stages(("x (mm)", "y (mm)", "u (%)", "v (%)"))}, MM, "'%' is no unit of length"),
+    "an unknown unit": ({"a.csv": stages(("x (mm)", "y (mm)", "u (%)", "v (%)"))}, MM, "'%' is not a unit of length"),
     "a time without a unit": ({"a.csv": mudic(frame="time")}, PX, "the column has no unit of time"),
     "three axes": ({"a.csv": stages()}, MM.replace('"y"]', '"y", "z"]'), "aren't two each of the file's"),
     "an axis that isn't there": ({"a.csv": stages()}, MM.replace('"y"]', '"z"]'), "aren't two each of the file's"),

@@ -151,7 +151,7 @@ def _before(path: Path, frames: Sequence[tuple[FloatArray, FloatArray]]) -> list
         apart = float(np.median(tree.query(first, 2)[0][:, 1]))
         away.append(max((float(np.median(tree.query(one)[0])) / apart for one in others), default=np.inf))
     if min(away) > _NEAR:
-        problem = "they don't tell whether x and y are where points were before the test, or where they went"
+        problem = "they don't show whether x and y are where points were before the test, or where they went"
         remedy = "export several frames of the same points, the first before the test, or x_undeformed and y_undeformed"
         raise InputError(path, "frames", problem, remedy)
     return [(place - moved if away[1] < away[0] else place, moved) for place, moved in frames]
@@ -251,7 +251,7 @@ def _unit(path: Path, column: Column) -> float | None:
         return column.factor
     if column.unit is None or _PIXELS.match(column.unit):
         return None
-    raise InputError(path, column.name, f"'{column.unit}' is no unit of length", "export it in mm or in pixels")
+    raise InputError(path, column.name, f"'{column.unit}' is not a unit of length", "export it in mm or in pixels")
 
 
 def _of_matlab(path: Path) -> Iterator[tuple[Stated, Sequence[Column]]]:
