@@ -22,7 +22,7 @@ from legfem.inverse.library import (
     coordinates,
     unchanged,
 )
-from legfem.inverse.library_tasks import ONE, Outcome, Task, cross, outcomes_of, tasks_for, unknowns_of
+from legfem.inverse.library_tasks import ONE, Outcome, Task, cross, outcomes_of, stiffness_at, tasks_for, unknowns_of
 from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, prior_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.responses import ELASTIC_DERIVATIVES, SolvedResponses
@@ -111,7 +111,7 @@ def base_library(
     derivatives
         Whether by the geometry and by what is assumed, too.
     """
-    point = middle, middle * float(np.expm1(stiffening))
+    point = stiffness_at(middle, stiffening)
     tasks = [Task(point)] + [Task(point, derivatives=unknowns_of(solved.variants))] * derivatives
     found = outcomes_of(solved, tasks, 1, Silent())
     if found[0] is None:

@@ -123,8 +123,7 @@ def tasks_for(
     """
 
     def point(log: float, q: float) -> Stiffness:
-        c10 = middle * float(np.exp(log))
-        return c10, c10 * float(np.expm1(q))
+        return stiffness_at(middle * float(np.exp(log)), q)
 
     where = [point(log, stiffening) for log in CHANGES_AT]
     centre = point(0.0, stiffening)
@@ -193,7 +192,7 @@ def middle_of(observed: Observations, solved: SolvedResponses, stiffening: float
     log = np.log(_FIRST_C10)
     for _ in range(5):
         c10 = float(np.exp(log))
-        curve = solved.curve(c10, c10 * float(np.expm1(stiffening)))
+        curve = solved.curve(*stiffness_at(c10, stiffening))
         if np.isnan(curve).any():
             log += 0.7
             continue
@@ -205,6 +204,11 @@ def middle_of(observed: Observations, solved: SolvedResponses, stiffening: float
         if abs(step) < 0.5 * ROUND:
             break
     return rounded(float(np.exp(log)))
+
+
+def stiffness_at(c10: float, stiffening: float) -> Stiffness:
+    """Return C10 and C20 (MPa) of a C10 (MPa) and of ln(1 + C20 / C10): to the last bit, as solves are kept by them."""
+    return c10, c10 * float(np.expm1(stiffening))
 
 
 def rounded(c10: float) -> float:

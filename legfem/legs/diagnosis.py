@@ -24,7 +24,7 @@ from legfem.inverse.explanation import ADDS_FROM, log_bayes_factor
 from legfem.inverse.fit import Identity
 from legfem.inverse.library import UNTRIED, Detail, Library
 from legfem.inverse.library_build import base_library, build_library, geometric_changes
-from legfem.inverse.library_tasks import ROUND, STIFFENING, STIFFENINGS, middle_of, rounded
+from legfem.inverse.library_tasks import ROUND, STIFFENING, STIFFENINGS, middle_of, rounded, stiffness_at
 from legfem.inverse.mechanism import shown_mechanisms
 from legfem.inverse.notice import FitNotice, Notice, doubted
 from legfem.inverse.observations import Observations, observe
@@ -116,7 +116,7 @@ class Diagnoser:
         asked = sorted(asked, key=lambda one: (*FIRST, one.name).index(one.name))
         fine, coarse = self._responses(subject, observed)
         stiffening = STIFFENING[subject.tissues["deep"].law]
-        there = coarse.elastic((middle, middle * math.expm1(stiffening)))["force"]
+        there = coarse.elastic(stiffness_at(middle, stiffening))["force"]
         solved = fine if np.isnan(there).any() else coarse
         return partial(build_library, solved, observed, asked, self.jobs, progress, middle, stiffening), fine
 
@@ -162,7 +162,7 @@ class Diagnoser:
         # What the first answer was solved of serves on where it is near.
         middle = library.middle if abs(math.log(c10 / library.middle)) < ROUND else rounded(c10)
         complete, solved = self.tabulating(subject, observed, middle, told)
-        centre = middle, middle * math.expm1(STIFFENING[subject.tissues["deep"].law])
+        centre = stiffness_at(middle, STIFFENING[subject.tissues["deep"].law])
         coarse = self._responses(subject, observed)[1]
         try:
             self.deadline.check()

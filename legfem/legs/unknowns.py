@@ -12,7 +12,7 @@ from legfem.inverse.catalogue import IdentifiedLaw, Values
 from legfem.inverse.errors import NuisanceEffect
 from legfem.inverse.library import NuisanceChanges
 from legfem.inverse.library_build import geometric_changes
-from legfem.inverse.library_tasks import STIFFENING, rounded
+from legfem.inverse.library_tasks import STIFFENING, rounded, stiffness_at
 from legfem.inverse.linearised import nuisance_effects
 from legfem.inverse.mechanism import Stiffness
 from legfem.inverse.readings import GAIN, OFFSET, ZERO
@@ -56,8 +56,7 @@ class SectionGeometry:
         if site not in self._known:
             subject, observed, request = self.leg.sites[site], self.tests[site].observed, self.request
             folder = request.responses or (None if request.out is None else request.out / "responses")
-            c10 = rounded(stiffness[0])
-            centre = c10, c10 * float(np.expm1(STIFFENING[subject.tissues["deep"].law]))
+            centre = stiffness_at(rounded(stiffness[0]), STIFFENING[subject.tissues["deep"].law])
             _, responses = solved_responses(subject, observed, folder)
             self._known[site] = geometric_changes(responses, observed, centre, request.jobs, request.progress)
         return self._known[site]
