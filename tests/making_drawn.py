@@ -26,8 +26,8 @@ from legfem.report.cohort import cohort_web_page
 from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.kinds import page_of
 from legfem.report.page import WebPage
-from legfem.specimens.agreement import ApartTest, TestsAgreement
 from legfem.specimens.details import weighed
+from legfem.specimens.model_discrepancy import ApartTest, TestsAgreement
 
 type Drawn = np.random.Generator
 
@@ -140,8 +140,9 @@ def of_specimens(draw: Drawn) -> WebPage:
     made, good = _specimens(), goodness(draw)
     details = replace(made.details, left_out=made.details.left_out if draw.random() < 0.3 else ())
     if draw.random() < 0.4:
-        each = (ApartTest(f"test {k}", 0.0, float(np.exp(draw.normal(0.0, 0.06))), 0.03) for k in range(3))
-        details = replace(details, agreement=TestsAgreement(tuple(each), float(draw.uniform())))
+        by = [float(np.exp(draw.normal(0.0, 0.06))) for _ in range(3)]
+        each = (ApartTest(f"test {k}", 0.0, one, (one - 0.06, one + 0.06)) for k, one in enumerate(by))
+        details = replace(details, agreement=TestsAgreement(float(draw.uniform()), tuple(each)))
     known = {name: estimate(draw, one, good.fits) for name, one in made.estimates.items()}
     made = replace(made, estimates=known, goodness=good, details=details, notices=doubts(draw))
     if draw.random() < 0.3:

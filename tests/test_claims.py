@@ -32,8 +32,8 @@ from legfem.report.estimates import high_or_low
 from legfem.report.kinds import page_of
 from legfem.report.page import WebPage
 from legfem.report.render import plain_page
-from legfem.specimens.agreement import ApartTest, TestsAgreement
 from legfem.specimens.details import compared, notices_about
+from legfem.specimens.model_discrepancy import ApartTest, TestsAgreement
 
 _NUMBER = r"(?<![\d.])[-+]?\d[\d,]*(?:\.\d+)?"
 _C10 = re.compile(rf"C10 = ({_NUMBER}) kPa \(({_NUMBER}) to ({_NUMBER})\)")
@@ -244,13 +244,13 @@ def test_tests_whose_forces_differ_from_the_others_are_not_fine(tmp_path: Path):
     """One set of constants is as good as sure, and yet two of three tests' factors exclude one."""
     (fit,) = pages.specimens(tmp_path)
     factors = (("a", 1.0), ("b", 1.10), ("c", 0.95))
-    apart = TestsAgreement(tuple(ApartTest(name, 0.0, factor, 0.02) for name, factor in factors), 0.8)
+    apart = TestsAgreement(0.8, tuple(ApartTest(n, 0.0, by, (by - 0.04, by + 0.04)) for n, by in factors))
     made = replace(fit, details=replace(fit.details, left_out=(), agreement=apart), notices=())
     assert not apart.disagree and apart.differ
     headline = page_of([made]).headline
     problems = dict(headline.answers)["Problems found"]
     assert headline.tone == "caution" and "b 1.10 (1.06 to 1.14) times" in problems and "leave open" in problems
-    alike = TestsAgreement(tuple(ApartTest(name, 0.0, 1.0, 0.02) for name, _ in factors), 0.8)
+    alike = TestsAgreement(0.8, tuple(ApartTest(name, 0.0, 1.0, (0.96, 1.04)) for name, _ in factors))
     same = page_of([replace(made, details=replace(made.details, agreement=alike))]).headline
     assert same.tone == "sound" and dict(same.answers)["Problems found"].startswith("None")
 

@@ -22,8 +22,8 @@ from legfem.commands.identify import app
 from legfem.inverse.fit import Fit
 from legfem.report.notices import sentences_of
 from legfem.report.preview import preview_of
-from legfem.specimens.agreement import agreement_of_tests
 from legfem.specimens.details import SpecimenDetails
+from legfem.specimens.model_discrepancy import agreement_of_tests
 
 FOAM = Path(__file__).parents[2] / "shared" / "files" / "08_foam_tension_compression_shear_xlsx"
 
@@ -55,7 +55,7 @@ def test_tension_shear_and_another_code_s_plates_give_one_constant_narrower_than
     assert holds(together, C10) and together.goodness.fits
     assert width(together) < min(map(width, alone))
     agreement = together.details.agreement
-    assert agreement is not None and not agreement.disagree and agreement.together > 0.6
+    assert agreement is not None and not agreement.disagree and agreement.one_law_for_all > 0.6
     shares = together.estimates["deep.C10"].information_shares
     assert set(shares) == set(tests) and sum(shares.values()) == pytest.approx(1.0) and min(shares.values()) > 0.1
 
@@ -88,7 +88,7 @@ def test_a_material_that_resists_pressing_more_than_pulling_is_said_to(tmp_path:
     own = {"tension": C10, "compression": 1.35 * C10}
     fit = fitted(write_tests(tmp_path / "gel", tuple(own), own.__getitem__))
     agreement = fit.details.agreement
-    assert agreement is not None and agreement.together < 0.05 and agreement.apart is None
+    assert agreement is not None and agreement.one_law_for_all < 0.05 and agreement.apart is None
     pulled, pressed = agreement.tests
     assert pressed.ci95[0] < 1.35 < pressed.ci95[1] and pulled.ci95[0] < 1 / 1.35 < pulled.ci95[1]
     # Nobody can say which is the material's.
@@ -152,7 +152,9 @@ def test_false_alarms_are_rare_and_a_test_that_is_off_is_found() -> None:
     named = [found.apart.name if found.apart else "" for found in seen(0.8)]
     print({name: named.count(name) for name in set(named)})
     assert named.count("c") > 0.9 * len(named)
-    assert all(found.together + found.each + sum(t.probability for t in found.tests) < 1 + 1e-9 for found in seen(1.1))
+    assert all(
+        found.one_law_for_all + found.each + sum(t.stands_apart for t in found.tests) < 1 + 1e-9 for found in seen(1.1)
+    )
 
 
 @pytest.mark.slow
@@ -210,7 +212,7 @@ def test_rubber_of_1944_in_two_tests(tmp_path: Path) -> None:
         (tmp_path / name / "specimen.toml").write_text(HEAD.format(name=name) + test + table)
     fit = fitted(described(tmp_path, list(columns)))
     assert 0.16 < fit.estimates["deep.C10"].value < 0.22
-    assert all(0.8 < one.factor < 1.25 for one in fit.details.agreement.tests)
+    assert all(0.8 < one.force_over_others < 1.25 for one in fit.details.agreement.tests)
 
 
 @pytest.mark.slow
@@ -234,8 +236,8 @@ def test_a_foam_s_tension_compression_and_shear_need_different_constants(tmp_pat
         (tmp_path / name / "specimen.toml").write_text(f"{HEAD.format(name=name)}{test}[recordings]\n{table}")
     fit = fitted(described(tmp_path, list(kinds)))
     agreement = fit.details.agreement
-    assert agreement is not None and agreement.together < 0.01 and not fit.goodness.fits
-    factor = {one.name: one.factor for one in agreement.tests}
+    assert agreement is not None and agreement.one_law_for_all < 0.01 and not fit.goodness.fits
+    factor = {one.name: one.force_over_others for one in agreement.tests}
     assert factor["tension"] > 1.3 > 0.8 > factor["compression"]
     assert fit.estimates["deep.C10"].identifiability == "not identifiable"
     stiffening = fitted(tmp_path, "reduced-polynomial").estimates["deep.C20"]

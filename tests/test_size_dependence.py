@@ -13,7 +13,7 @@ from legfem.data import Recording, write_recording
 from legfem.experiments.axisymmetric import CylinderCompression, settings_to
 from legfem.experiments.bodies import CylinderBetweenPlates
 from legfem.mechanics.materials import NeoHookean
-from legfem.specimens.artefacts import size_dependence
+from legfem.specimens.thickness import size_dependence
 
 C10, AREA = 5e-3, 400.0
 HEAD = """\

@@ -9,7 +9,6 @@ from legfem.report import diagnosis_document
 from legfem.report import diagnosis_numbers as tables
 from legfem.report.diagnosis_curves import model_name
 from legfem.report.render import filled
-from legfem.specimens.agreement import agreement_document
 from legfem.specimens.diagnosis import DiagnosedSpecimen, tests_finding, thickness_finding
 from legfem.specimens.folder import SpecimenFolder
 
@@ -25,8 +24,8 @@ def specimens_document(made: Sequence[DiagnosedSpecimen], folder: SpecimenFolder
             "origin": folder.origin,
             "specimens": [_row(one) for one in made],
             "goes_with_thickness": thickness_finding(made),
-            "agreement_of_tests": agreement_document(tests_finding(made)),
-            "agreement_after": agreement_document(tests_finding(made, after=True)),
+            "agreement_of_tests": tests_finding(made),
+            "agreement_after": tests_finding(made, after=True),
             "recordings_not_used": folder.left_out,
         }
     )

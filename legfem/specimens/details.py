@@ -4,7 +4,7 @@ Alternatives are as probable beforehand. Intervals are those of the mixture, eac
 smooth error of unknown form (`legfem.specimens.model_discrepancy`), alike in all recordings, and summed over the laws
 that are fitted: a law that bends a curve as ends do leaves them open. Where even the best law misses, its evidence
 counts the less by Birge's ratio squared: a form that is wrong tells little of another. Lateral stretches and strains of
-the face, where a camera sees the side, weigh the alternatives beside the forces (`legfem.specimens.artefacts`, `face`).
+the face, where a camera sees the side, weigh the alternatives beside the forces (`legfem.specimens.side`).
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -41,16 +41,14 @@ from legfem.inverse.fit import (
 from legfem.inverse.intervals import VERDICTS, identifiability
 from legfem.inverse.notice import Notice, doubted
 from legfem.inverse.outcome import JointForward
-from legfem.specimens.agreement import TestsAgreement, agreement_document
-from legfem.specimens.artefacts import LateralFit, SizeDependence
 from legfem.specimens.comparison import SpecimenComparison
 from legfem.specimens.course import Course
-from legfem.specimens.face import FaceFit
 from legfem.specimens.folder import FILE, SpecimenFolder
 from legfem.specimens.forward import SpecimenForward
-from legfem.specimens.model_discrepancy import LawMisfit
-from legfem.specimens.rig import YieldingRig, widened
+from legfem.specimens.model_discrepancy import LawMisfit, TestsAgreement
+from legfem.specimens.side import FaceFit, LateralFit
 from legfem.specimens.sizes import RESIZED, LeftOut, SpecimenRecording
+from legfem.specimens.thickness import SizeDependence, YieldingRig, widened
 
 type _Fit = Fit[SpecimenDetails]
 
@@ -323,7 +321,7 @@ class SpecimenDetails(KindDetails):
             "stiffness_over_typical": dict(self.stiffness),
             "stiffness_log_sd": self.stiffness_spread,
             "misfit_rms_over_peak": self.misfit.rms,
-            "agreement_of_tests": agreement_document(self.agreement),
+            "agreement_of_tests": self.agreement,
             "alternatives": [
                 {
                     "name": one.name,

@@ -27,12 +27,12 @@ from legfem.inverse.observations import Observations, observe
 from legfem.inverse.responses import PLAIN, SolvedResponses
 from legfem.inverse.verdict import Diagnosis
 from legfem.jobs.store import code_fingerprint
-from legfem.specimens.agreement import TestsAgreement, agreement_of_tests
-from legfem.specimens.artefacts import SizeDependence, size_dependence
 from legfem.specimens.details import SpecimenNotice, cut_short
 from legfem.specimens.folder import FILE, SpecimenFolder, doubts_of, tissue_asked_for
 from legfem.specimens.mechanisms import Scale, mechanisms_of
+from legfem.specimens.model_discrepancy import TestsAgreement, agreement_of_tests
 from legfem.specimens.sizes import LeftOut, Sizes, SpecimenRecording
+from legfem.specimens.thickness import SizeDependence, size_dependence
 from legfem.specimens.variants import SpecimenVariants
 
 _POINTS = 60

@@ -29,19 +29,17 @@ from legfem.inverse.search import Search
 from legfem.inverse.searches import Found
 from legfem.inverse.settings import SearchRequest, free_of_model
 from legfem.specimens import details
-from legfem.specimens.agreement import TestsAgreement, agreement_of_tests
-from legfem.specimens.artefacts import goes_with_thickness, lateral_fit
 from legfem.specimens.comparison import SpecimenComparison, comparison_of
 from legfem.specimens.course import QUICKENING, shows_quickening
-from legfem.specimens.face import face_fit
 from legfem.specimens.folder import SpecimenFolder, doubts_of
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.laws import REFERENCE_MPA, ParameterRequest, identified_law
-from legfem.specimens.model_discrepancy import LawMisfit, fitted_change, misfit_of
+from legfem.specimens.model_discrepancy import LawMisfit, TestsAgreement, agreement_of_tests, fitted_change, misfit_of
 from legfem.specimens.nuisances import SETTLED, check_strained, seeks_ratio, why_ratio_undetermined
 from legfem.specimens.prepared import Prepared, prepare
-from legfem.specimens.rig import OnARig, widened
+from legfem.specimens.side import face_fit, lateral_fit
 from legfem.specimens.sizes import OF_LAYER, Sizes, SpecimenRecording
+from legfem.specimens.thickness import OnARig, goes_with_thickness, widened
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,9 +22,9 @@ from legfem.report.page import Bars, LabelledBar
 from legfem.report.specimen_sentences import SpecimenFit, followed, procedure, tested
 from legfem.report.style import DATA_COLOUR, LAW_NAMES, picture
 from legfem.report.words import DataKind, capital
-from legfem.specimens.artefacts import KNOW_THE_RIG
 from legfem.specimens.course import shows_quickening
 from legfem.specimens.details import RecordingFit, compared
+from legfem.specimens.thickness import KNOW_THE_RIG
 
 _MOST_CURVES = 6
 _DASHES: tuple[Dash, ...] = ("solid", "dashed", "dotdash", "dotted")

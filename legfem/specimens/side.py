@@ -1,4 +1,4 @@
-r"""What specimens' recordings say of the test: ends that stick, by a video of the side; stiffness by thickness.
+r"""What a specimen's side says of its test: ends that stick, by a video of it; how much of the travel reaches its face.
 
 A model's law is found from the forces alone. Its lateral stretches then have a density,
 
@@ -9,23 +9,25 @@ with the instrument's errors (`legfem.inverse.errors`) and a share h of the stra
 law are off by. Where it isn't known whether ends stick, that density weighs each possibility, beside the forces'
 evidence.
 
-A constant of a material knows no thickness. Plates that don't touch all over, and a rig that yields, make thin ones
-seem soft; friction that the model lacks makes them seem stiff.
+Strains of the face don't depend on how stiff the specimen is. Beside a model's, those along are :math:`s` times as
+large, those across :math:`s q` times: :math:`s` is the share of the travel that reaches the specimen, and :math:`q` is
+one where ends and compressibility are as assumed. Both are those of generalised least squares with the errors of the
+channel, whose gain is shared.
 """
 
-from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import block_diag
-from scipy.stats import linregress, multivariate_normal, norm
+from scipy.stats import multivariate_normal
 
+from legfem.channels.kinds.face_strain import ACROSS, ALONG, FACE_STRAIN
 from legfem.channels.kinds.lateral_stretch import LATERAL_STRETCH
-from legfem.common.numbers import fit_probability
 from legfem.common.units import FloatArray
+from legfem.experiments.bodies import HomogeneousBody
 from legfem.inverse.catalogue import Values
-from legfem.inverse.estimates import Estimate
+from legfem.inverse.channel_readings import StationChannel
 from legfem.inverse.outcome import JointForward
 from legfem.inverse.readings import READINGS
 from legfem.specimens.comparison import SpecimenComparison
@@ -150,119 +152,101 @@ def _compared(seen: SpecimenComparison, model: JointForward[SpecimenForward], va
     return LateralFit(len(left), rms, farthest, error, density, pressed=sizes.kind.presses(sizes.body))
 
 
-_RARE = 0.01
-"""Chance of so strong a dependence among specimens that differ for other reasons."""
-_LEAST = 3
-"""Specimens of which a trend is told from how they differ; of two how pieces usually differ has to serve."""
-APART = 0.05
-"""Assumed standard deviation of the logarithm of the stiffness of pieces of one material."""
-_SPREAD = 1.2
-"""Least ratio of the greatest size to the smallest that shows a dependence."""
-
-
-KNOW_THE_RIG = "Press a rigid block to see what the rig yields, and grease or glue the faces."
-"""What to do about it."""
+_MOST_RATIO = 0.5
+_DEEPEST = 0.95
+"""Share of the deepest reading's depth beyond which readings count as deepest."""
 
 
 @dataclass(frozen=True)
-class SizeDependence:
-    """How stiffness goes with a size of the specimens along the load."""
+class FaceFit:
+    """Strains of the face beside a model's; a pair is a value and its standard deviation.
 
-    power: float
-    """Power of the size that stiffness is in proportion to."""
-    power_sd: float
-    p_value: float
-    smallest: float
-    """mm."""
-    greatest: float
-    """mm."""
-    least: float
-    """Stiffness of the softest of them, over that of a typical specimen, ..."""
-    most: float
-    """... and of the stiffest."""
+    Parameters
+    ----------
+    readings
+        How many.
+    along
+        Share of the travel that reaches the specimen.
+    across
+        Strain across beside that along, over the model's.
+    log_density
+        Of the readings.
+    pressed
+        Whether the specimen is; else it is pulled.
+    profile
+        Heights over half the specimen's, strains across there at the deepest readings, and the model's; (3, h).
+    poisson_ratio
+        That goes with the strain across; None where ends or shape have a part in it.
+    """
 
-    def over(self, found: Estimate) -> Estimate:
-        """Return a stiffness' estimate over specimens of all thicknesses: none is the material's."""
-        low, high = found.ci95
-        least, most = found.parameter.bounds
-        ends = max(self.least * low, least), min(self.most * high, most)
-        return replace(found, ci95=ends, identifiability="not identifiable")
+    readings: int
+    along: tuple[float, float]
+    across: tuple[float, float]
+    log_density: float
+    pressed: bool
+    profile: FloatArray
+    poisson_ratio: float | None = None
 
     @property
     def text(self) -> str:
-        """The finding as sentences."""
-        ratio = (self.greatest / self.smallest) ** self.power
-        more, causes = "softer", "friction at the faces that the model lacks, or a size that is wrong"
-        if ratio > 1:
-            more, causes = "stiffer", "plates that don't touch all over, or a rig that yields"
-        return (
-            f"The constant depends on the thickness: specimens of {self.greatest:.3g} mm are "
-            f"{max(ratio, 1 / ratio):.2f} times {more} than those of {self.smallest:.3g} mm (power {self.power:.2g} ± "
-            f"{self.power_sd:.2g} of the thickness, {fit_probability(self.p_value)}). One material has one constant: "
-            f"so the test differs with thickness (or the pieces are not of one material): {causes}. {KNOW_THE_RIG}"
+        """What is to be said of it, as sentences."""
+        (along, along_sd), (across, across_sd) = self.along, self.across
+        found = (
+            f"Face, {self.readings} strains: along the load {along:.2f} ± {along_sd:.2f} of what the travel says, and "
+            f"across {across:.2f} ± {across_sd:.2f} of what the model has beside that"
         )
+        causes = []
+        if abs(along - 1) > 2 * along_sd:
+            size = "the size along the load is misstated"
+            lost = f"the {'plates move' if self.pressed else 'grips slip'} or the rig yields, or {size}"
+            causes.append(f"{lost if along < 1 else size}; with that strain C10 would be {1 / along:.2f} times as high")
+        if abs(across - 1) > 2 * across_sd:
+            held = "its ends hold otherwise than stated"
+            if not self.pressed:
+                held = "it is not alike in all directions across" if across > 1 else "its grips hold its sides"
+            ratio = "" if self.poisson_ratio is None else f" (a Poisson's ratio near {self.poisson_ratio:.2g})"
+            causes.append(f"{held}, or it is {'less' if across > 1 else 'more'} compressible than assumed{ratio}")
+        return f"{': '.join([found, '; and '.join(causes)]) if causes else found}."
 
 
-def size_dependence(stiffness: Mapping[str, float], extent: Mapping[str, float]) -> SizeDependence | None:
-    """Return how specimens' stiffness goes with their size along the load; None where it doesn't.
-
-    Parameters
-    ----------
-    stiffness
-        Of every specimen, relative to any.
-    extent
-        Size along the load (mm), by the same names.
-    """
-    names = [name for name in stiffness if stiffness[name] > 0]
-    sizes = np.array([extent[name] for name in names])
-    if len(names) < 2 or sizes.max() < _SPREAD * sizes.min():
+def face_fit(comparison: SpecimenComparison, predicted: FloatArray) -> FaceFit | None:
+    """Return how the face is strained beside predicted readings (n,); None where it wasn't seen."""
+    here = comparison.channels.get(FACE_STRAIN.name)
+    if here is None:
         return None
-    factors = np.array([stiffness[name] for name in names])
-    factors = factors / np.exp(np.mean(np.log(factors)))
-    slope, sd, p_value = _trend(np.log(sizes), np.log(factors))
-    if not p_value < _RARE:
-        return None
-    return SizeDependence(
-        slope, sd, p_value, float(sizes.min()), float(sizes.max()), float(factors.min()), float(factors.max())
+    readings = [one for one in comparison.every_channel if one.name == FACE_STRAIN.name]
+    ways = np.concatenate([one.place[:, 1] for one in readings])
+    seen, model, among = comparison.measured[here], predicted[here], here - len(comparison.forces)
+    errors = comparison.beside_errors[np.ix_(among, among)]
+    density = float(multivariate_normal(cov=errors).logpdf(seen - model))
+    design = np.column_stack([model * (ways == way) for way in (ALONG, ACROSS)])
+    weighed = design / np.concatenate([one.white_variance + one.accuracy.slow**2 for one in readings])[:, None]
+    shares = np.linalg.solve(weighed.T @ design, weighed.T)
+    (along, across), covariance = shares @ seen, shares @ errors @ shares.T
+    of_ratio = np.array([-across / along, 1.0]) / along
+    sizes = comparison.parts[comparison.part_of[here[0]]].recording.sizes
+    logs = [np.log1p(share * model[ways == way].mean()) for share, way in ((across, ACROSS), (along, ALONG))]
+    alike = isinstance(sizes.body, HomogeneousBody) and -logs[0] / logs[1] < _MOST_RATIO
+    return FaceFit(
+        len(seen),
+        (float(along), float(np.sqrt(covariance[0, 0]))),
+        (float(across / along), float(np.sqrt(of_ratio @ covariance @ of_ratio))),
+        density,
+        sizes.kind.presses(sizes.body),
+        _profile(readings, seen, model),
+        float(-logs[0] / logs[1]) if alike else None,
     )
 
 
-def _trend(size: FloatArray, stiffness: FloatArray) -> tuple[float, float, float]:
-    """Return slope, its standard deviation and its p-value, of logarithms."""
-    if len(size) >= _LEAST:
-        found = linregress(size, stiffness)
-        # What takes its own part of the travel, as a rig that yields, goes with one over the size: few show no power.
-        p_value = 2 * min(float(found.pvalue), float(linregress(np.exp(-size), stiffness).pvalue))
-        return float(found.slope), float(found.stderr), min(p_value, 1.0)
-    far = size[1] - size[0]
-    slope, sd = float((stiffness[1] - stiffness[0]) / far), float(np.sqrt(2) * APART / abs(far))
-    return slope, sd, float(2 * norm.sf(abs(slope) / sd))
-
-
-def goes_with_thickness(
-    comparison: SpecimenComparison, force: FloatArray, stiffness: Mapping[str, float]
-) -> SizeDependence | None:
-    """Return how a test's specimens' stiffness goes with their thickness, by what each asks for if all are alike.
-
-    Parameters
-    ----------
-    comparison
-        Of the fitted recordings.
-    force : (n,) array
-        That the law predicts for them, N.
-    stiffness
-        Factors by specimen with which it was fitted.
-    """
-    scales = comparison.scales(force)
-    for places in comparison.recordings_of.values():
-        own, extent = defaultdict[str, list[float]](list), dict[str, float]()
-        for one, scale in ((comparison.recordings[k], scales[k]) for k in places):
-            own[one.specimen].append(scale * stiffness.get(one.specimen, 1.0))
-            size = one.sizes.kind.extent(one.sizes.body)
-            if size is not None:
-                extent[one.specimen] = size
-        if len(extent) == len(own):
-            found = size_dependence({name: float(np.mean(each)) for name, each in own.items()}, extent)
-            if found is not None:
-                return found
-    return None
+def _profile(readings: Sequence[StationChannel], seen: FloatArray, model: FloatArray) -> FloatArray:
+    """Return heights, and the mean over recordings of strains across at the deepest readings there, (3, h)."""
+    height, way = np.concatenate([one.place for one in readings]).T
+    depth = np.concatenate([one.displacement for one in readings])
+    ends = np.concatenate([np.full(len(one.values), one.displacement.max()) for one in readings])
+    deepest = (way == ACROSS) & (depth > _DEEPEST * ends)
+    return np.array(
+        [
+            (at, *(float(one[deepest & (height == at)].mean()) for one in (seen, model)))
+            for at in np.unique(height[deepest])
+        ]
+    ).T

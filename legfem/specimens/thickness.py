@@ -1,0 +1,226 @@
+r"""What stiffness by thickness says of the test, and a rig that yields, which would bring specimens to one constant.
+
+A constant of a material knows no thickness. Plates that don't touch all over, and a rig that yields, make thin ones
+seem soft; friction that the model lacks makes them seem stiff.
+
+A rig that yields by c mm/N, or plates that touch all over only as they are pressed, take a way :math:`c F` of the
+displacement that was read: what is left is the specimen's. With the forces f of a law, each recording asks for the
+factor
+
+.. math:: s(c) = \frac{\sum F f(d - c F)}{\sum f(d - c F)^2}
+
+on its constants. Pieces of one material have one, within a few per cent: that c is found at which the factors differ
+least. Of one thickness nothing tells c, and a thin, wide piece may be stiffer than it seems.
+"""
+
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+from scipy.stats import linregress, norm
+
+from legfem.common.numbers import fit_probability
+from legfem.common.units import FloatArray
+from legfem.inverse.estimates import Estimate
+from legfem.specimens.comparison import SpecimenComparison
+
+_RARE = 0.01
+"""Chance of so strong a dependence among specimens that differ for other reasons."""
+_LEAST = 3
+"""Specimens of which a trend is told from how they differ; of two how pieces usually differ has to serve."""
+APART = 0.05
+"""Assumed standard deviation of the logarithm of the stiffness of pieces of one material."""
+_SPREAD = 1.2
+"""Least ratio of the greatest size to the smallest that shows a dependence."""
+
+
+KNOW_THE_RIG = "Press a rigid block to see what the rig yields, and grease or glue the faces."
+"""What to do about it."""
+
+
+@dataclass(frozen=True)
+class SizeDependence:
+    """How stiffness goes with a size of the specimens along the load."""
+
+    power: float
+    """Power of the size that stiffness is in proportion to."""
+    power_sd: float
+    p_value: float
+    smallest: float
+    """mm."""
+    greatest: float
+    """mm."""
+    least: float
+    """Stiffness of the softest of them, over that of a typical specimen, ..."""
+    most: float
+    """... and of the stiffest."""
+
+    def over(self, found: Estimate) -> Estimate:
+        """Return a stiffness' estimate over specimens of all thicknesses: none is the material's."""
+        low, high = found.ci95
+        least, most = found.parameter.bounds
+        ends = max(self.least * low, least), min(self.most * high, most)
+        return replace(found, ci95=ends, identifiability="not identifiable")
+
+    @property
+    def text(self) -> str:
+        """The finding as sentences."""
+        ratio = (self.greatest / self.smallest) ** self.power
+        more, causes = "softer", "friction at the faces that the model lacks, or a size that is wrong"
+        if ratio > 1:
+            more, causes = "stiffer", "plates that don't touch all over, or a rig that yields"
+        return (
+            f"The constant depends on the thickness: specimens of {self.greatest:.3g} mm are "
+            f"{max(ratio, 1 / ratio):.2f} times {more} than those of {self.smallest:.3g} mm (power {self.power:.2g} ± "
+            f"{self.power_sd:.2g} of the thickness, {fit_probability(self.p_value)}). One material has one constant: "
+            f"so the test differs with thickness (or the pieces are not of one material): {causes}. {KNOW_THE_RIG}"
+        )
+
+
+def size_dependence(stiffness: Mapping[str, float], extent: Mapping[str, float]) -> SizeDependence | None:
+    """Return how specimens' stiffness goes with their size along the load; None where it doesn't.
+
+    Parameters
+    ----------
+    stiffness
+        Of every specimen, relative to any.
+    extent
+        Size along the load (mm), by the same names.
+    """
+    names = [name for name in stiffness if stiffness[name] > 0]
+    sizes = np.array([extent[name] for name in names])
+    if len(names) < 2 or sizes.max() < _SPREAD * sizes.min():
+        return None
+    factors = np.array([stiffness[name] for name in names])
+    factors = factors / np.exp(np.mean(np.log(factors)))
+    slope, sd, p_value = _trend(np.log(sizes), np.log(factors))
+    if not p_value < _RARE:
+        return None
+    return SizeDependence(
+        slope, sd, p_value, float(sizes.min()), float(sizes.max()), float(factors.min()), float(factors.max())
+    )
+
+
+def _trend(size: FloatArray, stiffness: FloatArray) -> tuple[float, float, float]:
+    """Return slope, its standard deviation and its p-value, of logarithms."""
+    if len(size) >= _LEAST:
+        found = linregress(size, stiffness)
+        # What takes its own part of the travel, as a rig that yields, goes with one over the size: few show no power.
+        p_value = 2 * min(float(found.pvalue), float(linregress(np.exp(-size), stiffness).pvalue))
+        return float(found.slope), float(found.stderr), min(p_value, 1.0)
+    far = size[1] - size[0]
+    slope, sd = float((stiffness[1] - stiffness[0]) / far), float(np.sqrt(2) * APART / abs(far))
+    return slope, sd, float(2 * norm.sf(abs(slope) / sd))
+
+
+def goes_with_thickness(
+    comparison: SpecimenComparison, force: FloatArray, stiffness: Mapping[str, float]
+) -> SizeDependence | None:
+    """Return how a test's specimens' stiffness goes with their thickness, by what each asks for if all are alike.
+
+    Parameters
+    ----------
+    comparison
+        Of the fitted recordings.
+    force : (n,) array
+        That the law predicts for them, N.
+    stiffness
+        Factors by specimen with which it was fitted.
+    """
+    scales = comparison.scales(force)
+    for places in comparison.recordings_of.values():
+        own, extent = defaultdict[str, list[float]](list), dict[str, float]()
+        for one, scale in ((comparison.recordings[k], scales[k]) for k in places):
+            own[one.specimen].append(scale * stiffness.get(one.specimen, 1.0))
+            size = one.sizes.kind.extent(one.sizes.body)
+            if size is not None:
+                extent[one.specimen] = size
+        if len(extent) == len(own):
+            found = size_dependence({name: float(np.mean(each)) for name, each in own.items()}, extent)
+            if found is not None:
+                return found
+    return None
+
+
+_MOST_TAKEN = 0.9
+"""Share of the displacement that a rig takes at most."""
+_USUAL, _USUAL_WAY = 0.09, 0.25
+"""mm/N and mm up to which 19 of 20 rigs yield: judgements, of load cells of bench tests."""
+_THIN = 0.25
+"""Height over width below which what a rig takes is no small share of a usual press."""
+
+
+@dataclass(frozen=True)
+class YieldingRig:
+    """What a rig yields."""
+
+    compliance: float
+    """mm/N."""
+    sd: float
+    moves: float
+    """Relative change of the constants by one standard deviation of it."""
+    without: SizeDependence
+    """How the specimens' constants go with their thickness where the rig counts as rigid."""
+
+    @property
+    def text(self) -> str:
+        """The finding as sentences."""
+        times = self.without.most / self.without.least
+        return (
+            f"One rig that yields by {self.compliance:.2g} ± {self.sd:.1g} mm/N (or plates that do not touch all over) "
+            "brings specimens of all thicknesses to one constant, and the values given are with it. Were it rigid, "
+            f"their constants would be {times:.2f} times apart. {KNOW_THE_RIG}"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class OnARig:
+    """A law's forces beside recordings as a rig yields: those on the tests' grids, N, and what they are read with."""
+
+    comparison: SpecimenComparison
+    model: FloatArray
+    readings: FloatArray
+
+    def factors(self, compliance: float) -> FloatArray:
+        """Return logarithms of the recordings' factors (r,) on the law's forces where a rig yields (mm/N)."""
+        parts = []
+        for part in self.comparison.parts:
+            course = part.course
+            left = np.maximum(course.displacement - compliance * course.force, 1e-6 * course.depth)
+            parts.append(replace(part, recording=replace(part.recording, course=replace(course, displacement=left))))
+        force = np.concatenate([part.felt(self.model, self.readings) for part in parts])
+        return np.log(np.maximum(replace(self.comparison, parts=tuple(parts)).scales(force), 1e-6))
+
+    def yielding(self, without: SizeDependence) -> YieldingRig | None:
+        """Return the rig on which specimens that differ by their thickness are alike; None where none is."""
+        most = _MOST_TAKEN * min(part.course.depth / part.course.peak for part in self.comparison.parts)
+        found = minimize_scalar(lambda c: float(np.std(self.factors(c))), bounds=(0.0, most), method="bounded")
+        slopes = (self.factors(found.x + 0.01 * most) - self.factors(found.x)) / (0.01 * most)
+        sd = APART / float(np.std(slopes) * np.sqrt(len(slopes)))
+        if found.fun > 2 * APART or found.x < 2 * sd:
+            return None
+        return YieldingRig(float(found.x), sd, float(slopes.mean()) * sd, without)
+
+    @property
+    def softened(self) -> float:
+        """By what factor thin specimens may seem softer than they are, as far as 19 of 20 rigs yield; else one."""
+        courses = [part.course for part in self.comparison.parts]
+        every = [one.sizes for one in self.comparison.recordings]
+        shapes = [one.kind.slenderness(one.body) if one.kind.presses(one.body) else None for one in every]
+        if not all(shape and shape[0] < _THIN for shape in shapes):
+            return 1.0
+        peak, depth = max(one.peak for one in courses), min(one.depth for one in courses)
+        usual = min(_USUAL, min(_USUAL_WAY, 0.5 * depth) / peak)
+        return float(np.exp(np.mean(self.factors(usual) - self.factors(0.0))))
+
+
+def widened(found: Estimate, above: float, below: float, fits: bool) -> Estimate:
+    """Return an estimate with more errors in its 95 % interval, to either side, relative."""
+    low, high = (
+        float(np.hypot(end - found.value, more * found.value))
+        for end, more in zip(found.ci95, (below, above), strict=True)
+    )
+    wide = replace(found, ci95=(max(found.value - low, found.parameter.bounds[0]), found.value + high))
+    return replace(wide, identifiability=wide.verdict(fits))
