@@ -16,7 +16,7 @@ from rocrate.rocrate import ROCrate
 from test_diagnosis_report import CASES
 
 from legfem.legs.loading import load_subject
-from legfem.report.crate import CRATE
+from legfem.report.render import CRATE
 from legfem.report.results import write_diagnosis_report, write_report
 
 COMMAND = "legfem identify --subject-dir 'a leg' --seed 1"

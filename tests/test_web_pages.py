@@ -25,12 +25,11 @@ from legfem.geometry.motion import inward, stretch_round
 from legfem.report.curves import Curves, Line
 from legfem.report.estimates import words_of
 from legfem.report.kinds import page_of
-from legfem.report.kinds.specimens import curves_of
+from legfem.report.kinds.specimens import curves_of, procedure
 from legfem.report.leg_3d_view import Marked, SkinField, pressed_leg, turned_leg
 from legfem.report.page import Bars, LabelledBar, Slider, View
 from legfem.report.plan import plan_web_page
 from legfem.report.render import PAGE_FILES, embed, rendered
-from legfem.report.specimen_sentences import procedure
 from legfem.report.stocking_pressures import by_height
 from legfem.specimens.laws import SpecimenTissue
 from legfem.study.correction.command import correction_web_page

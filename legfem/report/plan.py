@@ -1,7 +1,9 @@
 """A plan in sentences and numbers: which tests would show which effects."""
 
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from legfem.common.errors import Doubt, doubt_lines
@@ -11,11 +13,11 @@ from legfem.data import Instrument
 from legfem.geometry.section import girth
 from legfem.inverse.plan import DesignValue
 from legfem.legs.plan import Expected
+from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import Subject
 from legfem.report import page as web
 from legfem.report.answers import first_lines
 from legfem.report.diagnosis_curves import plain
-from legfem.report.leg_options import options_of
 from legfem.report.page import Bars, LabelledBar
 from legfem.report.pressed_section import still_section
 from legfem.report.style import LAW_NAMES
@@ -183,3 +185,11 @@ def errors_of_readings(instrument: Instrument) -> list[web.Known]:
         web.Known("error of a force reading", f"{instrument.force_sd:.3g} N (sd)", "prior", usual),
         web.Known("error of a displacement reading", f"{instrument.displacement_sd:.3g} mm (sd)", "prior", usual),
     ]
+
+
+def options_of(subject: Subject) -> str:
+    """Return the options by which a command finds a subject again."""
+    site = f" --site {shlex.quote(subject.site)}" if subject.site else ""
+    if subject.id in SUBJECTS.names and SUBJECTS.find(subject.id).resolve() == Path(subject.directory).resolve():
+        return f"--subject {subject.id}{site}"
+    return f"--subject-dir {shlex.quote(str(subject.directory))}{site}"

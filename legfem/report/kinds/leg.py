@@ -24,8 +24,8 @@ from legfem.report.kinds import ReportKind
 from legfem.report.kinds.leg_numbers import how_done, known_of
 from legfem.report.leg_3d_view import pressed_leg
 from legfem.report.leg_figure import SECTION_SHOWS, placement_figure
-from legfem.report.leg_options import options_of
 from legfem.report.page import PressedSection
+from legfem.report.plan import options_of
 from legfem.report.pressed_section import still_section
 from legfem.report.style import DATA_COLOUR, FAINT, LAW_NAMES, picture
 from legfem.report.words import BEYOND_A_FIT
