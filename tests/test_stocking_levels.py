@@ -86,11 +86,11 @@ def test_a_level_is_judged_by_its_interval_beside_the_limits():
         return {one.level: one.verdict for one in pressures_at_levels(along, makers, CALF)}
 
     at = {one.level: one for one in pressures_at_levels(along, MakersLevels(), CALF)}
-    share = 100 * at["C"].over_ankle
-    assert at["C"].verdict == "no limits" and at["B"].over_ankle == 1.0
-    low, high = at["C"].ci95
-    assert high - at["C"].mean == pytest.approx(at["C"].mean - low)
-    assert 1.96 < (high - at["C"].mean) / along.at(60.0)[1] < 2.5
+    share = 100 * at["C"].over_pressure_at_B
+    assert at["C"].verdict == "no limits" and at["B"].over_pressure_at_B == 1.0
+    low, high = at["C"].ci95_mmHg
+    assert high - at["C"].mean_pressure_mmHg == pytest.approx(at["C"].mean_pressure_mmHg - low)
+    assert 1.96 < (high - at["C"].mean_pressure_mmHg) / along.at(60.0)[1] < 2.5
     assert judged((0.8 * share, 1.2 * share))["C"] == "within"
     assert judged((1.2 * share, 2.0 * share))["C"] == "too low"
     assert judged((0.1 * share, 0.8 * share))["C"] == "too high"

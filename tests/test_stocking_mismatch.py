@@ -111,7 +111,7 @@ def test_a_pressure_too_low_on_one_side_is_named_and_mended(shape, models):
     found = _diagnosed(shape, models, 1 - 0.3 * np.exp(-(((angle - np.pi / 2) / 0.5) ** 2)))
     print(found)
     assert found.named[0] == "local-pressure" and found.verdict == "named"
-    assert found.rms_after is not None and found.rms_after < 0.8 * found.rms_before
+    assert found.rms_after_mm is not None and found.rms_after_mm < 0.8 * found.rms_before_mm
     assert any(abs(place.angle_deg - 90.0) <= 45.0 for place in found.places)
 
 
@@ -123,7 +123,7 @@ def test_drained_blood_is_named(shape, models):
     assert found.named and found.named[0] == "volume-loss"
     share, error = next(s for s in found.scores if s.name == "volume-loss").strengths["share"]
     assert share == pytest.approx(0.02, abs=max(3 * error, 0.004))
-    assert found.parameters_after[0] == pytest.approx(2.5e-3, rel=0.15)
+    assert found.c10_after_kPa[0] == pytest.approx(2.5, rel=0.15)
 
 
 @pytest.mark.slow
@@ -131,7 +131,7 @@ def test_scans_farther_apart_than_the_registration_says_are_named(shape, models)
     found = _diagnosed(shape, models, shift=(0.5, -0.4, 0.0))
     print(found)
     assert "misregistration" in found.named
-    assert found.rms_after is not None and found.rms_after < found.rms_before
+    assert found.rms_after_mm is not None and found.rms_after_mm < found.rms_before_mm
 
 
 @pytest.mark.slow
@@ -143,4 +143,4 @@ def test_a_fascia_that_the_model_lacks_is_named(shape, models):
     assert "fascia" in found.named
     stiffness, error = next(s for s in found.scores if s.name == "fascia").strengths["stiffness (N/mm)"]
     assert stiffness > 2 * error
-    assert found.rms_after is not None and found.rms_after < found.rms_before
+    assert found.rms_after_mm is not None and found.rms_after_mm < found.rms_before_mm

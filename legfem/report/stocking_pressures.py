@@ -217,10 +217,10 @@ def level_blocks(details: StockingDetails) -> list[Block]:
         rows = [
             {
                 "level": one.level,
-                "height": f"{one.height:.0f} mm, {'as stated' if one.stated else PLACES[one.level]}",
-                "pressure (mmHg)": f"{one.mean:.1f} ({one.ci95[0]:.1f} to {one.ci95[1]:.1f})",
-                "share of B's": "–" if one.over_ankle is None else f"{100 * one.over_ankle:.0f} %",
-                "limits (mmHg)": span_of(one.limits),
+                "height": f"{one.height_mm:.0f} mm, {'as stated' if one.height_is_stated else PLACES[one.level]}",
+                "pressure (mmHg)": f"{one.mean_pressure_mmHg:.1f} ({one.ci95_mmHg[0]:.1f} to {one.ci95_mmHg[1]:.1f})",
+                "share of B's": "–" if one.over_pressure_at_B is None else f"{100 * one.over_pressure_at_B:.0f} %",
+                "limits (mmHg)": span_of(one.limits_mmHg),
                 "verdict": verdicts.get(one.verdict, one.verdict),
             }
             for one in levels
@@ -268,7 +268,7 @@ def _about_levels(details: StockingDetails) -> Iterator[str]:
             "State the heights in the table [stocking.levels_mm] of leg.toml, between "
             f"{leg.bare.levels[0]:.0f} and {leg.bare.levels[-1]:.0f} mm."
         )
-    open_ones = [one.level for one in levels if one.level != "B" and one.limits is None]
+    open_ones = [one.level for one in levels if one.level != "B" and one.limits_mmHg is None]
     if makers.intended_class and open_ones:
         yield (
             f"legfem does not come with the limits of {makers.standard} at {', '.join(open_ones)}, which are not "
@@ -276,7 +276,8 @@ def _about_levels(details: StockingDetails) -> Iterator[str]:
             "standard into the table [stocking.limits_percent] of leg.toml."
         )
     if len(levels) > 1 and not makers.assumed_fabric:
-        rising = [f"from {a.level} to {b.level} (by {b.mean - a.mean:.1f} mmHg)" for a, b in rises(levels)]
+        steps = ((a, b, b.mean_pressure_mmHg - a.mean_pressure_mmHg) for a, b in rises(levels))
+        rising = [f"from {a.level} to {b.level} (by {step:.1f} mmHg)" for a, b, step in steps]
         does = f"increases {' and '.join(rising)}" if rising else "does so at these levels"
         yield f"RAL-GZ 387 requires that the pressure decreases steadily from the ankle upwards: it {does}."
     slope = round(10 * float(np.polyfit(along.levels, along.mean, 1)[0]), 2) + 0.0

@@ -3,7 +3,6 @@
 import numpy as np
 
 from legfem.common.numbers import short_probability
-from legfem.common.units import mpa_to_kpa
 from legfem.geometry.slices import CONTOURS
 from legfem.report import page as web
 from legfem.report.curves import Curves, Line
@@ -138,10 +137,11 @@ def discrepancy_verdict(found: ModelDiscrepancy) -> str:
     statements = {score.name: score.statement for score in found.scores}
     named = " or ".join(f"{name} ({statements[name]})" for name in found.named)
     text = f"{'Named' if found.verdict == 'named' else 'Ambiguous'}: {named}."
-    if found.rms_after is not None and found.parameters_after is not None:
-        muscle, fat = mpa_to_kpa(found.parameters_after)
+    if found.rms_after_mm is not None and found.c10_after_kPa is not None:
+        muscle, fat = found.c10_after_kPa
         text += (
-            f" With {found.named[0]} in the model, solved anew, the contours are met to {found.rms_after:.3f} mm "
-            f"instead of {found.rms_before:.3f} mm, and C10 is {muscle:.3g} kPa for muscle and {fat:.3g} kPa for fat."
+            f" With {found.named[0]} in the model, solved anew, the contours are met to {found.rms_after_mm:.3f} mm "
+            f"instead of {found.rms_before_mm:.3f} mm, and C10 is {muscle:.3g} kPa for muscle and {fat:.3g} kPa for "
+            "fat."
         )
     return text

@@ -211,20 +211,36 @@ REGISTERED_WITHIN = 0.5
 """Residual of the registration (mm) that is no cause of concern: half a voxel."""
 
 
-def stocking_notices(fit: StockingFit) -> tuple[Notice, ...]:
-    """Return the notices, the gravest first."""
+def stocking_notices(fit: StockingFit) -> Iterator[Notice]:
+    """Yield the notices, the gravest first."""
     details = fit.details
-    return (
-        *_of_the_state(details),
-        *([Notice.of(StockingNotice.NOT_COMPARED, reason=details.problem)] if details.problem else []),
-        *of_search(fit.log),
-        *of_failed_solves(fit.log, "an equilibrium with the stocking"),
-        *_of_the_stiffness(fit),
-        *at_limits(fit),
-        *_of_the_scans(details),
-        *_of_the_load(details),
-        *sensor_notices(details.sensors),
-    )
+    found, best, registration = details.equilibrium, details.best, details.leg.registration
+    if not found.state.report.complete:
+        yield Notice.of(StockingNotice.NOT_COMPUTED, reason=found.state.report.reason)
+    elif not found.converged:
+        change, tolerance = 100 * found.changes[-1], 100 * EquilibriumSettings().tolerance
+        yield Notice.of(StockingNotice.UNSETTLED, states=len(found.changes), change=change, tolerance=tolerance)
+    if details.problem:
+        yield Notice.of(StockingNotice.NOT_COMPARED, reason=details.problem)
+    yield from of_search(fit.log)
+    yield from of_failed_solves(fit.log, "an equilibrium with the stocking")
+    if best is not None:
+        if best.misses:
+            expected = best.misfit.accuracy.expected_rms
+            yield Notice.of(StockingNotice.SCAN_MISSED, rms=best.rms, times=MISSED_BEYOND, expected=expected)
+        # How far a fit may depart from its priors is a matter of curvature: its interval may be wider than a prior's.
+        for k, (name, known) in enumerate(fit.estimates.items()):
+            if (prior := known.parameter.prior) is not None:
+                error = known.value * float(np.sqrt(best.log_covariance[k, k]))
+                yield from disagreement(name, prior, known.value, error, "the fit of both scans")
+    yield from at_limits(fit)
+    if registration is not None:
+        if not registration.converged:
+            yield Notice.of(StockingNotice.REGISTRATION_UNSETTLED, iterations=registration.iterations)
+        if registration.residual > REGISTERED_WITHIN:
+            yield Notice.of(StockingNotice.BONES_APART, residual=registration.residual)
+    yield from _of_the_load(details)
+    yield from sensor_notices(details.sensors)
 
 
 def sensor_notices(sensors: Sequence[ComparedSensor]) -> Iterator[Notice]:
@@ -241,55 +257,12 @@ def sensor_notices(sensors: Sequence[ComparedSensor]) -> Iterator[Notice]:
             )
 
 
-def _of_the_state(details: StockingDetails) -> Iterator[Notice]:
-    found = details.equilibrium
-    if not found.state.report.complete:
-        yield Notice.of(StockingNotice.NOT_COMPUTED, reason=found.state.report.reason)
-    elif not found.converged:
-        yield Notice.of(
-            StockingNotice.UNSETTLED,
-            states=len(found.changes),
-            change=100 * found.changes[-1],
-            tolerance=100 * EquilibriumSettings().tolerance,
-        )
-
-
-def _of_the_stiffness(fit: StockingFit) -> Iterator[Notice]:
-    best = fit.details.best
-    if best is None:
-        return
-    if best.misses:
-        expected = best.misfit.accuracy.expected_rms
-        yield Notice.of(StockingNotice.SCAN_MISSED, rms=best.rms, times=MISSED_BEYOND, expected=expected)
-    # How far a fit may depart from its priors is a matter of curvature: an interval's half may be wider than a prior's.
-    for k, (name, known) in enumerate(fit.estimates.items()):
-        if (prior := known.parameter.prior) is not None:
-            error = known.value * float(np.sqrt(best.log_covariance[k, k]))
-            yield from disagreement(name, prior, known.value, error, "the fit of both scans")
-
-
-def _of_the_scans(details: StockingDetails) -> Iterator[Notice]:
-    registration = details.leg.registration
-    if registration is None:
-        return
-    if not registration.converged:
-        yield Notice.of(StockingNotice.REGISTRATION_UNSETTLED, iterations=registration.iterations)
-    if registration.residual > REGISTERED_WITHIN:
-        yield Notice.of(StockingNotice.BONES_APART, residual=registration.residual)
-
-
 def _of_the_load(details: StockingDetails) -> Iterator[Notice]:
     leg, load = details.leg, details.equilibrium.load
     levels, slack = leg.bare.levels, load.tension == 0
     if slack.any():
-        where = levels[slack]
-        yield Notice.of(
-            StockingNotice.SLACK,
-            slack=int(slack.sum()),
-            levels=len(levels),
-            low=float(where.min()),
-            high=float(where.max()),
-        )
+        low, high = float(levels[slack].min()), float(levels[slack].max())
+        yield Notice.of(StockingNotice.SLACK, slack=int(slack.sum()), levels=len(levels), low=low, high=high)
     spanned = load.unloaded_skin
     if spanned.mean() > UNLOADED_BEYOND:
         most = int(np.argmax(spanned))

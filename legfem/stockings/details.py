@@ -1,7 +1,7 @@
 """What only the fit of a leg in its stocking has: its equilibrium, pressures, and where model and scan differ."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -93,7 +93,7 @@ class StockingDetails(KindDetails):
 
     def members(self, fit: Any) -> dict[str, Any]:
         """Stiffness that the pressures are of, the best fit, fabric, pressures, and the state as worn."""
-        worn, scanned = self.equilibrium, self.leg.registration
+        worn, scanned, model = self.equilibrium, self.leg.registration, self.model.compression
         return {
             "stiffness_of_the_pressures": {
                 "given": self.leg.known,
@@ -101,12 +101,23 @@ class StockingDetails(KindDetails):
             },
             "best_fit": None if self.best is None else _best_fit(self.best),
             "contours": None if self.best is None else _contours(self.leg, self.best.misfit),
-            "mismatch": None if self.discrepancy is None else _discrepancy(self.discrepancy),
+            "mismatch": self.discrepancy,
             "registration": None if scanned is None else _registration(scanned),
             "stocking": _stocking(self),
             "pressures": None if self.pressures is None else _pressures(self, self.pressures),
-            "makers_levels": [_level(one) for one in self.at_levels],
-            "sensors": [_sensor(one) for one in self.sensors],
+            "makers_levels": [{**vars(one), "verdict": one.verdict} for one in self.at_levels],
+            "sensors": [
+                {
+                    "name": one.sensor.name,
+                    "position_mm": one.sensor.position,
+                    "diameter_mm": one.sensor.diameter,
+                    "measured_kPa": mpa_to_kpa(one.sensor.pressure),
+                    "measured_sd_kPa": mpa_to_kpa(one.sensor.sd),
+                    "model_kPa": mpa_to_kpa(one.pressure),
+                    "departure_in_standard_deviations": one.standardised_residual,
+                }
+                for one in self.sensors
+            ],
             "fat": _fat(self),
             "worn_state": {
                 "found": worn.state.report.complete,
@@ -114,7 +125,15 @@ class StockingDetails(KindDetails):
                 "converged": worn.converged,
                 "relative_pressure_changes": list(worn.changes),
             },
-            "model": _model(self),
+            "model": {
+                "tetrahedra": self.tetrahedra,
+                "unknowns": model.spaces.unknowns,
+                "formulation": model.settings.formulation,
+                "degree": model.settings.degree,
+                "follower_load": model.settings.follower,
+                "ends": model.settings.ends,
+                "D1_per_MPa": {name: float(law.D1) for name, law in self.leg.tissues.items()},
+            },
             "solves": {"equilibria_to_identify": fit.log.forward_solves, "states": self.states},
         }
 
@@ -132,8 +151,8 @@ class StockingDetails(KindDetails):
         one = next((one for one in self.at_levels if one.level == "B"), None)
         if one is None:
             return None
-        known = {"mean": one.mean, "ci95": one.ci95, "limits": one.limits, "verdict": one.verdict}
-        return {**known, "class": str(self.leg.makers.intended_class)}
+        known = {"mean": one.mean_pressure_mmHg, "ci95": one.ci95_mmHg, "limits": one.limits_mmHg}
+        return {**known, "verdict": one.verdict, "class": str(self.leg.makers.intended_class)}
 
     @property
     def tetrahedra(self) -> int:
@@ -190,19 +209,6 @@ def _contours(leg: StockingLeg, misfit: ContourMisfit) -> dict[str, Any]:
     }
 
 
-def _discrepancy(found: ModelDiscrepancy) -> dict[str, Any]:
-    after = found.parameters_after
-    return {
-        "verdict": found.verdict,
-        "named": list(found.named),
-        "scores": [asdict(score) for score in found.scores],
-        "places": [asdict(place) for place in found.places],
-        "rms_before_mm": found.rms_before,
-        "rms_after_mm": found.rms_after,
-        "c10_after_kPa": None if after is None else [float(c) for c in mpa_to_kpa(after)],
-    }
-
-
 def _registration(found: Registration) -> dict[str, Any]:
     return {
         "rotation": found.transform.rotation.tolist(),
@@ -229,19 +235,6 @@ def _stocking(details: StockingDetails) -> dict[str, Any]:
         "tension_N_per_mm": load.tension.tolist(),
         "mean_pressure_kPa": mpa_to_kpa(load.pressure.mean(axis=1)).tolist(),
         "share_of_skin_without_pressure": load.unloaded_skin.tolist(),
-    }
-
-
-def _level(one: LevelPressure) -> dict[str, Any]:
-    return {
-        "level": one.level,
-        "height_mm": one.height,
-        "height_is_stated": one.stated,
-        "mean_pressure_mmHg": one.mean,
-        "ci95_mmHg": list(one.ci95),
-        "over_pressure_at_B": one.over_ankle,
-        "limits_mmHg": None if one.limits is None else list(one.limits),
-        "verdict": one.verdict,
     }
 
 
@@ -274,18 +267,6 @@ def _pressures(details: StockingDetails, found: TissuePressures) -> dict[str, An
     }
 
 
-def _sensor(one: ComparedSensor) -> dict[str, Any]:
-    return {
-        "name": one.sensor.name,
-        "position_mm": one.sensor.position.tolist(),
-        "diameter_mm": one.sensor.diameter,
-        "measured_kPa": mpa_to_kpa(one.sensor.pressure),
-        "measured_sd_kPa": mpa_to_kpa(one.sensor.sd),
-        "model_kPa": mpa_to_kpa(one.pressure),
-        "departure_in_standard_deviations": one.standardised_residual,
-    }
-
-
 def _fat(details: StockingDetails) -> dict[str, Any]:
     shape, fat = details.leg.bare, details.fat
     middle = int(np.argmin(np.abs(shape.levels - np.median(details.leg.slices))))
@@ -301,17 +282,4 @@ def _fat(details: StockingDetails) -> dict[str, Any]:
         "greatest_thickness_mm": float(thickness[middle].max()),
         "thickness_round_the_leg_mm": thickness[middle].tolist(),
         **pressed,
-    }
-
-
-def _model(details: StockingDetails) -> dict[str, Any]:
-    spaces, settings = details.model.compression.spaces, details.model.compression.settings
-    return {
-        "tetrahedra": details.tetrahedra,
-        "unknowns": spaces.unknowns,
-        "formulation": settings.formulation,
-        "degree": settings.degree,
-        "follower_load": settings.follower,
-        "ends": settings.ends,
-        "D1_per_MPa": {name: float(law.D1) for name, law in details.leg.tissues.items()},
     }

@@ -20,7 +20,7 @@ from scipy.stats import chi2
 
 from legfem.common.p_values import holm
 from legfem.common.progress import Silent
-from legfem.common.units import FloatArray, kpa_to_mpa
+from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.geometry.slices import CONTOURS
 from legfem.inverse.catalogue import IdentifiedLaw, Values
 from legfem.inverse.outcome import FullSolver
@@ -125,7 +125,7 @@ class DiscrepantPlace:
 
 @dataclass(frozen=True, eq=False)
 class ModelDiscrepancy:
-    """Verdict on the model, with the tests that it rests on."""
+    """Verdict on the model, with the tests that it rests on, by the names of ``result.json``."""
 
     verdict: Verdict
     named: tuple[str, ...]
@@ -134,12 +134,12 @@ class ModelDiscrepancy:
     """Every mechanism's test, the most significant first."""
     places: tuple[DiscrepantPlace, ...]
     """Significant places, the most significant first."""
-    rms_before: float
-    """Root-mean-square distance of the fit, mm."""
-    rms_after: float | None
-    """The same with the named mechanism in the model, solved anew (mm)."""
-    parameters_after: FloatArray | None
-    """C10 of muscle and fat with that mechanism, MPa."""
+    rms_before_mm: float
+    """Root-mean-square distance of the fit."""
+    rms_after_mm: float | None
+    """The same with the named mechanism in the model, solved anew."""
+    c10_after_kPa: FloatArray | None
+    """Of muscle and fat with that mechanism."""
 
 
 type _Unexplained = Callable[[FloatArray], FloatArray]
@@ -187,7 +187,7 @@ def model_discrepancy(forward: StockingForward, comparison: ScanComparison, best
     chosen = next(one for one in _MECHANISMS if one.name == strongest.name)
     after, parameters = _searched_again(forward, comparison, chosen, values)
     verdict = "named" if len(alike) == 1 else "ambiguous"
-    return ModelDiscrepancy(verdict, alike, scores, places, best.rms, after, parameters)
+    return ModelDiscrepancy(verdict, alike, scores, places, best.rms, after, mpa_to_kpa(parameters))
 
 
 def _scores(

@@ -115,40 +115,36 @@ NOTHING_STATED = MakersLevels()
 
 @dataclass(frozen=True)
 class LevelPressure:
-    """Mean pressure round the leg at one level, mmHg.
+    """Mean pressure round the leg at one level, by the names of ``result.json``.
 
     Attributes
     ----------
     level : str
         As makers call it.
-    height : float
-        mm.
-    stated : bool
-        Whether the height was stated.
-    mean : float
-        Of the pressure.
-    ci95 : (float, float)
-        Its 95 % interval.
-    over_ankle : float, optional
-        Over the pressure at B.
-    limits : (float, float), optional
+    height_mm : float
+    height_is_stated : bool
+    mean_pressure_mmHg : float
+    ci95_mmHg : (float, float)
+        95 % interval of that.
+    over_pressure_at_B : float, optional
+    limits_mmHg : (float, float), optional
         Of the class, or stated.
     """
 
     level: Level
-    height: float
-    stated: bool
-    mean: float
-    ci95: tuple[float, float]
-    over_ankle: float | None
-    limits: tuple[float, float] | None
+    height_mm: float
+    height_is_stated: bool
+    mean_pressure_mmHg: float
+    ci95_mmHg: tuple[float, float]
+    over_pressure_at_B: float | None
+    limits_mmHg: tuple[float, float] | None
 
     @property
     def verdict(self) -> Literal["within", "too low", "too high", "not certain", "no limits"]:
         """Where the interval lies beside the limits."""
-        if self.limits is None:
+        if self.limits_mmHg is None:
             return "no limits"
-        (low, high), (least, most) = self.ci95, self.limits
+        (low, high), (least, most) = self.ci95_mmHg, self.limits_mmHg
         if least <= low and high <= most:
             return "within"
         if high < least:
@@ -162,8 +158,8 @@ def rises(levels: Sequence[LevelPressure]) -> list[tuple[LevelPressure, LevelPre
     A stocking's pressure is to decrease steadily from the ankle upwards: so says the Gütezeichengemeinschaft
     Medizinische Kompressionsstrümpfe, which publishes RAL-GZ 387, on https://www.gzg-kompressionsstruempfe.de.
     """
-    upwards = sorted(levels, key=lambda one: one.height)
-    return [(lower, upper) for lower, upper in pairwise(upwards) if upper.mean >= lower.mean]
+    upwards = sorted(levels, key=lambda one: one.height_mm)
+    return [(low, up) for low, up in pairwise(upwards) if up.mean_pressure_mmHg >= low.mean_pressure_mmHg]
 
 
 def pressures_at_levels(along: PressureAlong, makers: MakersLevels, bare: LegShape) -> list[LevelPressure]:

@@ -67,7 +67,28 @@ class StockingReport(ReportKind):
 
     def known(self, fits: Sequence[StockingFit]) -> list[web.Known]:
         """Return the stiffness, the pressures, and what they rest on."""
-        return [*_stiffness(fits[0]), *_pressures(fits[0]), *_stocking(fits[0].details), *_given(fits[0].details)]
+        fit, details = fits[0], fits[0].details
+        given = details.parameters if details.leg.known else {}
+        return [
+            *(estimates.estimated(words_of(name), one, "both scans", True) for name, one in fit.estimates.items()),
+            *(
+                web.Known(f"{words_of(name)}, used for the pressures", held_text(name, value), "assumed", "leg.toml")
+                for name, value in given.items()
+            ),
+            *(
+                web.Known(
+                    one.name,
+                    f"{number(one.value, one.standard_error)} {one.unit}",
+                    "computed",
+                    "the model in equilibrium with its stocking",
+                    " to ".join(number(end, one.standard_error) for end in one.ci95 if np.isfinite(end)),
+                )
+                for one in fit.computed.values()
+                if np.isfinite(one.value)
+            ),
+            *_stocking(details),
+            *_given(details),
+        ]
 
     def chapters(self, fits: Sequence[StockingFit], pressed: web.PressedSection | None, note: str) -> list[web.Chapter]:
         """Return the leg to turn, pressures, stiffness, where model and scan differ, and how it was computed."""
@@ -129,29 +150,6 @@ class StockingReport(ReportKind):
             "the skin (kPa)"
         )
         return [ReportFile(write_fields(fields_of(details.model.compression.system), folder), shows)]
-
-
-def _stiffness(fit: StockingFit) -> list[web.Known]:
-    found = [estimates.estimated(words_of(name), known, "both scans", True) for name, known in fit.estimates.items()]
-    given = fit.details.parameters if fit.details.leg.known else {}
-    return found + [
-        web.Known(f"{words_of(name)}, used for the pressures", held_text(name, value), "assumed", "leg.toml")
-        for name, value in given.items()
-    ]
-
-
-def _pressures(fit: StockingFit) -> list[web.Known]:
-    return [
-        web.Known(
-            one.name,
-            f"{number(one.value, one.standard_error)} {one.unit}",
-            "computed",
-            "the model in equilibrium with its stocking",
-            " to ".join(number(end, one.standard_error) for end in one.ci95 if np.isfinite(end)),
-        )
-        for one in fit.computed.values()
-        if np.isfinite(one.value)
-    ]
 
 
 def _given(details: StockingDetails) -> list[web.Known]:
