@@ -34,7 +34,7 @@ from legfem.report.notices import sentence_of, sentences_of
 from legfem.report.render import estimates_frame, plain_page, rendered
 from legfem.report.results import write_report
 from legfem.report.stocking_pressures import vein_interval
-from legfem.report.words import Directions, angle_round, unwrapped
+from legfem.report.style import Directions, angle_round, unwrapped
 from legfem.stockings import identification
 from legfem.stockings.assessment import assessed, compared, noticed
 from legfem.stockings.contour_distances import ContourAccuracy

@@ -16,7 +16,6 @@ from legfem.inverse.catalogue import LawName
 from legfem.inverse.document import fit_document
 from legfem.inverse.fit import Fit, preferred
 from legfem.inverse.outcome import JointForward
-from legfem.inverse.stored import StoredResult
 from legfem.legs.forward import PlaneStrainForward
 from legfem.legs.subject import SitedLeg, Subject
 from legfem.report.kinds import kind_of, page_of
@@ -67,7 +66,7 @@ class Result(ABC):
         )
 
 
-def read_result(folder: Given) -> StoredResult:
+def read_result(folder: Given) -> stored.StoredResult:
     """Read back what an identification, a stocking or a diagnosis has written into a folder.
 
     Parameters
@@ -77,7 +76,7 @@ def read_result(folder: Given) -> StoredResult:
 
     Returns
     -------
-    StoredResult
+    stored.StoredResult
         With ``answer``, ``laws``, their ``parameters``, ``notices`` and ``tests``.
 
     Raises

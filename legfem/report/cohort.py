@@ -19,12 +19,10 @@ from legfem.inverse.answer import Tone
 from legfem.inverse.catalogue import called
 from legfem.inverse.claims import check
 from legfem.report import cohort_statistics
-from legfem.report.cohort_statistics import colours_of
 from legfem.report.curves import Bundle, Cell, Forest, ForestMetric, Group, Grouped, SortableTable
 from legfem.report.notices import kind_of_notice
 from legfem.report.render import plain_page, rendered
-from legfem.report.style import LAW_NAMES
-from legfem.report.words import BEYOND_A_FIT, DataKind, capital
+from legfem.report.style import BEYOND_A_FIT, LAW_NAMES, DataKind, capital
 
 _DONE = {
     "identify": "Stiffness of the deep tissue was identified from indentation recordings of {what} by legfem {legfem}",
@@ -329,7 +327,7 @@ def _cells(one: Measure | None) -> list[Cell]:
 
 def _grouped(members: Sequence[Member], rows: Sequence[Row]) -> Grouped:
     """Return the members of rows, by group."""
-    colours = colours_of(members)
+    colours = cohort_statistics.colours_of(members)
     places = {name: k for k, name in enumerate(colours)}
     group = {one.name: one.group for one in members}
     shown = [Group(name or ("no group" if len(colours) > 1 else "all"), colour) for name, colour in colours.items()]

@@ -21,11 +21,9 @@ from legfem.report.diagnosis_curves import curves_of, model_name, places_of, pla
 from legfem.report.diagnosis_document import Recorded, versions
 from legfem.report.further_channels import channel_chapter, misfit_in_section
 from legfem.report.notices import sentence_of
-from legfem.report.page import PressedSection
 from legfem.report.plan import chance_text
 from legfem.report.pressed_section import still_section
-from legfem.report.style import LAW_NAMES
-from legfem.report.words import DataKind, capital
+from legfem.report.style import LAW_NAMES, DataKind, capital
 
 
 def next_blocks(found: Diagnosis, plan: Sequence[DesignValue]) -> list[web.Block]:
@@ -76,7 +74,7 @@ def diagnosis_web_page(
     subject: Recorded,
     plan: Sequence[DesignValue] = (),
     command: str = "",
-    pressed: PressedSection | None = None,
+    pressed: web.PressedSection | None = None,
 ) -> web.WebPage:
     """Return the page of a diagnosis.
 

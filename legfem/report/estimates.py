@@ -20,8 +20,7 @@ from legfem.inverse.intervals import WEAKLY_WITHIN
 from legfem.inverse.notice import Notice
 from legfem.legs.subject import Subject
 from legfem.report.page import Block, Known, Provenance, WebTable
-from legfem.report.style import LAW_NAMES, REGION_NAMES
-from legfem.report.words import ENERGIES, capital, moduli_text
+from legfem.report.style import ENERGIES, LAW_NAMES, REGION_NAMES, capital, moduli_text
 
 
 def value_text(found: Estimate) -> str:

@@ -21,7 +21,6 @@ from legfem.legs.subject import Subject
 from legfem.report import page as web
 from legfem.report.curves import Curves, Dash, Line, curves_figure, law_line
 from legfem.report.diagnosis_curves import BASE_COLOUR, BASE_NAME, REPAIRED_COLOUR, matched, shown_models
-from legfem.report.page import Arrow, Mark, StillSection
 from legfem.report.pressed_section import still_section
 from legfem.report.style import DATA_COLOUR, LAW_NAMES
 
@@ -270,13 +269,13 @@ _DEEP = 0.7
 """Of the loading's depth: readings from there on make an arrow."""
 
 
-def misfit_in_section(found: Diagnosis, subject: Subject) -> list[StillSection]:
+def misfit_in_section(found: Diagnosis, subject: Subject) -> list[web.StillSection]:
     """Return the section with marks where the misfit lies; nothing without channels, or where none stands out."""
     observed, fitted = found.observed, found.weighted_base.fit
     site, left = Site(subject.section, subject.indenter), left_of(found.weighted_base)
     spans = dict(zip((one.name for one in observed.channels), observed.data.spans[1:], strict=True))
-    marks: list[Mark] = []
-    arrows: list[Arrow] = []
+    marks: list[web.Mark] = []
+    arrows: list[web.Arrow] = []
     for one in observed.channels:
         if not any(window.channel == one.name for window in found.assessment.windows):
             continue
@@ -284,14 +283,14 @@ def misfit_in_section(found: Diagnosis, subject: Subject) -> list[StillSection]:
             arrows += channel_arrows(one, left[spans[one.name]], site)
         else:
             x, y = FILE_OF[one.name].place(one.kind, site)
-            marks.append(Mark(f"departs: {one.kind.title}", x, -y, _CHANNEL_MM, BASE_COLOUR))
+            marks.append(web.Mark(f"departs: {one.kind.title}", x, -y, _CHANNEL_MM, BASE_COLOUR))
     for sign in found.assessment.signatures if observed.channels else ():
         region, share = sign.mechanism.acts_in(sign.shape, site), matched(found, sign)[1]
         if region is not None and share is not None and share >= _SHARE:
             (x, y), radius = region
             how = "stiffer" if float(sign.direction @ fitted.augmented_residual) > 0 else "softer"
             words = f"a {how} region here matches {100 * share:.0f} %"
-            marks.append(Mark(words, float(x), -float(y), radius, REPAIRED_COLOUR))
+            marks.append(web.Mark(words, float(x), -float(y), radius, REPAIRED_COLOUR))
     if not (marks or arrows):
         return []
     caption = (
@@ -302,7 +301,7 @@ def misfit_in_section(found: Diagnosis, subject: Subject) -> list[StillSection]:
     return [replace(still_section(subject), caption=caption, marks=marks, arrows=arrows)]
 
 
-def channel_arrows(one: StationChannel, left: FloatArray, site: Site) -> list[Arrow]:
+def channel_arrows(one: StationChannel, left: FloatArray, site: Site) -> list[web.Arrow]:
     """Return what is left of a channel's readings at its places, at the deepest of the loading, as arrows.
 
     Parameters
@@ -331,6 +330,6 @@ def channel_arrows(one: StationChannel, left: FloatArray, site: Site) -> list[Ar
     name = f"{one.kind.title}: recorded less the base model's, {most:.2g} {one.kind.unit} at most"
     scale = _ARROW_MM / most
     return [
-        Arrow(name, x, -y, scale * float(away[0]), -scale * float(away[1]), BASE_COLOUR)
+        web.Arrow(name, x, -y, scale * float(away[0]), -scale * float(away[1]), BASE_COLOUR)
         for (x, y), away in by_point.items()
     ]

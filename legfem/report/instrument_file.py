@@ -22,8 +22,7 @@ from legfem.data.recording import QUANTITIES, RecordedChannel
 from legfem.inverse.answer import Tone
 from legfem.report.curves import Curves, Line
 from legfem.report.page import Bullets, Chapter, Headline, Repeat, Verbatim, WebPage, WebTable
-from legfem.report.style import DATA_COLOUR, FAINT, new_figure, panel, save, styled
-from legfem.report.words import DataKind, capital
+from legfem.report.style import DATA_COLOUR, FAINT, DataKind, capital, new_figure, panel, save, styled
 
 _PHASE_COLOURS = {AIR: "#FFFFFF", LOADING: "#D6E6F4", HOLD: "#F3E9D2", UNLOADING: "#E3E3E3"}
 _MOST_PARTS = 12

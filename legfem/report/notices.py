@@ -13,8 +13,7 @@ from legfem.data.folder import RESOURCES
 from legfem.inverse.catalogue import key_of, symbol_of
 from legfem.inverse.fit import Fit
 from legfem.inverse.notice import FitNotice, Notice
-from legfem.report.style import LAW_NAMES
-from legfem.report.words import capital
+from legfem.report.style import LAW_NAMES, capital
 
 _CONVERSIONS: Mapping[str, Callable[[Any], Any]] = {
     "y": symbol_of,

@@ -12,8 +12,7 @@ from legfem.common.documents import row_cells
 from legfem.inverse.answer import Tone
 from legfem.report.curves import Bundle, Curves, Forest, SortableTable
 from legfem.report.folder import ReportFile
-from legfem.report.style import BONE_COLOUR, REGION_COLOURS, REGION_NAMES
-from legfem.report.words import ORIGINS, DataKind
+from legfem.report.style import BONE_COLOUR, ORIGINS, REGION_COLOURS, REGION_NAMES, DataKind
 
 PAGE = "report.html"
 TESTED = "What was tested"

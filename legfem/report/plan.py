@@ -18,10 +18,8 @@ from legfem.legs.subject import Subject
 from legfem.report import page as web
 from legfem.report.answers import first_lines
 from legfem.report.diagnosis_curves import plain
-from legfem.report.page import Bars, LabelledBar
 from legfem.report.pressed_section import still_section
-from legfem.report.style import LAW_NAMES
-from legfem.report.words import DataKind
+from legfem.report.style import LAW_NAMES, DataKind
 
 SCHEMA = 1
 NOTHING = "nothing"
@@ -103,7 +101,7 @@ def plan_web_page(
     names = effects_of(ranked)
     never = [plain(name) for name in names if all(one.chances[name, NOTHING] < _UNLIKELY for one in ranked)]
     tests = [
-        LabelledBar(f"({k}) {one.design.name}", 100 * one.chance, percent(one.chance))
+        web.LabelledBar(f"({k}) {one.design.name}", 100 * one.chance, percent(one.chance))
         for k, one in enumerate(ranked, 1)
     ]
     whichever = "Chance that the test identifies the cause, whichever it is"
@@ -125,7 +123,7 @@ def plan_web_page(
         [*doubt_lines(doubts), *warned],
         _known(subject, expected),
         [
-            web.Chapter(RANKED, [Bars(whichever, ("test", "chance"), tests, greatest=100.0)]),
+            web.Chapter(RANKED, [web.Bars(whichever, ("test", "chance"), tests, greatest=100.0)]),
             web.Chapter(SHOWN, [web.Prose(NOTE), chances]),
             web.Chapter("The leg", [still_section(subject)]),
             web.Chapter("What to do next", [web.Bullets(steps)]),

@@ -13,8 +13,19 @@ from matplotlib.patches import Patch
 from legfem.common.units import FloatArray, mpa_to_mmhg
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.section import outward_normals
-from legfem.report.style import BONE_COLOUR, DATA_COLOUR, new_figure, panel, scale_in_kpa, styled, title
-from legfem.report.words import ROUND, Directions, round_leg, unwrapped
+from legfem.report.style import (
+    BONE_COLOUR,
+    DATA_COLOUR,
+    ROUND,
+    Directions,
+    new_figure,
+    panel,
+    round_leg,
+    scale_in_kpa,
+    styled,
+    title,
+    unwrapped,
+)
 from legfem.stockings.details import StockingDetails
 from legfem.stockings.pressures import SectionPressures
 

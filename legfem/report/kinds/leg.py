@@ -24,11 +24,9 @@ from legfem.report.kinds import ReportKind
 from legfem.report.kinds.leg_numbers import how_done, known_of
 from legfem.report.leg_3d_view import pressed_leg
 from legfem.report.leg_figure import SECTION_SHOWS, placement_figure
-from legfem.report.page import PressedSection
 from legfem.report.plan import options_of
 from legfem.report.pressed_section import still_section
-from legfem.report.style import DATA_COLOUR, FAINT, LAW_NAMES, picture
-from legfem.report.words import BEYOND_A_FIT
+from legfem.report.style import BEYOND_A_FIT, DATA_COLOUR, FAINT, LAW_NAMES, picture
 
 type LegFit = Fit[LegDetails]
 
@@ -102,11 +100,11 @@ class LegReport(ReportKind):
         """Return what was found with each law, what was held, and what was measured at each site."""
         return known_of(fits)
 
-    def chapters(self, fits: Sequence[LegFit], pressed: PressedSection | None, note: str) -> list[web.Chapter]:
+    def chapters(self, fits: Sequence[LegFit], pressed: web.PressedSection | None, note: str) -> list[web.Chapter]:
         """Return recordings, the leg itself, what was tested and what not, what to do and how it was done."""
         chosen = preferred(fits)
         several = len(chosen.tests) > 1
-        leg = [] if several else _leg_itself(fits, chosen, pressed, note)
+        leg = [] if several else _leg_itself(fits, pressed, note)
         sites = [_site_table(chosen)] if several else []
         rests = estimates.rests_on(chosen.estimates, _LIKEWISE)
         over_time = [_OVER_TIME] if chosen.weighting == "paper" else []
@@ -180,9 +178,9 @@ def _curves(fits: Sequence[LegFit], chosen: LegFit) -> list[Curves]:
     return blocks
 
 
-def _leg_itself(fits: Sequence[LegFit], chosen: LegFit, pressed: PressedSection | None, note: str) -> list[web.Block]:
+def _leg_itself(fits: Sequence[LegFit], pressed: web.PressedSection | None, note: str) -> list[web.Block]:
     """Return the leg's last full solve in 3D, and the section to press."""
-    blocks: list[web.Block] = []
+    chosen, blocks = preferred(fits), list[web.Block]()
     for one in (chosen, *reversed(fits)):
         found = one.details.spatial
         if isinstance(found, SpatialEvidence) and found.pressed is not None:

@@ -18,9 +18,7 @@ from legfem.report.curves import Curves, Dash, Line, curves_figure, law_line
 from legfem.report.folder import ReportFile
 from legfem.report.further_channels import SHOWS, channel_lines, channels_figure, drawn
 from legfem.report.kinds import ReportKind
-from legfem.report.page import Bars, LabelledBar
-from legfem.report.style import DATA_COLOUR, LAW_NAMES, picture
-from legfem.report.words import DataKind, capital
+from legfem.report.style import DATA_COLOUR, LAW_NAMES, DataKind, capital, picture
 from legfem.specimens.comparison import SHAPE_SD_OF_LAYERS
 from legfem.specimens.course import shows_quickening
 from legfem.specimens.details import RecordingFit, SpecimenDetails, compared, rms_percent
@@ -191,7 +189,7 @@ def _recordings(results: Sequence[SpecimenFit]) -> list[web.Block]:
     if len(every) > _MOST_CURVES:
         blocks.append(web.Prose(f"The {_MOST_CURVES} of {len(every)} recordings with the poorest fit are drawn."))
     bars = [
-        LabelledBar(
+        web.LabelledBar(
             f"{one.name}{'' if one.fitted else ' (left out, predicted)'}",
             max(one.force.r_squared, 0.0),
             f"{one.force.r_squared:.4f}, {one.recording.axes.load_text(one.force.rms)}",
@@ -199,7 +197,7 @@ def _recordings(results: Sequence[SpecimenFit]) -> list[web.Block]:
         for one in every
     ]
     explains = f"How much of each recording the {LAW_NAMES[first.law]} law explains (R²)"
-    blocks += [*curves_of(results), Bars(explains, ("recording", "R², error"), bars, greatest=1.0)]
+    blocks += [*curves_of(results), web.Bars(explains, ("recording", "R², error"), bars, greatest=1.0)]
     blocks += [*drawn(results), *_face_profile(results)]
     for result in results:
         samples, law = compared(result), LAW_NAMES[result.law]

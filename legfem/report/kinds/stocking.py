@@ -20,8 +20,7 @@ from legfem.report.estimates import held_text, modulus_rows, words_of
 from legfem.report.folder import ReportFile
 from legfem.report.kinds import ReportKind
 from legfem.report.stocking_figures import stocking_pressure_figure, stocking_section_figure
-from legfem.report.style import picture
-from legfem.report.words import DataKind, capital
+from legfem.report.style import DataKind, capital, picture
 from legfem.stockings.assessment import KIND
 from legfem.stockings.details import StockingDetails, StockingFit
 

@@ -17,8 +17,7 @@ from legfem.inverse.correction import DEFINITION
 from legfem.report import page as web
 from legfem.report.curves import Curves, Dash, Line, curves_figure
 from legfem.report.render import brief, rendered
-from legfem.report.style import save
-from legfem.report.words import DataKind
+from legfem.report.style import DataKind, save
 from legfem.study.correction import calibration
 from legfem.study.correction.cases import CaseOutcome, CorrectionCase
 

@@ -24,8 +24,7 @@ from legfem.legs.subject import Subject
 from legfem.report import page as web
 from legfem.report.curves import Curves, Line, curves_figure
 from legfem.report.render import rendered, table
-from legfem.report.style import save
-from legfem.report.words import DataKind
+from legfem.report.style import DataKind, save
 from legfem.solve.path import ForceCurve
 from legfem.study.correction.command import SHOWN, p_curves
 

@@ -21,11 +21,9 @@ from legfem.legs.subject import Subject
 from legfem.report import page as web
 from legfem.report.curves import Curves, Line
 from legfem.report.folder import REPORT, RESULT, ReportFile
-from legfem.report.page import PAGE, Bars, LabelledBar, ResponseSurface, SurfaceFactor, SurfaceMetric
 from legfem.report.plan import errors_of_readings
 from legfem.report.render import write_page
-from legfem.report.style import DATA_COLOUR, FAINT
-from legfem.report.words import DataKind
+from legfem.report.style import DATA_COLOUR, FAINT, DataKind
 from legfem.study.doe import tables
 from legfem.study.doe.design import Definition, in_words, read_definition
 from legfem.study.doe.figures import draw_response
@@ -113,7 +111,7 @@ def _study(options: DoeOptions, definition: Definition, subject: Subject, worksh
     write_document(out / "result.json", json_types(tables.study_document(result, options.seed, wall)))
     print(
         f"{definition.title}: {len(result.outcomes)} runs, {result.seconds:.0f} s; "
-        f"report: {out / REPORT}\npage:   {out / PAGE}"
+        f"report: {out / REPORT}\npage:   {out / web.PAGE}"
     )
     return result
 
@@ -231,7 +229,7 @@ def _effects(result: StudyResult) -> list[web.Block]:
     main, interactions = zip(*(analysis.shares() for analysis in result.analyses), strict=True)
     shares = {f.label: [100 * one[f.symbol] for one in main] for f in result.definition.factors}
     shares["all interactions"] = [100 * rest for rest in interactions]
-    bars = [LabelledBar(name, each[-1], f"{each[-1]:.1f} %") for name, each in shares.items()]
+    bars = [web.LabelledBar(name, each[-1], f"{each[-1]:.1f} %") for name, each in shares.items()]
     rows = [[name, *(f"{share:.1f} %" for share in each)] for name, each in shares.items()]
     return [
         web.Prose(
@@ -239,7 +237,7 @@ def _effects(result: StudyResult) -> list[web.Block]:
             "squares of the coefficients over their sum. Slopes say how hard the leg is to press "
             "in a window of depth, curvatures how fast that grows."
         ),
-        Bars(f"Shares of the {metrics[-1]}", ("factor", "share"), bars, greatest=100.0),
+        web.Bars(f"Shares of the {metrics[-1]}", ("factor", "share"), bars, greatest=100.0),
         web.WebTable("Shares of every metric", ["factor", *metrics], rows),
     ]
 
@@ -284,18 +282,18 @@ def _surface(result: StudyResult) -> list[web.Block]:
     main, _ = result.analyses[-1].shares()
     first, second, *_ = sorted(numbers, key=lambda symbol: -main[symbol])
     return [
-        ResponseSurface(
+        web.ResponseSurface(
             "Map of the fitted surface over two factors. The other factors are where their sliders stand, and the "
             "cross marks the sliders of these two. Dark is high, light is low.",
             [
-                SurfaceFactor(
+                web.SurfaceFactor(
                     f.label,
                     (*(f"{f.value(at):.3g} {f.unit_text}" for at in (-1.0, 0.0, 1.0)),),  # type: ignore[arg-type]
                 )
                 for f in factors
             ],
             [
-                SurfaceMetric(
+                web.SurfaceMetric(
                     a.metric.label,
                     a.metric.typeset_unit,
                     [([numbers[s] for s in t.term.split(":") if s in numbers], t.value) for t in a.tests],
