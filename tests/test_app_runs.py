@@ -94,7 +94,7 @@ def test_a_run_is_stopped_by_ctrl_c_and_goes_on_where_it_was(workspace, module, 
     assert again.log() == ["anew", "[   1.0 s] solving", stopped, "kept"]
     assert again.reached() is None, "progress before the stop isn't this start's"
     assert again.command == f"python -m pretended {tmp_path / 'kept'}"
-    assert again.about == "leg"
+    assert again.asked.about == "leg"
 
 
 def test_a_run_outlives_the_server_that_began_it(workspace, module, tmp_path):
@@ -204,8 +204,8 @@ def test_both_laws_of_an_identification_are_compared(workspace):
         shown = one.estimates["deep.C10"].shown
         low, high = shown.ci95
         digits = [number(value, (high - low) / 4) for value in (shown.value, low, high)]
-        assert row.c10 == "{} kPa ({} to {})".format(*digits)
-        assert bool(row.c20) == ("deep.C20" in one.estimates)
+        assert row.shown("c10_deep") == "{} kPa ({} to {})".format(*digits)
+        assert bool(row.shown("c20_deep")) == ("deep.C20" in one.estimates)
         each = [f"{symbol} of the muscle identifiable" for symbol in ("C10", "C20")[: len(one.estimates)]]
         assert (row.law, row.verdict) == (one.law, ", ".join(each))
 
@@ -236,7 +236,7 @@ def test_a_diagnosis_is_compared_by_its_verdict_and_what_it_makes_of_c10(workspa
     (row,) = answers_of(run)
     low, high = found.shown_interval("deep.C10")
     ends = [number(end, (high - low) / 4) for end in (low, high)]
-    assert f" kPa ({ends[0]} to {ends[1]})" in row.c10
+    assert f" kPa ({ends[0]} to {ends[1]})" in row.shown("c10_deep")
     assert row.verdict == f"named: {found.models[0].names[0]}"
     page = diagnosis_web_page(found, subject, ())
     assert sentence_of(run) == f"{page.headline.heading.rstrip('.')}. {page.headline.sentence}"
@@ -287,7 +287,7 @@ def test_a_renamed_input_keeps_its_runs_and_what_is_deleted_can_be_put_back(work
     write_document(run / "run.json", {"about": name, "arguments": arguments, "cwd": "/", "began": 0.0})
     now = rename_input(workspace, name, "left calf")
     assert now == "left calf" and workspace.inputs == ["left calf"]
-    assert Run(run).about == "left calf" and str(workspace.input(now)) in Run(run).command.replace("'", "")
+    assert Run(run).asked.about == "left calf" and str(workspace.input(now)) in Run(run).command.replace("'", "")
     workspace.delete("inputs", now)
     assert not workspace.inputs and workspace.deleted == [("inputs", "left calf")]
     workspace.new_input("left calf")

@@ -41,21 +41,6 @@ class RunResult:
     verdict: str = ""
 
     @property
-    def c10(self) -> str:
-        """C10 of the muscle, or of a specimen, with its 95 % interval."""
-        return self._number("c10_deep")
-
-    @property
-    def c20(self) -> str:
-        """C20 of the same."""
-        return self._number("c20_deep")
-
-    @property
-    def fat(self) -> str:
-        """C10 of the fat."""
-        return self._number("c10_superficial")
-
-    @property
     def c10_ends(self) -> tuple[float, float, float] | None:
         """C10 and the ends of its interval, kPa; they are C10 itself where it has none. None without C10."""
         known = self.parameters.get("c10_deep")
@@ -64,7 +49,8 @@ class RunResult:
         low, high = (known.value if math.isnan(end) else end for end in known.ci95)
         return known.value, low, high
 
-    def _number(self, key: str) -> str:
+    def shown(self, key: str) -> str:
+        """Return a parameter with its 95 % interval; empty where it isn't known."""
         known = self.parameters.get(key)
         if known is None or math.isnan(known.value):
             return ""
@@ -92,7 +78,7 @@ def relative_difference(one: tuple[float, float, float], other: tuple[float, flo
 
 def answers_of(run: Run) -> list[RunResult]:
     """Return a run's results; one that says how far it is where it has none."""
-    plain = (run.folder.name, run.about, run.kind, str(run.state))
+    plain = (run.folder.name, run.asked.about, run.kind, str(run.state))
     try:
         found = read_result(run.results)
     except InputError:

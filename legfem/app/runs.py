@@ -52,19 +52,22 @@ class RunState(StrEnum):
 
 
 @dataclass(frozen=True)
-class _Given:
+class AskedRun:
     """What ``run.json`` holds."""
 
     about: str
+    """What is looked at: the name of an input."""
     arguments: Annotated[list[str], Field(min_length=3)]
     cwd: str
     began: float
+    """When it was asked for, s since the epoch."""
     then: str = ""
+    """Name of the run that starts once this one is done; empty for none."""
     waits: bool = False
 
 
-_GIVEN = TypeAdapter(_Given)
-_DAMAGED = _Given("its run.json is damaged", ["", "-m", "a run"], "", 0.0)
+_ASKED = TypeAdapter(AskedRun)
+_DAMAGED = AskedRun("its run.json is damaged", ["", "-m", "a run"], "", 0.0)
 
 
 @dataclass(frozen=True)
@@ -82,8 +85,8 @@ class Run:
         ``then`` is the name of the run that starts once this one is done; one of those ``waits``.
         """
         arguments = [sys.executable, "-m", module, *options]
-        given = _Given(about, arguments, str(Path.cwd()), time.time(), then, waits)
-        write_document(folder / "run.json", asdict(given))
+        asked = AskedRun(about, arguments, str(Path.cwd()), time.time(), then, waits)
+        write_document(folder / "run.json", asdict(asked))
         return cls(folder)
 
     @classmethod
@@ -128,7 +131,7 @@ class Run:
         """How far it is."""
         if self.alive:
             return RunState.RUNNING
-        if self._given.waits and not (self.folder / "lock").exists():
+        if self.asked.waits and not (self.folder / "lock").exists():
             return RunState.WAITING
         # Who waited for the command may be gone, and the command have ended as well as it can: its page is its last.
         done = self.report is not None and self.report.stat().st_mtime > self.started
@@ -142,29 +145,14 @@ class Run:
         }.get(read_json(self.folder / "exit.json").get("status"), RunState.FAILED)
 
     @property
-    def then(self) -> str:
-        """Name of the run that starts once this one is done; empty for none."""
-        return self._given.then
-
-    @property
     def results(self) -> Path:
         """The folder that the command writes to."""
         return self.folder / "results"
 
     @property
-    def about(self) -> str:
-        """What is looked at: the name of an input."""
-        return self._given.about
-
-    @property
     def kind(self) -> str:
         """The command's name."""
-        return self._given.arguments[2].rpartition(".")[2]
-
-    @property
-    def began(self) -> float:
-        """When it was asked for, s since the epoch."""
-        return self._given.began
+        return self.asked.arguments[2].rpartition(".")[2]
 
     @property
     def started(self) -> float:
@@ -172,12 +160,12 @@ class Run:
         try:
             return (self.folder / "session.json").stat().st_mtime
         except FileNotFoundError:
-            return self.began
+            return self.asked.began
 
     @property
     def command(self) -> str:
         """The command, to be copied."""
-        return written(self._given.arguments[2], self._given.arguments[3:])
+        return written(self.asked.arguments[2], self.asked.arguments[3:])
 
     @property
     def report(self) -> Path | None:
@@ -187,8 +175,8 @@ class Run:
 
     def point_to(self, about: str, before: Path, now: Path) -> None:
         """Let the command find an input that was moved."""
-        arguments = [str(now) if one == str(before) else one for one in self._given.arguments]
-        write_document(self.folder / "run.json", asdict(replace(self._given, about=about, arguments=arguments)))
+        arguments = [str(now) if one == str(before) else one for one in self.asked.arguments]
+        write_document(self.folder / "run.json", asdict(replace(self.asked, about=about, arguments=arguments)))
 
     def log(self) -> list[str]:
         """Return the last lines of its messages."""
@@ -213,11 +201,12 @@ class Run:
         return (self.folder / "run.json").is_file()
 
     @property
-    def _given(self) -> _Given:
+    def asked(self) -> AskedRun:
+        """What was asked for; raises InputError without it."""
         if not self.there:
             raise InputError(self.folder, "run.json", "not found", "start the run again")
         try:
-            return _GIVEN.validate_json((self.folder / "run.json").read_bytes())
+            return _ASKED.validate_json((self.folder / "run.json").read_bytes())
         except ValidationError:
             return _DAMAGED
 
@@ -363,7 +352,7 @@ def seen(run: Run) -> dict[str, Any] | None:
 def runs_of(workspace: Workspace, about: str = "") -> list[Run]:
     """Return the runs of a workspace, or of one of its inputs, the latest first."""
     there = [run for run in map(Run, map(workspace.run, workspace.runs)) if run.there]
-    return [run for run in there if about in ("", run.about)]
+    return [run for run in there if about in ("", run.asked.about)]
 
 
 def rename_input(workspace: Workspace, name: str, wish: str) -> str:

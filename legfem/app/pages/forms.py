@@ -8,7 +8,7 @@ from typing import Any
 from nicegui import ui
 
 from legfem.app.description import Setting, Value, read_value, settings_of, shown_errors, with_channels, with_settings
-from legfem.app.pages.frame import attempt, hinted, refused, tag
+from legfem.app.pages.frame import attempt, dropdown, hinted, refused, tag
 from legfem.app.runs import Run, seen
 from legfem.app.workspace import DESCRIPTIONS, description_of, text_of
 from legfem.common.documents import write_atomically
@@ -102,7 +102,7 @@ def setting_field(setting: Setting) -> Callable[[], str]:
     usual = "" if setting.default is None else f"{_written(setting.default)} by default"
     if setting.choices or setting.kind is bool:
         choices = {one: one or usual or "–" for one in ("", *(setting.choices or ("yes", "no")))}
-        chosen = hinted(ui.select(choices, value=now if now in choices else "", label=label), setting.help)
+        chosen = dropdown(choices, now if now in choices else "", label, setting.help)
         return lambda: str(chosen.value or "")
     typed = hinted(ui.input(label, value=now, placeholder=usual), setting.help)
     return lambda: str(typed.value or "").strip()
@@ -166,22 +166,21 @@ def column_fields(first: dict[str, Any]) -> Callable[[], SourceColumns]:
     """Put the choice of a recording's columns, units and directions; return what reads it."""
     sheets = list(dict.fromkeys(one["sheet"] for one in first["columns"]))
     now = first["channels"] or {}
-    sheet = ui.select(sheets, value=now.get("sheet") or sheets[0], label="table")
-    hinted(sheet, "the file's table that has the recording")
+    sheet = dropdown(sheets, now.get("sheet") or sheets[0], "table", "the file's table that has the recording")
     sheet.set_visibility(len(sheets) > 1)
     names = {one["name"]: one["unit"] for one in first["columns"]}
     chosen: dict[str, tuple[ui.select, ui.input, ui.select | None]] = {}
     for quantity in QUANTITIES:
         known = now.get(quantity) or {}
         with ui.element("fieldset"), ui.element("div").classes("fields"):
-            column = ui.select(list(names), value=known.get("column"), label=f"{quantity}: column")
-            hinted(column, f"the file's column with the {quantity}")
+            said = f"the file's column with the {quantity}"
+            column = dropdown(list(names), known.get("column"), f"{quantity}: column", said)
             unit = hinted(ui.input(f"{quantity}: unit", value=known.get("unit") or ""), _UNIT_HINTS[quantity])
             column.on_value_change(lambda event, box=unit: box.set_value(names.get(event.value)))
             sign = None
             if quantity != "time":
-                sign = ui.select(_SIGNS, value=known.get("sign", 1), label=f"{quantity}: direction")
-                hinted(sign, "reversed if the numbers fall while the indenter presses")
+                said = "reversed if the numbers fall while the indenter presses"
+                sign = dropdown(_SIGNS, known.get("sign", 1), f"{quantity}: direction", said)
             chosen[quantity] = column, unit, sign
 
     def channel(quantity: str) -> SourceColumn:

@@ -4,6 +4,7 @@ import time
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from typing import Any
 from urllib.parse import quote
 
 from nicegui import ui
@@ -30,6 +31,11 @@ def hinted[Field: ui.element](field: Field, hint: str) -> Field:
     """Return a field with what is said beneath it."""
     field.props["hint"] = hint
     return field
+
+
+def dropdown(options: list[str] | dict[Any, str], value: object, label: str, hint: str) -> ui.select:
+    """Put a choice with what is said beneath it."""
+    return hinted(ui.select(options, value=value, label=label), hint)
 
 
 def attempt(change: Callable[[], str | None]) -> None:

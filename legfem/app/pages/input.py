@@ -43,9 +43,8 @@ def _command_form(workspace: Workspace, name: str, action: Action) -> None:
         with ui.element("div").classes("fields"):
             for choice in action.choices:
                 if choice.choices:
-                    box = ui.select(
-                        {"": "by default", **{one: one for one in choice.choices}}, value="", label=choice.label
-                    )
+                    known = {"": "by default", **{one: one for one in choice.choices}}
+                    box = ui.select(known, value="", label=choice.label)
                 else:
                     box = ui.number(choice.label, placeholder="by default")
                 boxes[choice.option] = frame.hinted(box, choice.help)

@@ -6,7 +6,7 @@ from functools import partial
 from nicegui import ui
 
 from legfem.app.outcomes import RunResult, answers_of, relative_difference, sentence_of
-from legfem.app.pages.frame import chip, drop_zone, framed, hinted, page_of, tag, when
+from legfem.app.pages.frame import chip, drop_zone, dropdown, framed, page_of, tag, when
 from legfem.app.pages.run import address
 from legfem.app.runs import EVERY, Run, runs_of
 from legfem.app.workspace import Workspace, description_of, files_of
@@ -56,7 +56,8 @@ def home_page(workspace: Workspace, deleted: str = "") -> None:
                     with ui.element("li"):
                         ui.link(run.folder.name, page_of("run", run.folder.name))
                         chip(run.state)
-                        tag("span", sentence_of(run) or f"{run.kind} of {run.about}, {when(run.began)}", "quiet")
+                        asked = f"{run.kind} of {run.asked.about}, {when(run.asked.began)}"
+                        tag("span", sentence_of(run) or asked, "quiet")
             if len(workspace.runs) > _MOST_RUNS:
                 ui.link(f"all {len(workspace.runs)}", "/compare")
         _deleted(workspace)
@@ -91,7 +92,7 @@ def _put_back(workspace: Workspace, kind: str, name: str) -> None:
     now = workspace.put_back(kind, name)
     if kind == "runs":
         run = Run(workspace.run(now))
-        run.point_to(run.about, workspace.folder / "runs" / name / "results", run.results)
+        run.point_to(run.asked.about, workspace.folder / "runs" / name / "results", run.results)
     ui.navigate.to(page_of(kind.removesuffix("s"), now))
 
 
@@ -108,9 +109,9 @@ _COLUMNS = {
     "run": "run",
     "about": "of",
     "law": "law",
-    "c10": "C10 (95 %)",
-    "c20": "C20 (95 %)",
-    "fat": "C10 of fat",
+    "c10_deep": "C10 (95 %)",
+    "c20_deep": "C20 (95 %)",
+    "c10_superficial": "C10 of fat",
     "verdict": "verdict",
     "origin": "data",
     "state": "state",
@@ -142,8 +143,8 @@ def compare_page(workspace: Workspace) -> None:
 def _differences(rows: list[RunResult]) -> None:
     """Put the table of results, with differences of C10 from a chosen one."""
     known = {f"{row.run} {row.law}".strip(): row.c10_ends for row in rows if row.c10_ends is not None}
-    chosen = ui.select(list(known), value=next(iter(known), None), label="compare all results with")
-    hinted(chosen, "differences of C10 are from this result")
+    said = "differences of C10 are from this result"
+    chosen = dropdown(list(known), next(iter(known), None), "compare all results with", said)
     chosen.set_visibility(len(known) > 1)
     place = ui.element("div")
 
@@ -180,7 +181,8 @@ def _table(rows: list[RunResult], reference: tuple[float, float, float] | None) 
                     with ui.element("th").props("scope=row"):
                         ui.link(row.run, page_of("run", row.run))
                     for name in list(_COLUMNS)[1:]:
-                        tag("td", getattr(row, name) or "–").props(f'data-label="{_COLUMNS[name]}"')
+                        text = getattr(row, name, "") or row.shown(name) or "–"
+                        tag("td", text).props(f'data-label="{_COLUMNS[name]}"')
                     ends = row.c10_ends
                     difference = "–" if ends is None or reference is None else relative_difference(ends, reference)
                     tag("td", difference).props('data-label="difference (95 %)"')
@@ -188,8 +190,7 @@ def _table(rows: list[RunResult], reference: tuple[float, float, float] | None) 
 
 def _one(reports: dict[str, Run], first: str) -> None:
     with ui.element("div"):
-        chosen = ui.select(list(reports), value=first, label="report of").classes("full")
-        hinted(chosen, "the run whose report is shown beneath")
+        chosen = dropdown(list(reports), first, "report of", "the run whose report is shown beneath").classes("full")
         shown = ui.element("div")
 
         def draw() -> None:

@@ -22,7 +22,7 @@ def run_page(workspace: Workspace, name: str) -> None:
     with framed(name):
         try:
             run = Run(workspace.run(name))
-            about = run.about
+            about = run.asked.about
         except InputError as error:
             refused(str(error))
             return
@@ -33,7 +33,7 @@ def run_page(workspace: Workspace, name: str) -> None:
             else:
                 ui.link(about, page_of("input", about))
         try:
-            following = Run(workspace.run(run.then)) if run.then else None
+            following = Run(workspace.run(run.asked.then)) if run.asked.then else None
         except InputError:  # deleted
             following = None
         for one in filter(None, (run, following)):

@@ -15,7 +15,7 @@ from nicegui.events import GenericEventArguments
 
 from legfem.app.description import FASCIA_MM, Setting, Value, contours_in, describe, is_contours, known_tests, scans_in
 from legfem.app.pages.forms import column_fields, first_readable, setting_field, typed_value
-from legfem.app.pages.frame import ASK, ask, hinted, refused, tag, wanting
+from legfem.app.pages.frame import ASK, ask, dropdown, hinted, refused, tag, wanting
 from legfem.app.runs import Run
 from legfem.app.workspace import Workspace, files_of, is_scan, may_be_recording, text_of
 from legfem.common.documents import write_atomically
@@ -175,8 +175,7 @@ def _pressed(folder: Path, sources: list[str], lab: Mapping[str, Any]) -> Read:
     tag("h2", "What pressed it?")
     rig = lab.get("indenter", {})
     with ui.element("div").classes("fields"):
-        shape = ui.select(_SHAPES, value=rig.get("shape", "cylinder"), label="what pressed it")
-        hinted(shape, "the part that touches the skin")
+        shape = dropdown(_SHAPES, rig.get("shape", "cylinder"), "what pressed it", "the part that touches the skin")
         put("indenter", "diameter_mm", "of the cylinder, ball or punch", rig.get("diameter_mm"))
         put("indenter", "length_mm", "along its axis", rig.get("length_mm"))
         axis = _number("cylinder turned by (degrees)", "0 along the leg, 90 across", 0.0)
@@ -209,8 +208,7 @@ _NO_CONTOURS = (
 def _aimed(folder: Path, sources: list[str], place: Stated) -> None:
     """Put a section that is clicked where it was pressed; ``place`` takes aim, direction, level and source."""
     with ui.element("div").classes("fields"):
-        chosen = ui.select(sources, value=sources[0], label="contours, or a scan")
-        hinted(chosen, "the file with the outlines of the leg")
+        chosen = dropdown(sources, sources[0], "contours, or a scan", "the file with the outlines of the leg")
         level = _number("level to cut a scan at (mm)", "in the scan's coordinates; Enter cuts it")
         chosen.set_visibility(len(sources) > 1)
         level.bind_visibility_from(chosen, "value", lambda value: is_scan(folder / value))
@@ -294,12 +292,10 @@ def _clicked(section: LegSection, place: Stated) -> None:
 
 def _dressed(scans: list[str]) -> Read:
     with ui.element("div").classes("fields"):
-        bare = ui.select(scans, value=scans[0], label="scan of the bare leg")
-        other = ui.select(["", *scans], value=scans[1] if len(scans) > 1 else "", label="in its stocking")
-        strength = ui.select(["1", "2", "3", "4"], value="2", label="class (RAL-GZ 387/1)")
-        hinted(bare, "the file of the scan without the stocking")
-        hinted(other, "leave it empty to predict pressures only")
-        hinted(strength, "the compression class on the package")
+        bare = dropdown(scans, scans[0], "scan of the bare leg", "the file of the scan without the stocking")
+        second, said = scans[1] if len(scans) > 1 else "", "leave it empty to predict pressures only"
+        other = dropdown(["", *scans], second, "in its stocking", said)
+        strength = dropdown(["1", "2", "3", "4"], "2", "class (RAL-GZ 387/1)", "the compression class on the package")
     return lambda: {
         ("bare", "scan"): bare.value,
         ("compressed", "scan"): other.value or None,
@@ -310,8 +306,8 @@ def _dressed(scans: list[str]) -> Read:
 def _tested() -> Read:
     tag("h2", "What was done to them?")
     with ui.element("div").classes("fields"):
-        chosen = ui.select(_TESTS, value=next(iter(_TESTS)), label="what was done")
-        hinted(chosen, "the kind of test; its sizes are asked for below")
+        first, said = next(iter(_TESTS)), "the kind of test; its sizes are asked for below"
+        chosen = dropdown(_TESTS, first, "what was done", said)
     fields: dict[str, list[tuple[Setting, Callable[[], str]]]] = {}
     for test, settings in known_tests().items():
         with ui.element("div").classes("fields") as shown:
