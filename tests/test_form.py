@@ -16,8 +16,8 @@ from legfem.inverse.map_fit import fit
 from legfem.inverse.predictor import Predictor
 from legfem.inverse.verdict import Diagnosis
 from legfem.mechanisms import mechanism_named
-from legfem.report.diagnosis_curves import statement_name
 from legfem.report.diagnosis_headline import headline
+from legfem.report.diagnosis_numbers import statement_name
 from legfem.report.diagnosis_sentences import verdict_sentence
 
 DRIFT = mechanism_named("force-drift")

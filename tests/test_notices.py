@@ -9,7 +9,7 @@ from legfem.inverse.notice import FitNotice, Notice
 from legfem.legs.notices import LegNotice
 from legfem.report.notices import sentence_of, words
 from legfem.specimens.details import SpecimenNotice
-from legfem.stockings.assessment import StockingNotice
+from legfem.stockings.details import StockingNotice
 
 KINDS: tuple[type[StrEnum], ...] = (FitNotice, LegNotice, SpecimenNotice, StockingNotice)
 

@@ -20,8 +20,8 @@ from legfem.report.kinds import page_of
 from legfem.report.notices import sentence_of
 from legfem.report.render import plain_page
 from legfem.report.stocking_pressures import sensor_rows
-from legfem.stockings.assessment import sensor_notices
 from legfem.stockings.contour_distances import ContourAccuracy
+from legfem.stockings.details import sensor_notices
 from legfem.stockings.equilibrium import EquilibriumSolver, LegModel3D
 from legfem.stockings.fabric import Stocking, fitted_stocking
 from legfem.stockings.identification import identify_in_stocking

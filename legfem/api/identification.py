@@ -146,22 +146,24 @@ def identify(
     if not isinstance(correction, str | Path):
         raise loading.wrong("correction", repr(correction), "is not a correction", "give own, none, auto or a file")
     given = loading.opened(leg, site)
-    if loading.are_specimens(given):
-        from legfem.api.specimens import identify_specimens
+    with progress_on(quiet=not progress) as told:
+        request = replace(request, progress=told)
+        if loading.are_specimens(given):
+            from legfem.api.specimens import identify_specimens
 
-        legs_alone = {
-            "correction": str(correction) != "auto",
-            "depth": depth is not None,
-            "mesh": mesh is not None,
-            "model": model != "2d",
-            "site": site != "",
-            "weighting": weighting is not None,
-        }
-        loading.check_unused("specimens", legs_alone)
-        return identify_specimens(given, law, wanted, leave_out or (), request, progress)
-    loading.check_unused("a leg", {"leave_out": bool(leave_out)})
-    loading.check_one_of("law", law, (*LAWS, "both"))
-    return _of_leg(given, law, wanted, request, str(correction), model == "3d", mesh, progress, comm)
+            legs_alone = {
+                "correction": str(correction) != "auto",
+                "depth": depth is not None,
+                "mesh": mesh is not None,
+                "model": model != "2d",
+                "site": site != "",
+                "weighting": weighting is not None,
+            }
+            loading.check_unused("specimens", legs_alone)
+            return identify_specimens(given, law, wanted, leave_out or (), request)
+        loading.check_unused("a leg", {"leave_out": bool(leave_out)})
+        loading.check_one_of("law", law, (*LAWS, "both"))
+        return _of_leg(given, law, wanted, request, str(correction), model == "3d", mesh, comm or MPI.COMM_SELF)
 
 
 def _of_leg(
@@ -172,8 +174,7 @@ def _of_leg(
     correction: str,
     in_3d: bool,
     mesh: Mesh | None,
-    progress: bool,
-    comm: MPI.Intracomm | None,
+    comm: MPI.Intracomm,
 ) -> Identification:
     leg = as_leg(given)
     for one in leg.sites:
@@ -192,10 +193,7 @@ def _of_leg(
     request = replace(request, parameters=free, fixed=held)
     plane, solid_numbers = _mesh_settings(mesh, solid)
     section = None if solid else section_forward(leg, request, plane)
-    with progress_on(quiet=not progress) as told:
-        request = replace(request, progress=told)
-        ranks = comm or MPI.COMM_SELF
-        fits = identify_leg(leg, laws, request, correction, in_3d, ranks, solid_numbers, section)
+    fits = identify_leg(leg, laws, request, correction, in_3d, comm, solid_numbers, section)
     return Identification(given, tuple(fits), section)
 
 

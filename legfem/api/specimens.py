@@ -13,7 +13,7 @@ from legfem.api.asked import AskedParameters
 from legfem.api.diagnosed import DIAGNOSIS, Diagnosed
 from legfem.api.results import Identification, Result
 from legfem.common.documents import write_document
-from legfem.common.progress import Progress, progress_on
+from legfem.common.progress import Progress
 from legfem.inverse.settings import SearchRequest
 from legfem.report.diagnosis_document import parameter_rows
 from legfem.report.folder import REPORT, made_in_place
@@ -26,19 +26,12 @@ from legfem.specimens.problem import fit_specimens
 
 
 def identify_specimens(
-    folder: SpecimenFolder,
-    law: str | None,
-    wanted: AskedParameters,
-    leave_out: Sequence[str],
-    request: SearchRequest,
-    progress: bool,
+    folder: SpecimenFolder, law: str | None, wanted: AskedParameters, leave_out: Sequence[str], request: SearchRequest
 ) -> Identification:
     """Return what `legfem.identify` finds in specimens."""
     laws = laws_named(law)
     asked = request_of_texts(wanted.texts, folder.tissues, wanted.given, wanted.numbers)
-    with progress_on(quiet=not progress) as told:
-        fits = fit_specimens(folder, laws, asked, leave_out, replace(request, progress=told))
-    return Identification(folder, tuple(fits))
+    return Identification(folder, tuple(fit_specimens(folder, laws, asked, leave_out, request)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -170,8 +170,8 @@ def curves_figure(blocks: Sequence[Curves], what: str, subject: str, origin: str
     across = min(len(blocks), _ACROSS)
     down = -(-len(blocks) // across)
     heights = [2.2, 1.0] if any(block.below_label for block in blocks) else [2.2]
-    figure = style.new_figure(5.4 * across + (0.6 if across > 1 else 2.0), 2.0 * sum(heights) * down)
-    style.title(figure, what, subject, origin)
+    width, height = 5.4 * across + (0.6 if across > 1 else 2.0), 2.0 * sum(heights) * down
+    figure = style.titled(width, height, what, subject, origin)
     rows = len(heights)
     grid = figure.subplots(rows * down, across, squeeze=False, height_ratios=heights * down)
     panels = [column for row in range(down) for column in grid[rows * row : rows * (row + 1)].T]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from legfem.common.numbers import probability, share
 from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import symbol_of
-from legfem.inverse.explanation import Explanation, Statement
+from legfem.inverse.explanation import Explanation
 from legfem.inverse.location import Signature, runs
 from legfem.inverse.predictive import nearest_fit
 from legfem.inverse.verdict import Diagnosis
@@ -19,7 +19,7 @@ from legfem.report.style import DATA_COLOUR, FAINT, LAW_NAMES
 BASE_COLOUR = "#D55E00"
 REPAIRED_COLOUR = "#0072B2"
 BASE_NAME = "base model"
-UNKNOWN_NAME = "something unknown"
+UNKNOWN = "something unknown"
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,16 +40,8 @@ def plain(name: str) -> str:
 def model_name(model: Explanation) -> str:
     """Return an explanation's name for people."""
     if model.unnamed:
-        return UNKNOWN_NAME
+        return UNKNOWN
     return " + ".join(plain(name) for name in model.names) or BASE_NAME
-
-
-def statement_name(one: Statement) -> str:
-    """Return what a statement says, in short."""
-    if one.unnamed:
-        like = " + ".join(plain(name) for name in one.like)
-        return f"{UNKNOWN_NAME}, like {like}" if like else UNKNOWN_NAME
-    return " + ".join(plain(name) for name in one.names) or "nothing detectable"
 
 
 def shown_models(found: Diagnosis) -> list[ShownModel]:

@@ -8,21 +8,13 @@ from legfem.common.units import mpa_to_kpa, spaced_unit
 from legfem.geometry.section import girth
 from legfem.inverse.averaging import sensitivities
 from legfem.inverse.catalogue import DEEP_C10, symbol_of
-from legfem.inverse.explanation import Explanation
+from legfem.inverse.explanation import Explanation, Statement
 from legfem.inverse.mechanism import null_of
 from legfem.inverse.predictive import checks_by_phase
 from legfem.inverse.verdict import Diagnosis, explained_share
 from legfem.legs.subject import Subject
 from legfem.mechanisms import mechanism_named
-from legfem.report.diagnosis_curves import (
-    BASE_NAME,
-    Place,
-    model_name,
-    plain,
-    relative_change,
-    shown_models,
-    statement_name,
-)
+from legfem.report.diagnosis_curves import BASE_NAME, UNKNOWN, Place, model_name, plain, relative_change, shown_models
 from legfem.report.diagnosis_document import Recorded
 from legfem.report.estimates import wave_rows
 from legfem.report.page import Bars, Block, Known, LabelledBar, Prose, Provenance, WebTable
@@ -174,6 +166,14 @@ def evidence_table(found: Diagnosis) -> WebTable:
     header = ["explanation", "probability", "ln Bayes factor", "explained", "held-out error (N)", "full solutions"]
     cells = [[name, percent(p), gain, part, f"{held.rmse:.3f}", whole] for name, p, gain, part, held, whole in rows]
     return WebTable("What the reported explanations explain", header, cells)
+
+
+def statement_name(one: Statement) -> str:
+    """Return what a statement says, in short."""
+    if one.unnamed:
+        like = " + ".join(plain(name) for name in one.like)
+        return f"{UNKNOWN}, like {like}" if like else UNKNOWN
+    return " + ".join(plain(name) for name in one.names) or "nothing detectable"
 
 
 def explanation_bars(found: Diagnosis) -> Bars:

@@ -35,8 +35,8 @@ def placement_figure(subject: Subject, scanned: Mapping[str, Polygon] | None = N
         Outlines by part as the scan has them (mm), before they were given room.
     """
     section, indenter = subject.section, subject.indenter
-    figure = style.new_figure(6.4, 6.9)
-    style.title(figure, "Section of the leg and the cylinder at first touch", subject.title, subject.origin)
+    what = "Section of the leg and the cylinder at first touch"
+    figure = style.titled(6.4, 6.9, what, subject.title, subject.origin)
     axes = figure.subplots()
     fascia = section.polygon("fascia")
     inner = np.asarray(fascia.buffer(-section.fascia_thickness).exterior.coords)

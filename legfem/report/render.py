@@ -186,23 +186,14 @@ def filled(name: str, **given: Any) -> str:
 def plain_page(page: web.WebPage, files: Sequence[ReportFile]) -> str:
     """Return the text of ``report.txt``: all that a page says, and what else was written."""
     told = [one for one in page.chapters if any(block.kind in _WRITTEN for block in one.blocks)]
-    return _text(page, page.known, told, files)
+    return filled(REPORT, page=page, known=page.known, chapters=told, files=files, brief=False).rstrip() + "\n"
 
 
 def brief(page: web.WebPage, chapters: Sequence[str] = (web.TESTED,)) -> str:
     """Return what a page says first, its estimates and some chapters, for the terminal."""
     found = [one for one in page.known if one.provenance in ("estimated", "prior")]
-    return _text(page, found, [one for one in page.chapters if one.title in chapters], brief=True)
-
-
-def _text(
-    page: web.WebPage,
-    known: Sequence[web.Known],
-    chapters: Sequence[web.Chapter],
-    files: Sequence[ReportFile] = (),
-    brief: bool = False,
-) -> str:
-    return filled(REPORT, page=page, known=known, chapters=chapters, files=files, brief=brief).rstrip() + "\n"
+    told = [one for one in page.chapters if one.title in chapters]
+    return filled(REPORT, page=page, known=found, chapters=told, files=(), brief=True).rstrip() + "\n"
 
 
 def markdown_page(page: web.WebPage) -> str:

@@ -1,6 +1,6 @@
 """Figures of a leg in its stocking: pressures on it and inside it, and the contours that were compared."""
 
-from typing import Any
+from typing import Any, Literal
 
 import matplotlib
 import numpy as np
@@ -10,22 +10,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from legfem.common.units import FloatArray, mpa_to_mmhg
+from legfem.common.units import FloatArray, mmhg_to_mpa, mpa_to_kpa, mpa_to_mmhg
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.section import outward_normals
-from legfem.report.style import (
-    BONE_COLOUR,
-    DATA_COLOUR,
-    ROUND,
-    Directions,
-    new_figure,
-    panel,
-    round_leg,
-    scale_in_kpa,
-    styled,
-    title,
-    unwrapped,
-)
+from legfem.report.style import BONE_COLOUR, DATA_COLOUR, ROUND, Directions, panel, round_leg, styled, titled, unwrapped
 from legfem.stockings.details import StockingDetails
 from legfem.stockings.pressures import SectionPressures
 
@@ -41,9 +29,9 @@ def stocking_pressure_figure(details: StockingDetails) -> Figure:
     worn, leg = details.equilibrium, details.leg
     pressure = mpa_to_mmhg(worn.load.pressure)
     norm = Normalize(0.0, float(pressure.max()))
-    figure = new_figure(13.0, 6.0)
-    title(
-        figure,
+    figure = titled(
+        13.0,
+        6.0,
         f"Pressure of the stocking on the skin: mean {mpa_to_mmhg(worn.load.mean_pressure):.0f} "
         f"mmHg, greatest {pressure.max():.0f} mmHg",
         leg.title,
@@ -134,8 +122,7 @@ def stocking_section_figure(details: StockingDetails, section: SectionPressures)
     """Return the pressure in a section, and the outlines before and after, with their load."""
     assert details.pressures is not None
     leg, level = details.leg, section.level
-    figure = new_figure(13.0, 8.2)
-    title(figure, f"Inside the leg at mid calf (z = {level:.1f} mm)", leg.title, leg.origin)
+    figure = titled(13.0, 8.2, f"Inside the leg at mid calf (z = {level:.1f} mm)", leg.title, leg.origin)
     (inside, outside), below = figure.subplots(2, 2, height_ratios=(5, 1))
     _keys(below[0], _draw_pressure(figure, inside, details, section))
     panel(inside, "A", "hydrostatic pressure in fat and muscle")
@@ -257,3 +244,10 @@ def _draw_bones(axes: Axes, shape: LegShape, level: float) -> None:
 def _closed(contour: FloatArray) -> FloatArray:
     """Return x and y of a contour (n, 2) with its first point repeated, (2, n + 1)."""
     return np.vstack([contour, contour[:1]]).T
+
+
+def scale_in_kpa(bar: Any, side: Literal["left", "right"]) -> None:
+    """Add a scale in kPa to the other side of a colour bar in mmHg."""
+    unit = mpa_to_kpa(mmhg_to_mpa(1.0))
+    scale = bar.ax.secondary_yaxis(side, functions=(lambda p: np.asarray(p) * unit, lambda p: np.asarray(p) / unit))
+    scale.set_ylabel("kPa")

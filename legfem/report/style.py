@@ -10,7 +10,7 @@ import logging
 import textwrap
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import NamedTuple
 
 import matplotlib
 import numpy as np
@@ -18,7 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from legfem.common.numbers import number
-from legfem.common.units import FloatArray, mmhg_to_mpa, mpa_to_kpa
+from legfem.common.units import FloatArray
 from legfem.geometry.leg_shape import LegShape
 from legfem.report.folder import ReportFile
 
@@ -182,23 +182,17 @@ _TITLE_SIZE, _LETTER = 12, 0.57
 """Of titles: points, and a letter's mean width over them."""
 
 
-def title(figure: Figure, what: str, subject: str, origin: str) -> None:
-    """Put a title that ends with where the data come from, in as many lines as it needs."""
-    across = int(72 * figure.get_figwidth() / (_LETTER * _TITLE_SIZE))
+def titled(width: float, height: float, what: str, subject: str, origin: str) -> Figure:
+    """Return an empty figure whose title ends with where the data come from, in as many lines as it needs."""
+    figure, across = new_figure(width, height), int(72 * width / (_LETTER * _TITLE_SIZE))
     lines = [textwrap.fill(line, across) for line in (*what.splitlines(), f"{subject}: {origin} data")]
     figure.suptitle("\n".join(lines), x=0.01, ha="left", fontsize=_TITLE_SIZE)
+    return figure
 
 
 def panel(axes: Axes, letter: str, name: str) -> None:
     """Title a panel."""
     axes.set_title(f"$\\bf{{{letter}}}$  {name}")
-
-
-def scale_in_kpa(bar: Any, side: Literal["left", "right"]) -> None:
-    """Add a scale in kPa to the other side of a colour bar in mmHg."""
-    unit = mpa_to_kpa(mmhg_to_mpa(1.0))
-    scale = bar.ax.secondary_yaxis(side, functions=(lambda p: np.asarray(p) * unit, lambda p: np.asarray(p) / unit))
-    scale.set_ylabel("kPa")
 
 
 @styled

@@ -22,16 +22,7 @@ from legfem.specimens.course import course_of
 from legfem.specimens.laws import SpecimenTissue, tissues_of
 from legfem.specimens.recording_files import named_recordings, unread_files
 from legfem.specimens.schema import SIZES, BaseLaw, SeveralTests, SpecimenFile, parse_specimen_file
-from legfem.specimens.sizes import (
-    LeftOut,
-    Sizes,
-    SpecimenRecording,
-    doubts_about_course,
-    doubts_about_shape,
-    doubts_about_sizes,
-    doubts_about_stiffness,
-    sizes_of,
-)
+from legfem.specimens.sizes import LeftOut, Sizes, SpecimenRecording, size_doubts, sizes_of, stiffness_doubts
 
 FILE = "specimen.toml"
 
@@ -146,7 +137,7 @@ def load_specimen(directory: Path) -> SpecimenFolder:
     _ask_for_tables(given, [path for _, _, path in named])
     doubts = _doubts_about_bodies(toml, given)
     sizes = {entry: _sizes(toml, given, entry) for entry in {entry for _, entry, _ in named}}
-    doubts += [doubt for body in sizes.values() for doubt in doubts_about_shape(toml, body)]
+    doubts += [doubt for body in sizes.values() for doubt in body.shape_doubts(toml)]
     errors = None if given.instrument is None else given.instrument.instrument()
     kind = given.kind
     doubts += unread_files(directory, given, [path for _, _, path in named])
@@ -158,7 +149,7 @@ def load_specimen(directory: Path) -> SpecimenFolder:
             doubts += kind.doubts(trial.recording, body)
             course = course_of(trial, given.tissue.returns)
             source = trial.source
-            doubts += doubts_about_course(source, course, sizes[entry])
+            doubts += sizes[entry].course_doubts(source, course)
             doubts += trial_doubts([trial])
             refuse_copies(trial.recording, [one.recording for one in used])
         except InputError as error:
@@ -281,7 +272,7 @@ def doubts_of(folder: SpecimenFolder, c10: float, others: Sequence[Doubt] = ()) 
     if len(folder.tissues) > 1:
         names = [one.name for one in folder.tissues if "C10" not in one.stated]
     field = folder.recordings[0].sizes.kind.load_field
-    more = (*others, *doubts_about_stiffness(folder.directory / "recordings", c10, names, field))
+    more = (*others, *stiffness_doubts(folder.directory / "recordings", c10, names, field))
     return (*folder.doubts, *(one for one in more if one.field not in folder.confirmed))
 
 
@@ -302,11 +293,11 @@ def _ask_for_tables(given: SpecimenFile, paths: Sequence[Path]) -> None:
 def _doubts_about_bodies(toml: Path, given: SpecimenFile) -> list[Doubt]:
     bodies: list[tuple[str, FileTable]] = [(given.kind.table, given.test)]
     bodies += [(f"specimen {one.name}", one) for one in given.specimen]
-    found = [doubt for table, body in bodies for doubt in doubts_about_sizes(toml, table, body)]
+    found = [doubt for table, body in bodies for doubt in size_doubts(toml, table, body)]
     for layer in given.layers:
         if layer.C10_kPa is not None:
             c10, field = kpa_to_mpa(layer.C10_kPa), f"layers.{layer.name}.C10_kPa"
-            found += doubts_about_stiffness(toml, c10, [layer.name], field)
+            found += stiffness_doubts(toml, c10, [layer.name], field)
     return found
 
 

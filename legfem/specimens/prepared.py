@@ -17,7 +17,7 @@ from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.laws import REFERENCE_MPA, begin_at
 from legfem.specimens.nuisances import deepest_of
-from legfem.specimens.sizes import LeftOut, Sizes, SpecimenRecording, doubts_about_differing
+from legfem.specimens.sizes import LeftOut, Sizes, SpecimenRecording, differing_doubts
 
 _BEYOND = 1.02
 # Of the depth that was reached: short of where a solution stopped.
@@ -91,7 +91,7 @@ def prepare(
         tuple(notices),
         depths,
         max(float(np.median(list(stiffness.values()))), 1e-9),
-        tuple(doubts_about_differing(stiffness)),
+        tuple(differing_doubts(stiffness)),
     )
 
 

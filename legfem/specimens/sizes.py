@@ -103,6 +103,31 @@ class Sizes:
         free = replace(self, body=self.kind.slipping(self.body))
         return None if free == self else free
 
+    def shape_doubts(self, toml: Path) -> Iterator[Doubt]:
+        """Yield doubts where it is so slender that it would buckle, or narrower than what presses it."""
+        kind, body = self.kind, self.body
+        for usual, found in ((_COVERED, kind.covers(body)), (_SLENDER, kind.slenderness(body))):
+            if found is not None:
+                ratio, key = found
+                yield from usual.doubts(toml, key, ratio, "check that both are sizes of the same kind, in mm and mm²")
+
+    def course_doubts(self, source: str, course: Course) -> Iterator[Doubt]:
+        """Yield what is unlikely in a recording of such a specimen.
+
+        Raises
+        ------
+        InputError
+            For a depth beyond the specimen, and a speed that no machine has.
+        """
+        kind, body = self.kind, self.body
+        extent = kind.extent(body)
+        if extent is not None:
+            remedy = f"check that {course.depth:.3g} mm are right, and the specimen's sizes"
+            yield from _SHARE[kind.presses(body)].doubts(source, "displacement_mm", course.depth / extent, remedy)
+        yield from _SPEED.doubts(source, "time_s", course.rate, "check that time is in s (not min or ms)")
+        loading = course.samples.part(course.samples.time <= course.arrival)
+        yield from loading_doubts(source, loading.time, loading.displacement, loading.force, _CUT_OFF)
+
     def __str__(self) -> str:
         """Return the test with its sizes, as people read them."""
         told = ", ".join(
@@ -289,7 +314,7 @@ _UNITS: Mapping[str, Mapping[str, float]] = {
 """Units that are taken for the right one by column, and by what they change a stiffness."""
 
 
-def doubts_about_sizes(toml: Path, table: str, entry: FileTable) -> Iterator[Doubt]:
+def size_doubts(toml: Path, table: str, entry: FileTable) -> Iterator[Doubt]:
     """Yield what is unlikely in the sizes that a table of ``specimen.toml`` gives.
 
     Raises
@@ -306,34 +331,7 @@ def doubts_about_sizes(toml: Path, table: str, entry: FileTable) -> Iterator[Dou
             yield from usual.doubts(toml, f"{table}.{key}", value)
 
 
-def doubts_about_shape(toml: Path, sizes: Sizes) -> Iterator[Doubt]:
-    """Yield doubts about a specimen so slender that it would buckle, or narrower than what presses it."""
-    kind, body = sizes.kind, sizes.body
-    for usual, found in ((_COVERED, kind.covers(body)), (_SLENDER, kind.slenderness(body))):
-        if found is not None:
-            ratio, key = found
-            yield from usual.doubts(toml, key, ratio, "check that both are sizes of the same kind, in mm and mm²")
-
-
-def doubts_about_course(source: str, course: Course, sizes: Sizes) -> Iterator[Doubt]:
-    """Yield what is unlikely in a recording.
-
-    Raises
-    ------
-    InputError
-        For a depth beyond the specimen, and a speed that no machine has.
-    """
-    kind, body = sizes.kind, sizes.body
-    extent = kind.extent(body)
-    if extent is not None:
-        remedy = f"check that {course.depth:.3g} mm are right, and the specimen's sizes"
-        yield from _SHARE[kind.presses(body)].doubts(source, "displacement_mm", course.depth / extent, remedy)
-    yield from _SPEED.doubts(source, "time_s", course.rate, "check that time is in s (not min or ms)")
-    loading = course.samples.part(course.samples.time <= course.arrival)
-    yield from loading_doubts(source, loading.time, loading.displacement, loading.force, _CUT_OFF)
-
-
-def doubts_about_stiffness(source: Path, c10: float, names: Sequence[str], field: str) -> Iterator[Doubt]:
+def stiffness_doubts(source: Path, c10: float, names: Sequence[str], field: str) -> Iterator[Doubt]:
     """Yield a doubt about a stiffness that is stated, or that recordings ask for.
 
     Parameters
@@ -357,7 +355,7 @@ def doubts_about_stiffness(source: Path, c10: float, names: Sequence[str], field
     yield from usual.likely(source, field, found, f"{first}check {others}")
 
 
-def doubts_about_differing(stiffness: Mapping[SpecimenRecording, float]) -> Iterator[Doubt]:
+def differing_doubts(stiffness: Mapping[SpecimenRecording, float]) -> Iterator[Doubt]:
     """Yield a doubt about each recording that is far stiffer or softer than its specimen's others.
 
     Parameters

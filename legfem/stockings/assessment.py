@@ -7,7 +7,6 @@ between stocking and skin are a channel of pressures.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from enum import StrEnum
 from types import MappingProxyType
 from typing import Any
 
@@ -18,47 +17,18 @@ from legfem.common.units import mpa_to_mmhg, spans_of
 from legfem.geometry.slices import CONTOURS
 from legfem.inverse.catalogue import LawName
 from legfem.inverse.comparison import Covariances
-from legfem.inverse.elastography import disagreement
 from legfem.inverse.estimates import Optimum, estimates
-from legfem.inverse.fit import (
-    ChannelFit,
-    Computed,
-    Cost,
-    Fit,
-    Goodness,
-    Identity,
-    TestFit,
-    at_limits,
-    of_failed_solves,
-    of_search,
-    r_squared,
-)
+from legfem.inverse.fit import ChannelFit, Computed, Cost, Fit, Goodness, Identity, TestFit, r_squared
 from legfem.inverse.intervals import quantile
-from legfem.inverse.notice import Notice, doubted
+from legfem.inverse.notice import doubted
 from legfem.inverse.problem import goodness_of
 from legfem.inverse.readings import Channel
 from legfem.inverse.searches import Found
 from legfem.inverse.trial import SearchLog
-from legfem.stockings.details import StockingDetails, StockingFit
-from legfem.stockings.equilibrium import PARAMETERS, EquilibriumSettings
-from legfem.stockings.leg import ComparedSensor, StockingLeg
-from legfem.stockings.scan_fit import MISSED_BEYOND, ScanComparison, ScanFit
-
-
-class StockingNotice(StrEnum):
-    """Codes that only a leg in its stocking has."""
-
-    SENSOR_MISSED = "sensor_missed"
-    NOT_COMPUTED = "worn_state_not_computed"
-    UNSETTLED = "worn_state_unsettled"
-    NOT_COMPARED = "no_state_compared"
-    SCAN_MISSED = "scan_missed"
-    REGISTRATION_UNSETTLED = "registration_unsettled"
-    BONES_APART = "bones_apart"
-    SLACK = "stocking_slack"
-    UNLOADED = "skin_unloaded"
-    ENDS_HELD = "ends_held"
-
+from legfem.stockings.details import StockingDetails, StockingFit, stocking_notices
+from legfem.stockings.equilibrium import PARAMETERS
+from legfem.stockings.leg import StockingLeg
+from legfem.stockings.scan_fit import ScanComparison, ScanFit
 
 KIND = "stocking"
 LAW: LawName = "neo-hookean"
@@ -201,76 +171,3 @@ def _pressure(
 ) -> Computed:
     low, high = map(mpa_to_mmhg, interval)
     return Computed(name, mpa_to_mmhg(value), "mmHg", mpa_to_mmhg(sd), (low, high))
-
-
-UNLOADED_BEYOND = 0.01
-"""Share of the skin under the stretched stocking that may bear no pressure without a word."""
-_FAR = 3.0
-"""Standardised residual of a sensor that chance doesn't explain."""
-REGISTERED_WITHIN = 0.5
-"""Residual of the registration (mm) that is no cause of concern: half a voxel."""
-
-
-def stocking_notices(fit: StockingFit) -> Iterator[Notice]:
-    """Yield the notices, the gravest first."""
-    details = fit.details
-    found, best, registration = details.equilibrium, details.best, details.leg.registration
-    if not found.state.report.complete:
-        yield Notice.of(StockingNotice.NOT_COMPUTED, reason=found.state.report.reason)
-    elif not found.converged:
-        change, tolerance = 100 * found.changes[-1], 100 * EquilibriumSettings().tolerance
-        yield Notice.of(StockingNotice.UNSETTLED, states=len(found.changes), change=change, tolerance=tolerance)
-    if details.problem:
-        yield Notice.of(StockingNotice.NOT_COMPARED, reason=details.problem)
-    yield from of_search(fit.log)
-    yield from of_failed_solves(fit.log, "an equilibrium with the stocking")
-    if best is not None:
-        if best.misses:
-            expected = best.misfit.accuracy.expected_rms
-            yield Notice.of(StockingNotice.SCAN_MISSED, rms=best.rms, times=MISSED_BEYOND, expected=expected)
-        # How far a fit may depart from its priors is a matter of curvature: its interval may be wider than a prior's.
-        for k, (name, known) in enumerate(fit.estimates.items()):
-            if (prior := known.parameter.prior) is not None:
-                error = known.value * float(np.sqrt(best.log_covariance[k, k]))
-                yield from disagreement(name, prior, known.value, error, "the fit of both scans")
-    yield from at_limits(fit)
-    if registration is not None:
-        if not registration.converged:
-            yield Notice.of(StockingNotice.REGISTRATION_UNSETTLED, iterations=registration.iterations)
-        if registration.residual > REGISTERED_WITHIN:
-            yield Notice.of(StockingNotice.BONES_APART, residual=registration.residual)
-    yield from _of_the_load(details)
-    yield from sensor_notices(details.sensors)
-
-
-def sensor_notices(sensors: Sequence[ComparedSensor]) -> Iterator[Notice]:
-    """Yield a notice for every sensor that the model misses."""
-    for one in sensors:
-        if abs(one.standardised_residual) > _FAR:
-            yield Notice.of(
-                StockingNotice.SENSOR_MISSED,
-                sensor=one.sensor.name,
-                read=one.sensor.pressure,
-                sd=one.sensor.sd,
-                model=one.pressure,
-                departure=abs(one.standardised_residual),
-            )
-
-
-def _of_the_load(details: StockingDetails) -> Iterator[Notice]:
-    leg, load = details.leg, details.equilibrium.load
-    levels, slack = leg.bare.levels, load.tension == 0
-    if slack.any():
-        low, high = float(levels[slack].min()), float(levels[slack].max())
-        yield Notice.of(StockingNotice.SLACK, slack=int(slack.sum()), levels=len(levels), low=low, high=high)
-    spanned = load.unloaded_skin
-    if spanned.mean() > UNLOADED_BEYOND:
-        most = int(np.argmax(spanned))
-        yield Notice.of(
-            StockingNotice.UNLOADED,
-            share=100 * float(spanned.mean()),
-            level=float(levels[most]),
-            most=100 * float(spanned[most]),
-        )
-    if leg.ends == "held":
-        yield Notice.of(StockingNotice.ENDS_HELD)

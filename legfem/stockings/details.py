@@ -1,7 +1,8 @@
-"""What only the fit of a leg in its stocking has: its equilibrium, pressures, and where model and scan differ."""
+"""What only the fit of a leg in its stocking has: equilibrium, pressures, where model and scan differ; its notices."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from typing import Any
 
 import numpy as np
@@ -12,17 +13,34 @@ from legfem.geometry.slices import CONTOURS
 from legfem.imaging.registration import Registration
 from legfem.inverse.answer import Answer, Finding, Tone
 from legfem.inverse.catalogue import key_of
-from legfem.inverse.fit import Fit, KindDetails, answer_of
+from legfem.inverse.elastography import disagreement
+from legfem.inverse.fit import Fit, KindDetails, answer_of, at_limits, of_failed_solves, of_search
+from legfem.inverse.notice import Notice
 from legfem.stockings.contour_distances import ContourMisfit
 from legfem.stockings.discrepancy import ModelDiscrepancy
-from legfem.stockings.equilibrium import Equilibrium, LegModel3D
+from legfem.stockings.equilibrium import Equilibrium, EquilibriumSettings, LegModel3D
 from legfem.stockings.fabric import StockingLoad, stocking_load
 from legfem.stockings.leg import ComparedSensor, StockingLeg
 from legfem.stockings.levels import TISSUES, LevelPressure, PressureAlong, pressures_at_levels
 from legfem.stockings.pressures import FatPressures, SectionPressures, TissuePressures, too_low_by
-from legfem.stockings.scan_fit import ScanFit
+from legfem.stockings.scan_fit import MISSED_BEYOND, ScanFit
 
 type StockingFit = Fit[StockingDetails]
+
+
+class StockingNotice(StrEnum):
+    """Codes that only a leg in its stocking has."""
+
+    SENSOR_MISSED = "sensor_missed"
+    NOT_COMPUTED = "worn_state_not_computed"
+    UNSETTLED = "worn_state_unsettled"
+    NOT_COMPARED = "no_state_compared"
+    SCAN_MISSED = "scan_missed"
+    REGISTRATION_UNSETTLED = "registration_unsettled"
+    BONES_APART = "bones_apart"
+    SLACK = "stocking_slack"
+    UNLOADED = "skin_unloaded"
+    ENDS_HELD = "ends_held"
 
 
 @dataclass(frozen=True, eq=False)
@@ -283,3 +301,76 @@ def _fat(details: StockingDetails) -> dict[str, Any]:
         "thickness_round_the_leg_mm": thickness[middle].tolist(),
         **pressed,
     }
+
+
+UNLOADED_BEYOND = 0.01
+"""Share of the skin under the stretched stocking that may bear no pressure without a word."""
+_FAR = 3.0
+"""Standardised residual of a sensor that chance doesn't explain."""
+REGISTERED_WITHIN = 0.5
+"""Residual of the registration (mm) that is no cause of concern: half a voxel."""
+
+
+def stocking_notices(fit: StockingFit) -> Iterator[Notice]:
+    """Yield the notices, the gravest first."""
+    details = fit.details
+    found, best, registration = details.equilibrium, details.best, details.leg.registration
+    if not found.state.report.complete:
+        yield Notice.of(StockingNotice.NOT_COMPUTED, reason=found.state.report.reason)
+    elif not found.converged:
+        change, tolerance = 100 * found.changes[-1], 100 * EquilibriumSettings().tolerance
+        yield Notice.of(StockingNotice.UNSETTLED, states=len(found.changes), change=change, tolerance=tolerance)
+    if details.problem:
+        yield Notice.of(StockingNotice.NOT_COMPARED, reason=details.problem)
+    yield from of_search(fit.log)
+    yield from of_failed_solves(fit.log, "an equilibrium with the stocking")
+    if best is not None:
+        if best.misses:
+            expected = best.misfit.accuracy.expected_rms
+            yield Notice.of(StockingNotice.SCAN_MISSED, rms=best.rms, times=MISSED_BEYOND, expected=expected)
+        # How far a fit may depart from its priors is a matter of curvature: its interval may be wider than a prior's.
+        for k, (name, known) in enumerate(fit.estimates.items()):
+            if (prior := known.parameter.prior) is not None:
+                error = known.value * float(np.sqrt(best.log_covariance[k, k]))
+                yield from disagreement(name, prior, known.value, error, "the fit of both scans")
+    yield from at_limits(fit)
+    if registration is not None:
+        if not registration.converged:
+            yield Notice.of(StockingNotice.REGISTRATION_UNSETTLED, iterations=registration.iterations)
+        if registration.residual > REGISTERED_WITHIN:
+            yield Notice.of(StockingNotice.BONES_APART, residual=registration.residual)
+    yield from _of_the_load(details)
+    yield from sensor_notices(details.sensors)
+
+
+def sensor_notices(sensors: Sequence[ComparedSensor]) -> Iterator[Notice]:
+    """Yield a notice for every sensor that the model misses."""
+    for one in sensors:
+        if abs(one.standardised_residual) > _FAR:
+            yield Notice.of(
+                StockingNotice.SENSOR_MISSED,
+                sensor=one.sensor.name,
+                read=one.sensor.pressure,
+                sd=one.sensor.sd,
+                model=one.pressure,
+                departure=abs(one.standardised_residual),
+            )
+
+
+def _of_the_load(details: StockingDetails) -> Iterator[Notice]:
+    leg, load = details.leg, details.equilibrium.load
+    levels, slack = leg.bare.levels, load.tension == 0
+    if slack.any():
+        low, high = float(levels[slack].min()), float(levels[slack].max())
+        yield Notice.of(StockingNotice.SLACK, slack=int(slack.sum()), levels=len(levels), low=low, high=high)
+    spanned = load.unloaded_skin
+    if spanned.mean() > UNLOADED_BEYOND:
+        most = int(np.argmax(spanned))
+        yield Notice.of(
+            StockingNotice.UNLOADED,
+            share=100 * float(spanned.mean()),
+            level=float(levels[most]),
+            most=100 * float(spanned[most]),
+        )
+    if leg.ends == "held":
+        yield Notice.of(StockingNotice.ENDS_HELD)

@@ -35,13 +35,7 @@ from legfem.stockings.fabric import stocking_load
 from legfem.stockings.forward import StockingForward
 from legfem.stockings.leg import SensorArray, StockingLeg
 from legfem.stockings.nuisances import NuisanceSlopes
-from legfem.stockings.pressures import (
-    PressureProbe,
-    fat_pressures,
-    section_pressures,
-    tissue_pressures,
-    vein_pressure_sd,
-)
+from legfem.stockings.pressures import PressureProbe, tissue_pressures, vein_pressure_sd
 from legfem.stockings.scan_fit import BOUNDS, ScanComparison, ScanFit, by_name, stiffness_priors
 
 SAMPLED_AT = kpa_to_mpa(np.array([[3.0, 3.0], [1.5, 12.0], [6.0, 1.5]]))
@@ -248,6 +242,6 @@ def _dressed(
         states=solver.states,
         moved={part: model.displacement(part, found.state.unknown) for part in SURFACES},
         pressures=replace(pressures, at_veins_sd=tuple(map(float, sd))),
-        section=section_pressures(leg.bare, float(np.median(leg.slices)), borne, probe),
-        fat=fat_pressures(leg.bare, borne, probe),
+        section=probe.section(leg.bare, float(np.median(leg.slices)), borne),
+        fat=probe.fat(leg.bare, borne),
     )

@@ -113,6 +113,39 @@ class PressureProbe:
         inside = (x[:, 2] > x[:, 2].min() + END_ZONE) & (x[:, 2] < x[:, 2].max() - END_ZONE)
         return x[inside], values[inside]
 
+    def section(self, shape: LegShape, level: float, equilibrium: Equilibrium) -> "SectionPressures":
+        """Evaluate the pressure at a level (mm) of the bare leg; all ranks call."""
+        outline = shape.at(SKIN, level)
+        x, y = (
+            np.arange(low - 1.0, high + 1.0, SPACING)
+            for low, high in zip(outline.min(axis=0), outline.max(axis=0), strict=True)
+        )
+        points = np.stack([*np.meshgrid(x, y), np.full((len(y), len(x)), level)], axis=-1)
+        values = self.at(points.reshape(-1, 3), equilibrium.state).reshape(len(y), len(x))
+        return SectionPressures(level, x, y, values)
+
+    def fat(self, shape: LegShape, equilibrium: Equilibrium) -> "FatPressures":
+        """Sample the fat's thickness and pressures in an equilibrium; all ranks call."""
+        inside = (shape.levels >= shape.levels[0] + END_ZONE) & (shape.levels <= shape.levels[-1] - END_ZONE)
+        step = max(1, shape.contours[SKIN].shape[1] // AROUND)
+        skin = shape.contours[SKIN][inside, ::step]
+        foot = np.stack(
+            [_nearest(contour, points) for contour, points in zip(shape.contours[HULL][inside], skin, strict=True)]
+        )
+        columns = skin[..., None, :] + DEPTHS[:, None] * (foot - skin)[..., None, :]
+        z = np.broadcast_to(shape.levels[inside, None, None, None], (*columns.shape[:3], 1))
+        points = np.concatenate([columns, z], axis=-1)
+        values = self.at(points.reshape(-1, 3), equilibrium.state).reshape(points.shape[:3])
+        found = np.ma.masked_invalid(values)
+        return FatPressures(
+            shape.levels[inside],
+            skin,
+            np.linalg.norm(foot - skin, axis=-1),
+            equilibrium.load.pressure[inside, ::step],
+            found.max(axis=2).filled(np.nan),
+            found.mean(axis=2).filled(np.nan),
+        )
+
 
 def tissue_pressures(
     probe: PressureProbe, state: Compressed, load: StockingLoad, veins: Sequence[Vein]
@@ -154,20 +187,6 @@ class SectionPressures:
     x: FloatArray
     y: FloatArray
     pressure: FloatArray
-
-
-def section_pressures(
-    shape: LegShape, level: float, equilibrium: Equilibrium, probe: PressureProbe
-) -> SectionPressures:
-    """Evaluate the pressure at a level (mm) of the bare leg; all ranks call."""
-    outline = shape.at(SKIN, level)
-    x, y = (
-        np.arange(low - 1.0, high + 1.0, SPACING)
-        for low, high in zip(outline.min(axis=0), outline.max(axis=0), strict=True)
-    )
-    points = np.stack([*np.meshgrid(x, y), np.full((len(y), len(x)), level)], axis=-1)
-    values = probe.at(points.reshape(-1, 3), equilibrium.state).reshape(len(y), len(x))
-    return SectionPressures(level, x, y, values)
 
 
 AROUND, DEPTHS = 60, np.linspace(0.06, 0.94, 9)
@@ -225,29 +244,6 @@ class FatPressures:
         if np.nanmax(by) == np.nanmin(by) or np.nanmax(what) == np.nanmin(what):
             return np.nan
         return float(spearmanr(by.ravel(), what.ravel(), nan_policy="omit").statistic)
-
-
-def fat_pressures(shape: LegShape, equilibrium: Equilibrium, probe: PressureProbe) -> FatPressures:
-    """Sample the fat's thickness and pressures in an equilibrium; all ranks call."""
-    inside = (shape.levels >= shape.levels[0] + END_ZONE) & (shape.levels <= shape.levels[-1] - END_ZONE)
-    step = max(1, shape.contours[SKIN].shape[1] // AROUND)
-    skin = shape.contours[SKIN][inside, ::step]
-    foot = np.stack(
-        [_nearest(contour, points) for contour, points in zip(shape.contours[HULL][inside], skin, strict=True)]
-    )
-    columns = skin[..., None, :] + DEPTHS[:, None] * (foot - skin)[..., None, :]
-    z = np.broadcast_to(shape.levels[inside, None, None, None], (*columns.shape[:3], 1))
-    points = np.concatenate([columns, z], axis=-1)
-    values = probe.at(points.reshape(-1, 3), equilibrium.state).reshape(points.shape[:3])
-    found = np.ma.masked_invalid(values)
-    return FatPressures(
-        shape.levels[inside],
-        skin,
-        np.linalg.norm(foot - skin, axis=-1),
-        equilibrium.load.pressure[inside, ::step],
-        found.max(axis=2).filled(np.nan),
-        found.mean(axis=2).filled(np.nan),
-    )
 
 
 def _nearest(contour: FloatArray, points: FloatArray) -> FloatArray:

@@ -18,7 +18,7 @@ from legfem.common.documents import markdown_table, write_atomically, write_docu
 from legfem.common.progress import progress_on
 from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.inverse.population import TABLE, Population
-from legfem.report.style import DATA_COLOUR, FAINT, REGION_COLOURS, new_figure, panel, save, styled, title
+from legfem.report.style import DATA_COLOUR, FAINT, REGION_COLOURS, panel, save, styled, titled
 from studies.command_line import DONE_IS_KEPT, Jobs, Out, new_app
 from studies.people import prediction
 from studies.people.data import SITES, Indentations, read_indentations
@@ -31,10 +31,10 @@ _TISSUES = (("superficial", "skin and fat"), ("deep", "muscle"))
 @styled
 def draw_stiffness(rows: Indentations, log_C10: FloatArray, site: str) -> Figure:
     """Draw C10 of both tissues of everyone at a site, of draws (k, n, 2) of its logarithm."""
-    figure = new_figure(9, 3.8)
     own = rows.site == rows.sites.index(site)
-    title(
-        figure,
+    figure = titled(
+        9,
+        3.8,
         f"Stiffness at the {SITES[site]}, each person with a 95 % interval",
         f"{len(rows.people)} people",
         "measured",
@@ -53,10 +53,8 @@ def draw_stiffness(rows: Indentations, log_C10: FloatArray, site: str) -> Figure
 @styled
 def draw_predicted(rows: Indentations, compliance: FloatArray, predicted: prediction.Predicted) -> Figure:
     """Draw compliance as measured against that of mechanics and of springs, all left out."""
-    figure = new_figure(9, 4.6)
-    title(
-        figure, "Compliance of people left out of the fit, by thickness alone", f"{len(rows.people)} people", "measured"
-    )
+    what = "Compliance of people left out of the fit, by thickness alone"
+    figure = titled(9, 4.6, what, f"{len(rows.people)} people", "measured")
     left, right = figure.subplots(1, 2, sharex=True, sharey=True)
     _against(left, rows, compliance, predicted.best)
     panel(left, "A", "mechanics")

@@ -7,7 +7,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.container import BarContainer
 
-from legfem.report.style import FAINT, new_figure, panel, save, styled, title
+from legfem.report.style import FAINT, panel, save, styled, titled
 from legfem.study.doe.design import Factor
 from legfem.study.doe.study import StudyResult
 from legfem.study.doe.surface import MetricAnalysis, term_label
@@ -20,9 +20,8 @@ STAGE_COLOURS = ("#56B4E9", "#E69F00", "#009E73", "#CC79A7", "#0072B2", "#D55E00
 @styled
 def draw_response(result: StudyResult, out: Path) -> list[Path]:
     """Draw the paper's Fig. 5: the stages on the curves, and the coefficients by stage."""
-    figure = new_figure(14, 8)
     section = f"section of subject {result.subject.id} ({result.subject.origin})"
-    title(figure, f"Response surface: {result.definition.title}", section, "simulated")
+    figure = titled(14, 8, f"Response surface: {result.definition.title}", section, "simulated")
     grid = figure.add_gridspec(2, 3, height_ratios=[1, 1.5])
     _curves(figure.add_subplot(grid[:, 0]), result)
     for row, interactions in enumerate((False, True)):
