@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from queue import SimpleQueue
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -174,6 +174,7 @@ def interruptible() -> Iterator[None]:
             raise KeyboardInterrupt
 
 
+@dataclass(eq=False)
 class Workers[Context, Task, Outcome]:
     """Runs tasks that share a context, a mesh or compiled forms; a context manager.
 
@@ -198,17 +199,12 @@ class Workers[Context, Task, Outcome]:
         meanwhile isn't yielded before its own task is.
     """
 
-    def __init__(
-        self,
-        work: Callable[[Context, Task], Outcome],
-        context: Context,
-        jobs: int = 1,
-        comm: "MPI.Intracomm | None" = None,
-        along: bool = False,
-    ) -> None:
-        self.work, self.context, self.jobs = work, context, jobs
-        self.comm, self.along = comm, along
-        self._executor: ProcessPoolExecutor | None = None
+    work: Callable[[Context, Task], Outcome]
+    context: Context
+    jobs: int = 1
+    comm: "MPI.Intracomm | None" = None
+    along: bool = False
+    _executor: ProcessPoolExecutor | None = field(default=None, init=False)
 
     def __enter__(self) -> "Workers[Context, Task, Outcome]":
         """Return itself; processes start with the first several tasks."""

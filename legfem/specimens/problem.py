@@ -271,6 +271,8 @@ class SpecimenProblem:
         return [_test_fit(one, seen[span], fitted=False) for one, span in zip(others, own.spans, strict=True)], told
 
 
+type _SpecimenFit = Fit[details.SpecimenDetails]
+
 _PLAIN, _USUAL = ParameterRequest(), SearchRequest()
 
 
@@ -280,7 +282,7 @@ def fit_specimens(
     asked: ParameterRequest = _PLAIN,
     leave_out: Sequence[str] = (),
     request: SearchRequest = _USUAL,
-) -> list[Fit[details.SpecimenDetails]]:
+) -> list[_SpecimenFit]:
     """Fit laws to all recordings of a folder together.
 
     Parameters
@@ -303,14 +305,15 @@ def fit_specimens(
     SearchError
         If too few full solves reach the recordings' depth.
     """
-    fits = _fit_once(folder, laws, asked, leave_out, request)
+    fitting = _Fitting(asked, request)
+    fits = fitting.once(folder, laws, leave_out)
     best = least_akaike(fits).details.agreement
     # Laws can only be compared on the same recordings: where a test stands apart, by the best of them, it does by all.
     shared = best if best is not None and best.apart else None
 
-    def across(joint: Fit[details.SpecimenDetails]) -> Fit[details.SpecimenDetails]:
-        def without(tests: Sequence[str]) -> Fit[details.SpecimenDetails]:
-            return _fit_once(folder, [joint.law], asked, (*leave_out, *tests), request)[0]
+    def across(joint: _SpecimenFit) -> _SpecimenFit:
+        def without(tests: Sequence[str]) -> _SpecimenFit:
+            return fitting.once(folder, [joint.law], (*leave_out, *tests))[0]
 
         agreement = shared or joint.details.agreement
         return joint if agreement is None else details.across_tests(joint, agreement, without, shared is not None)
@@ -318,57 +321,52 @@ def fit_specimens(
     return [across(one) for one in fits]
 
 
-def _fit_once(
-    folder: SpecimenFolder,
-    laws: Sequence[LawName],
-    asked: ParameterRequest,
-    leave_out: Sequence[str],
-    request: SearchRequest,
-) -> list[Fit[details.SpecimenDetails]]:
-    """Fit laws to all recordings but those that are left out, whether or not tests agree."""
-    held = {one for name in leave_out for one in folder.named(name)}
-    if len(held) == len(folder.recordings):
-        raise InputError(Argument("leave_out"), ", ".join(leave_out), "leave nothing to fit", "name fewer")
-    for name in laws:
-        free = identified_law(name, folder.tissues, REFERENCE_MPA, folder.relaxes, asked)
-        if seeks_ratio(free.names):
-            check_strained(folder, [one for one in folder.recordings if one not in held])
-    away = frozenset(one.name for one in held)
-    if not folder.alternatives:
-        return _fitted_laws(folder, laws, asked, away, request)
-    kind = next(one.sizes.kind for one in folder.recordings if one.sizes.kind.weighed)
-    each = {one: _fitted_laws(folder.under(one), laws, asked, away, request) for one in folder.alternatives}
-    chances = details.probabilities(each)
-    return [
-        details.weighed({one: fits[k] for one, fits in each.items()}, chances, kind.weighed, kind.to_know)
-        for k in range(len(laws))
-    ]
+@dataclass(frozen=True)
+class _Fitting:
+    """What is asked of fits, and their means."""
 
+    asked: ParameterRequest
+    request: SearchRequest
 
-def _fitted_laws(
-    folder: SpecimenFolder,
-    laws: Sequence[LawName],
-    asked: ParameterRequest,
-    away: frozenset[str],
-    request: SearchRequest,
-) -> list[Fit[details.SpecimenDetails]]:
-    """Fit laws to a folder of which all is known."""
-    held = {one for one in folder.recordings if one.name in away}
-    prepared = prepare(folder, held, request.out, request.jobs, request.progress)
-    fitted = _fitted(folder, prepared, away)
-    rates = [[one.course.rate for one in fitted if one.test == test] for test in {one.test for one in fitted}]
-    if QUICKENING not in {*asked.names, *asked.priors, *asked.fixed} and not any(map(shows_quickening, rates)):
-        asked = replace(asked, fixed={**asked.fixed, QUICKENING: READINGS[QUICKENING].null})
-    found: list[Fit[details.SpecimenDetails]] = []
-    for name in laws:
-        tissues = [one.of_law(name) for one in folder.tissues]
-        law = identified_law(name, tissues, prepared.c10, folder.relaxes, asked)
-        (one,) = fit(SpecimenProblem(folder, law, prepared, away), [name], request)
-        if rig := one.details.rig:
-            (again,) = _fitted_laws(folder.on_rig(rig.compliance), [name], asked, away, request)
-            one = details.taken_off(again, rig) if again.details.thickness is None else one
-        found.append(one)
-    return found
+    def once(self, folder: SpecimenFolder, laws: Sequence[LawName], leave_out: Sequence[str]) -> list[_SpecimenFit]:
+        """Fit laws to all recordings but those that are left out, whether or not tests agree."""
+        held = {one for name in leave_out for one in folder.named(name)}
+        if len(held) == len(folder.recordings):
+            raise InputError(Argument("leave_out"), ", ".join(leave_out), "leave nothing to fit", "name fewer")
+        for name in laws:
+            free = identified_law(name, folder.tissues, REFERENCE_MPA, folder.relaxes, self.asked)
+            if seeks_ratio(free.names):
+                check_strained(folder, [one for one in folder.recordings if one not in held])
+        away = frozenset(one.name for one in held)
+        if not folder.alternatives:
+            return self._laws(folder, laws, away)
+        kind = next(one.sizes.kind for one in folder.recordings if one.sizes.kind.weighed)
+        each = {one: self._laws(folder.under(one), laws, away) for one in folder.alternatives}
+        chances = details.probabilities(each)
+        return [
+            details.weighed({one: fits[k] for one, fits in each.items()}, chances, kind.weighed, kind.to_know)
+            for k in range(len(laws))
+        ]
+
+    def _laws(self, folder: SpecimenFolder, laws: Sequence[LawName], away: frozenset[str]) -> list[_SpecimenFit]:
+        """Fit laws to a folder of which all is known."""
+        asked, request = self.asked, self.request
+        held = {one for one in folder.recordings if one.name in away}
+        prepared = prepare(folder, held, request.out, request.jobs, request.progress)
+        fitted = _fitted(folder, prepared, away)
+        rates = [[one.course.rate for one in fitted if one.test == test] for test in {one.test for one in fitted}]
+        if QUICKENING not in {*asked.names, *asked.priors, *asked.fixed} and not any(map(shows_quickening, rates)):
+            asked = replace(asked, fixed={**asked.fixed, QUICKENING: READINGS[QUICKENING].null})
+        found = list[_SpecimenFit]()
+        for name in laws:
+            tissues = [one.of_law(name) for one in folder.tissues]
+            law = identified_law(name, tissues, prepared.c10, folder.relaxes, asked)
+            (one,) = fit(SpecimenProblem(folder, law, prepared, away), [name], request)
+            if rig := one.details.rig:
+                (again,) = replace(self, asked=asked)._laws(folder.on_rig(rig.compliance), [name], away)
+                one = details.taken_off(again, rig) if again.details.thickness is None else one
+            found.append(one)
+        return found
 
 
 def _fitted(folder: SpecimenFolder, prepared: Prepared, held_out: frozenset[str]) -> list[SpecimenRecording]:
