@@ -159,7 +159,7 @@ def studied(folder: Path, **spring: object) -> StudyResult:
         return study(given, subject_in(folder), workshop, "coefficients", 1, True, lambda table: None)
 
 
-def calibrated() -> tuple[Calibration, Calibrated]:
+def calibrated() -> Calibrated:
     """P = -0.2 + 0.01 d at 2 kPa, of curves that have it; 0.05 more at 5 kPa."""
     d = np.linspace(0.0, 20.0, 41)
     level = -0.2 + 0.01 * d
@@ -176,14 +176,14 @@ def calibrated() -> tuple[Calibration, Calibrated]:
         np.array([[level], [level + 0.05]]),
         {"mesh": np.full(41, 0.01)},
     )
-    return Calibration(CorrectionCase(depth=20.0), (2.0, 5.0), (0.0,)), Calibrated(correction, outcomes, outcomes)
+    return Calibrated(Calibration(CorrectionCase(depth=20.0), (2.0, 5.0), (0.0,)), correction, outcomes)
 
 
 def corrected(folder: Path) -> WebPage:
-    given, found = calibrated()
+    found = calibrated()
     short = np.where(np.arange(41) < 30, -0.1, np.nan)
     lengths = {"30": short, "50": np.full(41, -0.2)}
-    return correction_web_page(given, found, {"cylinder's length (mm)": lengths}, COMMAND)
+    return correction_web_page(found, {"cylinder's length (mm)": lengths}, COMMAND)
 
 
 def specimens(folder: Path, p_value: float = 0.4) -> list[Fit[SpecimenDetails]]:

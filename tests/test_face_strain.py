@@ -28,7 +28,7 @@ from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.fit import Fit
 from legfem.mechanics.materials import NeoHookean
 from legfem.specimens.details import SpecimenDetails
-from legfem.specimens.diagnosis import diagnose_specimens
+from legfem.specimens.diagnosis import SpecimenDiagnoser
 
 PLATES = """\
 id = "disc"
@@ -166,7 +166,7 @@ def test_what_grips_and_rig_lose_is_named_with_the_face_and_not_by_the_force_alo
     verdicts = {}
     for filmed in (False, True):
         folder = lf.load_specimen(bar(tmp_path / str(filmed), lost, repeats=3, filmed=filmed))
-        (found,) = (one.diagnosis for one in diagnose_specimens(folder, (), None, 1, Silent()))
+        (found,) = (one.diagnosis for one in SpecimenDiagnoser(None, 1, Silent()).diagnosed(folder))
         assert found is not None
         verdicts[filmed] = found.verdict
         print(filmed, found.verdict, [(one.names, one.fit.values) for one in found.models], found.intervals[DEEP_C10])

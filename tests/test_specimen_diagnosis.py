@@ -21,7 +21,7 @@ from legfem.inverse.catalogue import DEEP_C10
 from legfem.mechanics.materials import ExponentialStiffening, NeoHookean
 from legfem.mechanisms import Solution
 from legfem.solve.protocol import Protocol
-from legfem.specimens.diagnosis import DiagnosedSpecimen, diagnose_specimens
+from legfem.specimens.diagnosis import DiagnosedSpecimen, SpecimenDiagnoser
 from legfem.specimens.folder import load_specimen
 from legfem.specimens.forward import experiment_of
 from legfem.specimens.laws import REFERENCE_MPA, specimen_law
@@ -34,7 +34,7 @@ STATED = "[instrument]\nforce_sd_N = 0.002\ndisplacement_sd_mm = 0.002\n"
 
 
 def diagnosed(folder: Path) -> DiagnosedSpecimen:
-    (found,) = diagnose_specimens(load_specimen(folder), (), None, 1, Silent())
+    (found,) = SpecimenDiagnoser(None, 1, Silent()).diagnosed(load_specimen(folder))
     return found
 
 

@@ -33,7 +33,6 @@ from legfem.report.kinds import page_of
 from legfem.report.notices import sentence_of, sentences_of
 from legfem.report.render import estimates_frame, plain_page, rendered
 from legfem.report.results import write_report
-from legfem.report.stocking_pressures import vein_interval
 from legfem.report.style import Directions, angle_round, unwrapped
 from legfem.stockings import identification
 from legfem.stockings.assessment import assessed, compared, noticed
@@ -162,7 +161,7 @@ def test_the_web_page_is_whole_and_shows_the_leg(result, folder):
     for known in result.estimates.values():
         assert value_text(known) in page.words
     for k, vein in enumerate(result.details.leg.veins):
-        low, high = vein_interval(result.details, k)
+        low, high = map(mpa_to_mmhg, result.details.pressures.vein_interval(k))
         assert f"pressure at the {vein.name} vein" in page.words
         assert low < mpa_to_mmhg(result.details.pressures.at_veins[k]) < high
         assert f"{low:.1f} to {high:.1f} mmHg" in page.words

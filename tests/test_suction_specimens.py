@@ -14,7 +14,7 @@ from legfem.common.errors import InputError
 from legfem.common.progress import Silent
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.specimens.details import rms_percent
-from legfem.specimens.diagnosis import diagnose_specimens
+from legfem.specimens.diagnosis import SpecimenDiagnoser
 
 C10, BULK = 4e-3, 10.0
 POISSON = (3 * BULK - 2) / (2 * (3 * BULK + 1))
@@ -146,7 +146,7 @@ def test_a_diagnosis_finds_a_sound_cup_sound(tmp_path: Path, suctions) -> None:
     shutil.copytree(written(tmp_path / "one", suctions), tmp_path / "two")
     stated = "[instrument]\nforce_sd_N = 0.002\ndisplacement_sd_mm = 0.003\n"
     (tmp_path / "two" / "specimen.toml").write_text(CUP + stated)
-    (found,) = diagnose_specimens(lf.load_specimen(tmp_path / "two"), (), None, 1, Silent())
+    (found,) = SpecimenDiagnoser(None, 1, Silent()).diagnosed(lf.load_specimen(tmp_path / "two"))
     assert found.diagnosis is not None, found.problem
     print(found.diagnosis.verdict, found.diagnosis.best.value(DEEP_C10))
     assert found.diagnosis.verdict == "consistent"

@@ -153,15 +153,15 @@ def test_a_study_in_which_runs_stopped_warns_on_top(tmp_path):
 
 
 def test_a_correction_says_how_large_it_is_and_in_which_direction():
-    given, found = pages.calibrated()
-    page = correction_web_page(given, found, {"x": {"1": np.full(41, -0.2)}}, pages.COMMAND)
+    found = pages.calibrated()
+    page = correction_web_page(found, {"x": {"1": np.full(41, -0.2)}}, pages.COMMAND)
     checked(page, "P is +0.00 ± 0.01 at that depth", "limit")
     table = found.correction
     more = replace(found, correction=replace(table, values=table.values - 0.2))
-    page = correction_web_page(given, more, {"x": {"1": np.full(41, -0.2)}}, pages.COMMAND)
+    page = correction_web_page(more, {"x": {"1": np.full(41, -0.2)}}, pages.COMMAND)
     checked(page, "meets 20 % more force", "C10 would be about 20 % too high")
     less = replace(found, correction=replace(table, values=table.values + 0.1))
-    page = correction_web_page(given, less, {"x": {"1": np.full(41, -0.2)}}, pages.COMMAND)
+    page = correction_web_page(less, {"x": {"1": np.full(41, -0.2)}}, pages.COMMAND)
     checked(page, "meets 10 % less force", "C10 would be about 10 % too low")
 
 

@@ -128,14 +128,15 @@ def diagnose(
     loading.check_folder("library", responses)
     if loading.are_specimens(leg):
         from legfem.api.specimens import diagnose_folder
+        from legfem.specimens.diagnosis import SpecimenDiagnoser
 
         loading.check_unused(
             "specimens",
             {"site": site != "", "correction": correction is not None, "prior": bool(prior), "within": bool(within)},
         )
         with progress_on(quiet=not progress) as shown:
-            place = None if out is None else Path(out)
-            return diagnose_folder(leg, specimens or (), responses, jobs, shown, seed, place)
+            asked = SpecimenDiagnoser(responses, jobs, shown, seed)
+            return diagnose_folder(asked, leg, specimens or (), None if out is None else Path(out))
     loading.check_unused("a leg", {"specimens": bool(specimens)})
     subject = loading.one_of(leg, site)
     if prior:

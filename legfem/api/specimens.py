@@ -13,13 +13,12 @@ from legfem.api.asked import AskedParameters
 from legfem.api.diagnosed import DIAGNOSIS, Diagnosed
 from legfem.api.results import Identification, Result
 from legfem.common.documents import write_document
-from legfem.common.progress import Progress
 from legfem.inverse.settings import SearchRequest
 from legfem.report.diagnosis_document import parameter_rows
 from legfem.report.folder import REPORT, made_in_place
 from legfem.report.page import WebPage
 from legfem.report.specimen_results import specimens_document, specimens_page
-from legfem.specimens.diagnosis import DiagnosedSpecimen, diagnose_specimens, said_together
+from legfem.specimens.diagnosis import DiagnosedSpecimen, SpecimenDiagnoser, said_together
 from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.laws import laws_named, request_of_texts
 from legfem.specimens.problem import fit_specimens
@@ -132,17 +131,11 @@ def _place(folder: SpecimenFolder, name: str, out: Path) -> Path:
 
 
 def diagnose_folder(
-    folder: SpecimenFolder,
-    names: Sequence[str],
-    responses: Path,
-    jobs: int,
-    progress: Progress,
-    seed: int,
-    out: Path | None,
+    diagnoser: SpecimenDiagnoser, folder: SpecimenFolder, names: Sequence[str], out: Path | None
 ) -> DiagnosedFolder:
     """Return what `legfem.diagnose` finds in specimens; see there."""
     made: list[DiagnosedSpecimen] = []
-    for one in diagnose_specimens(folder, names, responses, jobs, progress, seed):
+    for one in diagnoser.diagnosed(folder, names):
         made.append(one)
         if out is not None and one.diagnosis is not None:
             _of_specimen(folder, one).write(_place(folder, one.id, out))

@@ -1,7 +1,7 @@
 """The page of a diagnosis."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -110,7 +110,7 @@ def diagnosis_web_page(
             web.Chapter("Where the model is wrong", [*_where(found), *signatures_of(found), *located, *each]),
             web.Chapter("Which physics, and how sure", _physics(found)),
             web.Chapter("What was tested", tables.score_blocks(found)),
-            web.Chapter("What could not be tested", [web.Bullets([*_untested(found), _alike(found)])]),
+            web.Chapter("What could not be tested", [web.Bullets([*_untested(found)])]),
             web.Chapter("What to do next", next_blocks(found, plan)),
             web.Chapter("Noise and accuracy", [web.Prose(_noise(found))]),
         ],
@@ -252,19 +252,16 @@ def _closest(found: Diagnosis) -> str:
     )
 
 
-def _untested(found: Diagnosis) -> list[str]:
-    """Return which mechanisms could not be tested, and why."""
-    if not found.untested:
-        return ["All mechanisms that legfem knows were tested."]
+def _untested(found: Diagnosis) -> Iterator[str]:
+    """Yield which mechanisms could not be tested, and why, and what no test shows."""
     reasons: dict[str, list[str]] = {}
     for name, why in found.untested.items():
         reasons.setdefault(why, []).append(plain(name))
-    return [f"{', '.join(names)}: {why}" for why, names in reasons.items()]
-
-
-def _alike(found: Diagnosis) -> str:
+    yield from (f"{', '.join(names)}: {why}" for why, names in reasons.items())
+    if not reasons:
+        yield "All mechanisms that legfem knows were tested."
     both = " and ".join(map(symbol_of, found.base_model.fit.stiffness))
-    return (
+    yield (
         f"A constant factor on the force (the load cell's gain, the cylinder's length) looks like a change of {both}. "
         "It was not tested, and would change the stiffness without any sign of it."
     )

@@ -28,13 +28,6 @@ def both_units(pressure: float) -> str:
     return f"{mpa_to_mmhg(pressure):.1f} mmHg ({mpa_to_kpa(pressure):.2f} kPa)"
 
 
-def vein_interval(details: StockingDetails, vein: int) -> tuple[float, float]:
-    """Return the 95 % interval of a vein's pressure (mmHg), NaN where it isn't known."""
-    assert details.pressures is not None
-    low, high = details.pressures.vein_interval(vein)
-    return mpa_to_mmhg(low), mpa_to_mmhg(high)
-
-
 def low_in_fat(details: StockingDetails) -> str:
     """Return by how much the greatest pressure in the fat is too low on the mesh."""
     least, most = (f"{100 * share:.0f}" for share in too_low_by(details.tetrahedra))
@@ -186,7 +179,7 @@ def _bars(details: StockingDetails) -> Bars:
         bars.append(_bar("fat, greatest", found.greatest_in_fat, _share(found.greatest_in_fat, found)))
         bars.append(_bar("muscle, mean", found.mean_in_muscle))
         for k, (vein, pressure) in enumerate(zip(details.leg.veins, found.at_veins, strict=True)):
-            low, high = vein_interval(details, k)
+            low, high = map(mpa_to_mmhg, found.vein_interval(k))
             known = (low, high) if np.isfinite(high) else None
             spread = f", {low:.1f} to {high:.1f} mmHg" if known else ""
             bars.append(_bar(f"vein, {vein.name}", pressure, spread + _share(pressure, found), known))

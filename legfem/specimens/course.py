@@ -171,7 +171,9 @@ def read_specimen(
     # One sample that overshoots doesn't count.
     recording = before_it_tears(replace(given, displacement=without_outliers(given.displacement)))
     calm, noise = recording.displacement, sample_noise(recording.displacement)
-    _check_motion(calm, source)
+    if float(calm.max() - calm[0]) < _LEAST_RISE * float(np.ptp(calm)):
+        remedy = "change its sign: displacement and force are positive in the test's direction"
+        raise InputError(f"{source}", "displacement_mm", f"falls by {np.ptp(calm):.3g} mm, and never grows", remedy)
     start, arrived, _ = _loaded_and_held(recording, noise)
     force_noise = sample_noise(recording.force[start : arrived + 1])
     errors = instrument or _shown(recording, force_noise, noise, start, arrived)
@@ -280,12 +282,6 @@ def _parted(recording: Recording, end: int) -> int:
     force = recording.force - recording.force[:end].min()
     left = force[end:] < PARTED * force[:end].max()
     return end + int(np.argmax(left)) if left.any() else len(force)
-
-
-def _check_motion(calm: FloatArray, source: object) -> None:
-    if float(calm.max() - calm[0]) < _LEAST_RISE * float(np.ptp(calm)):
-        remedy = "change its sign: displacement and force are positive in the test's direction"
-        raise InputError(f"{source}", "displacement_mm", f"falls by {np.ptp(calm):.3g} mm, and never grows", remedy)
 
 
 def _speed(time: FloatArray, displacement: FloatArray) -> float:

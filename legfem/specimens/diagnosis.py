@@ -111,19 +111,12 @@ def said_together(found: Sequence[DiagnosedSpecimen]) -> tuple[Notice, ...]:
     return (*told, *([Notice.of(SpecimenNotice.TESTS_DISAGREE, text=tests.text)] if tests and tests.disagree else []))
 
 
-def diagnose_specimens(
-    folder: SpecimenFolder, names: Sequence[str], responses: Path | None, jobs: int, progress: Progress, seed: int = 0
-) -> Iterator[DiagnosedSpecimen]:
-    """Yield the diagnoses of a folder's specimens, each as it is made.
-
-    A specimen whose recordings can't be used, or whose test can't be solved, costs itself alone.
+@dataclass(frozen=True)
+class SpecimenDiagnoser:
+    """Diagnoses specimens.
 
     Parameters
     ----------
-    folder : SpecimenFolder
-        With recordings.
-    names : sequence of str
-        Of specimens; all without any.
     responses : Path, optional
         Folder in which solutions are kept.
     jobs : int
@@ -132,85 +125,93 @@ def diagnose_specimens(
         Told of every solution.
     seed : int
         Of the draws that windows are judged by.
-
-    Raises
-    ------
-    InputError
-        If there is no specimen of a name.
     """
-    every = folder.specimens
-    for name in names:
-        if name not in every:
+
+    responses: Path | None
+    jobs: int
+    progress: Progress
+    seed: int = 0
+
+    def diagnosed(self, folder: SpecimenFolder, names: Sequence[str] = ()) -> Iterator[DiagnosedSpecimen]:
+        """Yield the diagnoses of a folder's specimens, of all without names, each as it is made.
+
+        A specimen whose recordings can't be used, or whose test can't be solved, costs itself alone.
+
+        Raises
+        ------
+        InputError
+            If there is no specimen of a name.
+        """
+        every = folder.specimens
+        for name in names:
+            if name not in every:
+                raise InputError(
+                    Argument("specimen"), name, "is not a specimen of the folder", f"give one of {', '.join(every)}"
+                )
+        for name in names or every:
+            started = time.perf_counter()
+            title = folder.title if len(every) == 1 else f"{folder.title}: {name}"
+            whose = Identity(name, title, folder.origin, folder.directory)
+            first = every[name][0]
+            try:
+                own = folder.test_of(first)
+                found, left = self._diagnosed(own, whose, every[name])
+            except InputError as error:
+                yield DiagnosedSpecimen(name, None, problem=error, test=first.test)
+            else:
+                seconds, extent = time.perf_counter() - started, first.sizes.kind.extent(first.sizes.body)
+                yield DiagnosedSpecimen(name, found, left, seconds=seconds, extent=extent, test=first.test)
+
+    def _diagnosed(
+        self, folder: SpecimenFolder, whose: Identity, recordings: Sequence[SpecimenRecording]
+    ) -> tuple[Diagnosis, tuple[LeftOut, ...]]:
+        asked = tissue_asked_for(folder)
+        _check_fibres(folder, recordings)
+        used, left = list[SpecimenRecording](), list[LeftOut]()
+        for one in recordings:
+            try:
+                _observed(folder, [one])
+            except InputError as error:
+                left.append(LeftOut(one.name, str(error)))
+            else:
+                used.append(one)
+        if not used:
             raise InputError(
-                Argument("specimen"), name, "is not a specimen of the folder", f"give one of {', '.join(every)}"
+                folder.directory, left[0].name, f"no recording can be used: {left[0].reason}", "correct them"
             )
-    for name in names or every:
-        started = time.perf_counter()
-        title = folder.title if len(every) == 1 else f"{folder.title}: {name}"
-        whose = Identity(name, title, folder.origin, folder.directory)
-        first = every[name][0]
-        try:
-            own = folder.test_of(first)
-            found, left = _diagnosed(own, whose, every[name], responses, jobs, progress, seed)
-        except InputError as error:
-            yield DiagnosedSpecimen(name, None, problem=error, test=first.test)
-        else:
-            seconds, extent = time.perf_counter() - started, first.sizes.kind.extent(first.sizes.body)
-            yield DiagnosedSpecimen(name, found, left, seconds=seconds, extent=extent, test=first.test)
+        observed, sizes = _observed(folder, used), used[0].sizes
+        solved = solved_responses(folder, sizes, observed, self.responses)
+        self.progress.stage(f"how stiff {used[0].specimen} is, roughly")
+        if np.isnan(solved.curve(_SOME_C10, 0.0)).any():
+            problem = f"its test can't be solved to {solved.depth:.3g} mm"
+            raise InputError(folder.directory, used[0].specimen, problem, "check the sizes, or record less deep")
+        last = max(float(s.protocol.time[-1]) for s in observed.protocols)
+        accuracy = Accuracy() if folder.origin == "measured" else _DRAWN
+        shown = [(one.course.instrument.force_sd, one.course.instrument.displacement_sd) for one in used]
+        force_sd, displacement_sd = map(float, np.sqrt(np.mean(np.square(shown), axis=0)))
+        instrument = folder.instrument or Instrument(force_sd, displacement_sd, stated=False)
 
+        def by_law(law: LawName) -> Diagnosis:
+            middle = middle_of(observed, solved, STIFFENING[law])
+            scale = Scale(observed.depth, float(observed.force.max()), last, middle, asked.bulk_ratio)
+            every, unable = mechanisms_of(sizes, scale, used[0].recording.timed)
+            able, _ = shown_mechanisms(every, observed, {})
+            detail = Detail.of_all(able, pairs=False)
+            tables = build_library(
+                solved, observed, able, self.jobs, self.progress, middle, STIFFENING[law], detail, _LATTICE
+            )
+            library = replace(tables, missing={**unable, **tables.missing}, reach=_REACH)
+            seen = observed.with_channels(library.beside.names)
+            seen = replace(seen, notices=(*doubted(doubts_of(folder, middle)), *seen.notices))
+            given = DiagnosisInput(seen, instrument, law, library, every, whose, "specimens", accuracy=accuracy)
+            return diagnose(given, solved, self.progress, self.seed)
 
-def _diagnosed(
-    folder: SpecimenFolder,
-    whose: Identity,
-    recordings: Sequence[SpecimenRecording],
-    responses: Path | None,
-    jobs: int,
-    progress: Progress,
-    seed: int,
-) -> tuple[Diagnosis, tuple[LeftOut, ...]]:
-    asked = tissue_asked_for(folder)
-    _check_fibres(folder, recordings)
-    used, left = list[SpecimenRecording](), list[LeftOut]()
-    for one in recordings:
-        try:
-            _observed(folder, [one])
-        except InputError as error:
-            left.append(LeftOut(one.name, str(error)))
-        else:
-            used.append(one)
-    if not used:
-        raise InputError(folder.directory, left[0].name, f"no recording can be used: {left[0].reason}", "correct them")
-    observed, sizes = _observed(folder, used), used[0].sizes
-    solved = solved_responses(folder, sizes, observed, responses)
-    progress.stage(f"how stiff {used[0].specimen} is, roughly")
-    if np.isnan(solved.curve(_SOME_C10, 0.0)).any():
-        problem = f"its test can't be solved to {solved.depth:.3g} mm"
-        raise InputError(folder.directory, used[0].specimen, problem, "check the sizes, or record less deep")
-    last = max(float(s.protocol.time[-1]) for s in observed.protocols)
-    accuracy = Accuracy() if folder.origin == "measured" else _DRAWN
-    shown = [(one.course.instrument.force_sd, one.course.instrument.displacement_sd) for one in used]
-    force_sd, displacement_sd = map(float, np.sqrt(np.mean(np.square(shown), axis=0)))
-    instrument = folder.instrument or Instrument(force_sd, displacement_sd, stated=False)
-
-    def by_law(law: LawName) -> Diagnosis:
-        middle = middle_of(observed, solved, STIFFENING[law])
-        scale = Scale(observed.depth, float(observed.force.max()), last, middle, asked.bulk_ratio)
-        every, unable = mechanisms_of(sizes, scale, used[0].recording.timed)
-        able, _ = shown_mechanisms(every, observed, {})
-        detail = Detail.of_all(able, pairs=False)
-        tables = build_library(solved, observed, able, jobs, progress, middle, STIFFENING[law], detail, _LATTICE)
-        library = replace(tables, missing={**unable, **tables.missing}, reach=_REACH)
-        seen = observed.with_channels(library.beside.names)
-        seen = replace(seen, notices=(*doubted(doubts_of(folder, middle)), *seen.notices))
-        given = DiagnosisInput(seen, instrument, law, library, every, whose, "specimens", accuracy=accuracy)
-        return diagnose(given, solved, progress, seed)
-
-    found = by_law(folder.base_law)
-    if found.verdict != "consistent":
-        # What one law leaves out another may have: where nothing is missing, more stiffening is among what may hide.
-        found = found.over_laws([by_law(law) for law in STIFFENING if law != folder.base_law])
-        found = found.told(tuple(laws_told(found)))
-    return found, tuple(left)
+        found = by_law(folder.base_law)
+        if found.verdict != "consistent":
+            # What one law leaves out another may have: where nothing is missing, stiffening is among what may hide.
+            found = found.over_laws([by_law(law) for law in STIFFENING if law != folder.base_law])
+            found = found.told(tuple(laws_told(found)))
+        return found, tuple(left)
 
 
 def laws_told(found: Diagnosis) -> Iterator[Notice]:

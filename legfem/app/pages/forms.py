@@ -9,7 +9,6 @@ from nicegui import ui
 
 from legfem.app.description import Setting, Value, read_value, settings_of, shown_errors, with_channels, with_settings
 from legfem.app.pages.frame import attempt, dropdown, hinted, refused, tag
-from legfem.app.runs import Run, seen
 from legfem.app.workspace import DESCRIPTIONS, description_of, text_of
 from legfem.common.documents import write_atomically
 from legfem.common.errors import InputError
@@ -136,15 +135,15 @@ def _text(path: Path, text: str) -> None:
 _SIGNS = {1: "as it is", -1: "reversed (-1)"}
 
 
-def first_readable(looking: Run) -> dict[str, Any] | None:
-    """Return what is seen in the first recording whose columns are known, or could be chosen; None without any."""
-    recordings = [one for one in (seen(looking) or {}).get("recordings", ()) if one["columns"]]
+def first_readable(found: dict[str, Any]) -> dict[str, Any] | None:
+    """Return what a preview saw in the first recording whose columns are known or could be chosen; None if in none."""
+    recordings = [one for one in found["recordings"] if one["columns"]]
     return next((one for one in recordings if one["channels"]), recordings[0] if recordings else None)
 
 
-def columns_tab(folder: Path, looking: Run) -> None:
+def columns_tab(folder: Path, found: dict[str, Any]) -> None:
     """Put the choice of columns, begun with what is proposed."""
-    first = first_readable(looking)
+    first = first_readable(found)
     if first is None:
         tag("p", "There is no recording whose columns could be read.")
         return

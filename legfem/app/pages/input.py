@@ -14,7 +14,7 @@ from legfem.app.workspace import Workspace, description_of, files_of
 from legfem.common.errors import InputError
 from legfem.data.quality import GRADES
 
-type Questions = Callable[[Workspace, str, Run], None]
+type Questions = Callable[[Workspace, str, dict[str, Any]], None]
 
 
 def actions_tab(workspace: Workspace, name: str) -> None:
@@ -90,21 +90,19 @@ RUN = "Run"
 """The tab of the commands."""
 
 
-def preview_tab(workspace: Workspace, name: str, looking: Run, go: Callable[[str], object]) -> None:
+def preview_tab(workspace: Workspace, name: str, looking: Run, found: dict[str, Any], tabs: ui.tabs) -> None:
     """Put what a preview's run wrote, and what to do next."""
-    found = seen(looking)
-    assert found is not None
     if found["trouble"]:
         (frame.wanting if found.get("unsaid") else frame.refused)(found["trouble"])
     with ui.element("div").classes("inrow"):
         if found["trouble"]:
             frame.tag("span", "Give it under" if found.get("unsaid") else "Correct it under")
             for one in ("Assumed", "Columns", "Files"):
-                ui.button(one, on_click=lambda name=one: go(name)).props("outline dense")
+                ui.button(one, on_click=lambda name=one: tabs.set_value(name)).props("outline dense")
         else:
             frame.tag("span", "Is this what you measured?")
             ui.button(frame.ASK, on_click=lambda: frame.ask(workspace, name))
-            ui.button(RUN, on_click=lambda: go(RUN)).props("outline dense")
+            ui.button(RUN, on_click=lambda: tabs.set_value(RUN)).props("outline dense")
     frame.warned(found["doubts"])
     if found["origin"]:
         frame.tag("p", f"{found['title']}: {found['origin']} data", "sentence")
@@ -134,10 +132,8 @@ def _recordings(looking: Run, found: dict[str, Any]) -> None:
                 _recording(looking, one)
 
 
-def _questions(workspace: Workspace, name: str, looking: Run, put: Questions) -> None:
+def _questions(workspace: Workspace, name: str, looking: Run, found: dict[str, Any], put: Questions) -> None:
     """Put the questions about a folder without a description, beside what is seen in it."""
-    found = seen(looking)
-    assert found is not None
     if not any(one["columns"] or not one["trouble"] for one in found["recordings"]) and not any(
         contents(workspace.input(name)) for contents in (contours_in, scans_in)
     ):
@@ -146,7 +142,7 @@ def _questions(workspace: Workspace, name: str, looking: Run, put: Questions) ->
         return
     with ui.element("div").classes("beside"):
         with ui.element("div"):
-            put(workspace, name, looking)
+            put(workspace, name, found)
         with ui.element("div"):
             _recordings(looking, found)
 
@@ -205,21 +201,21 @@ def input_page(workspace: Workspace, name: str, questions: Questions) -> None:
                 with ui.tab_panel(one):
                     match one:
                         case "Preview":
-                            _when_seen(looking, lambda: preview_tab(workspace, name, looking, tabs.set_value))
+                            _when_seen(looking, lambda found: preview_tab(workspace, name, looking, found, tabs))
                         case "What is it":
-                            _when_seen(looking, lambda: _questions(workspace, name, looking, questions))
+                            _when_seen(looking, lambda found: _questions(workspace, name, looking, found, questions))
                         case "Assumed":
                             settings_tab(folder)
                         case "Columns":
-                            _when_seen(looking, lambda: columns_tab(folder, looking))
+                            _when_seen(looking, lambda found: columns_tab(folder, found))
                         case "Files":
                             _files_tab(workspace, name)
                         case _:
                             actions_tab(workspace, name)
 
 
-def _when_seen(looking: Run, put: Callable[[], None]) -> None:
-    """Put something once the preview is there."""
+def _when_seen(looking: Run, put: Callable[[dict[str, Any]], None]) -> None:
+    """Put something of what a preview wrote, once it is there."""
     place = ui.element("div")
     with place, ui.element("div").classes("inrow").props("role=status"):
         ui.spinner()
@@ -233,10 +229,10 @@ def _when_seen(looking: Run, put: Callable[[], None]) -> None:
         timer.cancel()
         place.clear()
         with place:
-            if seen(looking) is None:
-                frame.refused((looking.log() or ["the files could not be looked at"])[-1])
+            if found := seen(looking):
+                put(found)
             else:
-                put()
+                frame.refused((looking.log() or ["the files could not be looked at"])[-1])
 
     timer = ui.timer(_EVERY, check)
 

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from pathlib import Path
 from urllib.parse import quote
 
 from nicegui import ui
@@ -117,27 +118,26 @@ def _results(run: Run, state: RunState) -> None:
     if sentence and state is RunState.DONE:
         tag("p", sentence, "sentence")
     if run.report is not None and state is RunState.DONE:
-        _report(run)
+        _report(run, run.report)
     if lines and state is not RunState.RUNNING:
         with ui.element("details"):
             tag("summary", "Messages of this run")
             tag("pre", "\n".join(lines[-_SHOWN_LINES:]))
 
 
-def _report(run: Run) -> None:
-    assert run.report is not None
+def _report(run: Run, report: Path) -> None:
     with ui.element("div").classes("inrow"):
-        ui.link("Open the report by itself", address(run, run.report.name), new_tab=True)
+        ui.link("Open the report by itself", address(run, report.name), new_tab=True)
         for table in ("numbers", "cohort"):
             for kind in ("csv", "xlsx"):
                 if (run.results / f"{table}.{kind}").is_file():
                     ui.link(f"Table as {kind.upper()}", address(run, f"{table}.{kind}")).props("download")
-    if run.report.suffix == ".html":
+    if report.suffix == ".html":
         ui.element("iframe").classes("report").props(
-            f'src="{address(run, run.report.name)}" title="report of {run.kind}" sandbox="allow-scripts"'
+            f'src="{address(run, report.name)}" title="report of {run.kind}" sandbox="allow-scripts"'
         )
     else:
-        tag("pre", run.report.read_text(encoding="utf-8"))
+        tag("pre", report.read_text(encoding="utf-8"))
         for path in files_of_results(run.results):
             if path.suffix == ".png":
                 ui.element("img").props(f'src="{address(run, path.name)}" alt="{path.stem}"')

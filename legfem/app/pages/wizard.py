@@ -16,7 +16,6 @@ from nicegui.events import GenericEventArguments
 from legfem.app.description import FASCIA_MM, Setting, Value, contours_in, describe, is_contours, known_tests, scans_in
 from legfem.app.pages.forms import column_fields, first_readable, setting_field, typed_value
 from legfem.app.pages.frame import ASK, ask, dropdown, hinted, refused, tag, wanting
-from legfem.app.runs import Run
 from legfem.app.workspace import Workspace, files_of, is_scan, may_be_recording, text_of
 from legfem.common.documents import write_atomically
 from legfem.common.errors import MISSING, InputError
@@ -50,11 +49,11 @@ type Read = Callable[[], Stated]
 _FILES = {"leg": "subject.toml", "stocking": "leg.toml", "specimens": "specimen.toml"}
 
 
-def describe_page(workspace: Workspace, name: str, looking: Run) -> None:
+def describe_page(workspace: Workspace, name: str, found: dict[str, Any]) -> None:
     """Put the questions about a folder, and the buttons that describe and run it."""
     folder = workspace.input(name)
     contours, scans = contours_in(folder), scans_in(folder)
-    first = first_readable(looking)
+    first = first_readable(found)
     tested = any(may_be_recording(path) and not is_contours(path) for path in files_of(folder))
     possible = [
         kind for kind, there in (("leg", True), ("stocking", scans), ("specimens", tested and not contours)) if there

@@ -45,8 +45,8 @@ class StockingReport(ReportKind):
         comfort = "Unknown."
         if found is not None:
             parts += ["The pressures are those of the stiffness that was given."] if details.leg.known else []
-            ends = [stocking_pressures.vein_interval(details, k) for k in range(len(details.leg.veins))]
-            if spreads := [high - low for low, high in ends if np.isfinite(high)]:
+            ends = map(found.vein_interval, range(len(details.leg.veins)))
+            if spreads := [mpa_to_mmhg(high) - mpa_to_mmhg(low) for low, high in ends if np.isfinite(high)]:
                 parts.append(
                     "If the model and the fabric are right, pressures at the veins are known within "
                     f"{0.5 * max(spreads):.1f} mmHg (95 %)."

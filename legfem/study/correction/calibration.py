@@ -58,16 +58,20 @@ class Calibration:
 class Calibrated:
     """The correction and what it was made from."""
 
+    given: Calibration
     correction: TabulatedCorrection
-    meshes: tuple[CaseOutcome, ...]
-    """Outcomes of the reference, the finest mesh first."""
     outcomes: tuple[CaseOutcome, ...]
-    """Outcomes of all cases."""
+    """Of all cases: those of the reference first, the finest mesh's before the coarser two's."""
 
     @property
     def reference(self) -> CaseOutcome:
         """On the finest mesh."""
-        return self.meshes[0]
+        return self.outcomes[0]
+
+    def P_of_reference(self) -> FloatArray:
+        """Return P of the reference's material over the displacement."""
+        correction = self.correction
+        return correction.correction(correction.displacement, *self.given.reference.material.stiffness)
 
 
 def run_cases(
@@ -132,9 +136,26 @@ def calibrate(
         stiffening=np.array(given.stiffening),
         values=np.array(table).reshape(shape) + (fine - rough),
         errors=errors,
-        given=_description(given, outcomes, (fine, middle, rough)),
+        given={
+            "leg": asdict(reference.leg),
+            "cylinder": asdict(reference.cylinder),
+            "material": asdict(reference.material),
+            "numerics": asdict(reference.settings),
+            "trends_mesh": asdict(coarse.settings.mesh),
+            "leg_length_spread": given.spread,
+            "unknowns": reference_case.unknowns,
+            "trends_unknowns": outcomes[2].unknowns,
+            "P_by_unknowns": {
+                str(outcome.unknowns): np.round(values, 5).tolist()
+                for outcome, values in zip(outcomes, (fine, middle, rough), strict=False)
+            },
+            "balance_of_forces": reference_case.balance,
+            "factorisations": sum(outcome.factorisations for outcome in outcomes),
+            "processor_seconds": round(sum(outcome.seconds for outcome in outcomes), 1),
+            "versions": versions_of("dolfinx", "python"),
+        },
     )
-    return Calibrated(correction, tuple(outcomes[:3]), tuple(outcomes))
+    return Calibrated(given, correction, tuple(outcomes))
 
 
 def _ratios(cases: Sequence[CorrectionCase], outcomes: Sequence[CaseOutcome]) -> list[FloatArray]:
@@ -155,30 +176,6 @@ def _ratios(cases: Sequence[CorrectionCase], outcomes: Sequence[CaseOutcome]) ->
 def stiffened(material: Material, c10: float, stiffening: float) -> Material:
     """Return a material with another C10 (kPa) and q, as those of the table."""
     return replace(material, C10_kPa=c10, C20_kPa=c10 * stiffening / (1 - stiffening))
-
-
-def _description(
-    given: Calibration, outcomes: Sequence[CaseOutcome], meshes: Sequence[FloatArray]
-) -> dict[str, object]:
-    reference = given.reference
-    return {
-        "leg": asdict(reference.leg),
-        "cylinder": asdict(reference.cylinder),
-        "material": asdict(reference.material),
-        "numerics": asdict(reference.settings),
-        "trends_mesh": asdict(coarsened(reference, given.coarse).settings.mesh),
-        "leg_length_spread": given.spread,
-        "unknowns": outcomes[0].unknowns,
-        "trends_unknowns": outcomes[2].unknowns,
-        "P_by_unknowns": {
-            str(outcome.unknowns): np.round(values, 5).tolist()
-            for outcome, values in zip(outcomes, meshes, strict=False)
-        },
-        "balance_of_forces": outcomes[0].balance,
-        "factorisations": sum(outcome.factorisations for outcome in outcomes),
-        "processor_seconds": round(sum(outcome.seconds for outcome in outcomes), 1),
-        "versions": versions_of("dolfinx", "python"),
-    }
 
 
 @dataclass(frozen=True)
@@ -264,21 +261,18 @@ def tabulate_legs(
         displacement, np.array(c10), np.array(c10 * q / (1 - q))
     )
     errors = {"girth and bone": between - at_reference - expected, "layers": with_layers - between}
-    return replace(found, errors=errors, given=_table_description(given, coarse, outcomes))
+    stated = {name: value for name, value in asdict(given).items() if name.startswith("checked")}
+    described: dict[str, object] = {
+        "reference_leg": asdict(coarse.leg),
+        "cylinder": asdict(coarse.cylinder),
+        "mesh": asdict(coarse.settings.mesh),
+        "checked_on": {**stated, "fat": given.fat, "fascia": given.fascia},
+        "unknowns": max(outcome.unknowns for outcome in outcomes),
+        "seconds": round(sum(outcome.seconds for outcome in outcomes), 1),
+    }
+    return replace(found, errors=errors, given=described)
 
 
 def leg_of_size(like: IdealisedLeg, radius: float, depth_to_bone: float) -> IdealisedLeg:
     """Return a leg with another radius, its bone (of the same size) at a depth (mm)."""
     return replace(like, radius=radius, bone_offset=radius - like.bone_radius - depth_to_bone)
-
-
-def _table_description(given: LegTable, coarse: CorrectionCase, outcomes: Sequence[CaseOutcome]) -> dict[str, object]:
-    checked = {name: value for name, value in asdict(given).items() if name.startswith("checked")}
-    return {
-        "reference_leg": asdict(coarse.leg),
-        "cylinder": asdict(coarse.cylinder),
-        "mesh": asdict(coarse.settings.mesh),
-        "checked_on": {**checked, "fat": given.fat, "fascia": given.fascia},
-        "unknowns": max(outcome.unknowns for outcome in outcomes),
-        "seconds": round(sum(outcome.seconds for outcome in outcomes), 1),
-    }

@@ -83,7 +83,7 @@ def run(
             outcomes = calibration.run_cases(list(cases.values()), kept, jobs, progress, comm)
             studied[name] = dict(zip(cases, map(_as_far_as_it_came, cases.values(), outcomes), strict=True))
     if first:
-        _write(given, found, studied, out, trends)
+        _write(found, studied, out, trends)
     return found, studied[LENGTH]
 
 
@@ -96,10 +96,8 @@ def _as_far_as_it_came(case: CorrectionCase, outcome: CaseOutcome) -> FloatArray
     return curve
 
 
-def _write(
-    given: calibration.Calibration, found: calibration.Calibrated, studied: Trend, out: Path, trends: bool
-) -> None:
-    page, displacement = correction_web_page(given, found, studied, web.command_line()), found.correction.displacement
+def _write(found: calibration.Calibrated, studied: Trend, out: Path, trends: bool) -> None:
+    page, displacement = correction_web_page(found, studied, web.command_line()), found.correction.displacement
     print(brief(page, (DEPENDS_ON, HOW_SURE) if trends else (HOW_SURE,)))
     documents.write_atomically(out / web.PAGE, rendered(page))
     print(f"page: {out / web.PAGE}")
@@ -171,7 +169,8 @@ def meshes_cells(found: calibration.Calibrated) -> documents.Cells:
     """P on the meshes, a row a mesh, and the finest one's error by Richardson's estimate."""
     displacement = found.correction.displacement
     depths = SHOWN[SHOWN <= displacement[-1]]
-    values = [outcome.P(depths) for outcome in found.meshes]
+    meshes = found.outcomes[:3]
+    values = [outcome.P(depths) for outcome in meshes]
     limit = values[0] + np.interp(depths, displacement, found.correction.errors["mesh"])
     rows = [
         {
@@ -180,7 +179,7 @@ def meshes_cells(found: calibration.Calibrated) -> documents.Cells:
             "tangents": f"{one.factorisations}",
             "time (s)": f"{one.seconds:.0f}",
         }
-        for one, P in reversed(list(zip(found.meshes, values, strict=True)))
+        for one, P in reversed(list(zip(meshes, values, strict=True)))
     ]
     return documents.row_cells([*rows, {"unknowns": "limit", **_at(depths, limit), "tangents": "", "time (s)": ""}])
 
@@ -213,15 +212,11 @@ _NOT_TESTED = (
 )
 
 
-def correction_web_page(
-    given: calibration.Calibration, found: calibration.Calibrated, trends: Trend, command: str
-) -> web.WebPage:
+def correction_web_page(found: calibration.Calibrated, trends: Trend, command: str) -> web.WebPage:
     """Return the page of a calibration.
 
     Parameters
     ----------
-    given
-        What was calibrated.
     found
         The correction.
     trends
@@ -238,11 +233,11 @@ def correction_web_page(
         title="How much do a cylinder's ends change the force on a leg?",
         subject=found.correction.name,
         origin="simulated",
-        headline=_headline(given, found),
+        headline=_headline(found),
         warnings=_warnings(found),
-        known=_known(given, found),
+        known=_known(found),
         chapters=[
-            web.Chapter("The correction", [_correction(given, found)]),
+            web.Chapter("The correction", [_correction(found)]),
             web.Chapter(DEPENDS_ON, [*trend_curves(grid, trends), *tables]),
             web.Chapter(
                 HOW_SURE,
@@ -260,17 +255,15 @@ def correction_web_page(
     )
 
 
-def _at_end(given: calibration.Calibration, found: calibration.Calibrated) -> tuple[float, float, float]:
+def _at_end(found: calibration.Calibrated) -> tuple[float, float, float]:
     """Return depth (mm), P and its standard deviation there, of the reference material."""
-    correction, material = found.correction, given.reference.material
-    depth = correction.displacement[-1:]
-    P = correction.correction(depth, *material.stiffness)
-    return float(depth[0]), float(P[0]), float(correction.standard_deviation(depth)[0])
+    x = found.correction.displacement
+    return float(x[-1]), float(found.P_of_reference()[-1]), float(found.correction.standard_deviation(x)[-1])
 
 
-def _headline(given: calibration.Calibration, found: calibration.Calibrated) -> web.Headline:
-    depth, P, sd = _at_end(given, found)
-    length, share = given.reference.cylinder.length, f"{100 * abs(P):.0f} %"
+def _headline(found: calibration.Calibrated) -> web.Headline:
+    depth, P, sd = _at_end(found)
+    length, share = found.given.reference.cylinder.length, f"{100 * abs(P):.0f} %"
     beside, without = "the force that", "Hardly anything"
     if share != "0 %":
         beside = f"{share} {'more' if P < 0 else 'less'} force than"
@@ -304,9 +297,9 @@ def _next() -> list[str]:
     ]
 
 
-def _known(given: calibration.Calibration, found: calibration.Calibrated) -> list[web.Known]:
-    leg, cylinder, material = (given.reference.leg, given.reference.cylinder, given.reference.material)
-    depth, P, sd = _at_end(given, found)
+def _known(found: calibration.Calibrated) -> list[web.Known]:
+    case, (depth, P, sd) = found.given.reference, _at_end(found)
+    leg, cylinder, material = case.leg, case.cylinder, case.material
     option = "option, or legfem's usual"
     return [
         web.Known(
@@ -332,19 +325,18 @@ def _known(given: calibration.Calibration, found: calibration.Calibrated) -> lis
             "assumed",
             "the paper",
         ),
-        web.Known("error of the leg's length", f"{100 * given.spread:g} %", "prior", "legfem's usual"),
+        web.Known("error of the leg's length", f"{100 * found.given.spread:g} %", "prior", "legfem's usual"),
         web.Known(
             "error of the balance of forces", f"{found.reference.balance:.1e} of the force", "computed", "the 3D model"
         ),
     ]
 
 
-def _correction(given: calibration.Calibration, found: calibration.Calibrated) -> Curves:
-    correction, material = found.correction, given.reference.material
+def _correction(found: calibration.Calibrated) -> Curves:
+    correction, reference = found.correction, found.given.reference.material.C10_kPa
     x = correction.displacement
-    P = correction.correction(x, *material.stiffness)
-    lines = [Line(f"C10 {material.C10_kPa:g} kPa, the reference", P, None)]
-    for k, c10 in enumerate(c10 for c10 in given.c10_kPa if c10 != material.C10_kPa):
+    lines = [Line(f"C10 {reference:g} kPa, the reference", found.P_of_reference(), None)]
+    for k, c10 in enumerate(c10 for c10 in found.given.c10_kPa if c10 != reference):
         at = correction.correction(x, kpa_to_mpa(np.array(c10)), np.array(0.0))
         lines.append(Line(f"C10 {c10:g} kPa", at, None, COLOURS[k % 7], _DASHES[k % 4]))
     title, more = "P over the cylinder's displacement, by the deep tissue's C10", "95 % of the reference's"

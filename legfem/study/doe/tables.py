@@ -15,7 +15,7 @@ from legfem.study.doe.design import Definition, in_words, label_of
 from legfem.study.doe.figures import STAGE_COLOURS
 from legfem.study.doe.information import IDENTIFIED, IDENTIFIED_WITHIN, Information
 from legfem.study.doe.runs import NumericalError
-from legfem.study.doe.study import SobolIndices, StudyResult
+from legfem.study.doe.study import StudyResult
 from legfem.study.doe.surface import LEVEL, MetricAnalysis
 
 UNITS_NOTE = "Sums of squares in (N/mm²)² for slopes and (N/mm³)² for curvatures."
@@ -73,16 +73,6 @@ def _numerics_rows(result: StudyResult, found: NumericalError) -> Iterator[dict[
             "of the largest": f"{bound / max(abs(t.value) for t in tests):.2%}" if tests else "-",
             "significant ones below it": f"{below}" if tests else "-",
         }
-
-
-def _sobol_row(labels: Sequence[str], s: SobolIndices) -> dict[str, str]:
-    """First-order and total indices, and the emulator's error."""
-    return {
-        "metric": s.metric.label,
-        **{name: f"{one:.3f}, {all_:.3f}" for name, one, all_ in zip(labels, s.first, s.total, strict=True)},
-        "sum of first": f"{s.first.sum():.3f}",
-        "emulator's rms error / sd": f"{s.error.relative:.2%} ({s.error.points} runs)",
-    }
 
 
 def _information_rows(found: Information, depths: Sequence[float]) -> Iterator[dict[str, str]]:
@@ -227,16 +217,36 @@ def number_chapters(result: StudyResult) -> list[web.Chapter]:
             "above and a Latin hypercube. Its error is at simulations that it has not seen."
         )
         labels = [f.label for f in result.definition.factors]
-        table = web.WebTable.of("First order, total", (_sobol_row(labels, s) for s in result.sobol))
+        rows = (
+            {
+                "metric": s.metric.label,
+                **{name: f"{one:.3f}, {all_:.3f}" for name, one, all_ in zip(labels, s.first, s.total, strict=True)},
+                "sum of first": f"{s.first.sum():.3f}",
+                "emulator's rms error / sd": f"{s.error.relative:.2%} ({s.error.points} runs)",
+            }
+            for s in result.sobol
+        )
+        table = web.WebTable.of("First order, total", rows)
         chapters.append(web.Chapter("Sobol indices", [table, web.Prose(note)]))
     return chapters
 
 
 def _variance(result: StudyResult) -> list[web.Block]:
+    counting = (
+        "factors less 1, and runs less factors, as in the paper's text "
+        "(p = 5: 4 and 28). Its Table 3 and statistics use the number of coefficients instead."
+    )
+    if result.counting == "coefficients":
+        counting = (
+            "coefficients less 1, and runs less coefficients, as in the "
+            "paper's Table 3 (15 and 17), not as in its text; --count factors gives the text's."
+        )
     effects = "Effects without an error estimate (Lenth), curvature at the centre, normality"
     return [
         web.Bullets(result.run_notes()),
-        web.Prose(f"{UNITS_NOTE} R² predicted is that of runs that were not used in the fit. {_counting(result)}"),
+        web.Prose(
+            f"{UNITS_NOTE} R² predicted is that of runs that were not used in the fit. Degrees of freedom: {counting}"
+        ),
         web.WebTable("Analysis of variance of each metric", *anova_cells(result)),
         web.WebTable.of(effects, map(_effects_row, result.analyses), folded=True),
         web.Prose(
@@ -246,18 +256,6 @@ def _variance(result: StudyResult) -> list[web.Block]:
             "terms. The column for normality gives the probability in Shapiro and Wilk's test."
         ),
     ]
-
-
-def _counting(result: StudyResult) -> str:
-    if result.counting == "coefficients":
-        return (
-            "Degrees of freedom: coefficients less 1, and runs less coefficients, as in the "
-            "paper's Table 3 (15 and 17), not as in its text; --count factors gives the text's."
-        )
-    return (
-        "Degrees of freedom: factors less 1, and runs less factors, as in the paper's text "
-        "(p = 5: 4 and 28). Its Table 3 and statistics use the number of coefficients instead."
-    )
 
 
 _UNSEEN = 0.01
