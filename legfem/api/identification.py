@@ -149,7 +149,8 @@ def identify(
     with progress_on(quiet=not progress) as told:
         request = replace(request, progress=told)
         if loading.are_specimens(given):
-            from legfem.api.specimens import identify_specimens
+            from legfem.specimens.laws import laws_named, request_of_texts
+            from legfem.specimens.problem import fit_specimens
 
             legs_alone = {
                 "correction": str(correction) != "auto",
@@ -160,7 +161,8 @@ def identify(
                 "weighting": weighting is not None,
             }
             loading.check_unused("specimens", legs_alone)
-            return identify_specimens(given, law, wanted, leave_out or (), request)
+            asked = request_of_texts(wanted.texts, given.tissues, wanted.given, wanted.numbers)
+            return Identification(given, tuple(fit_specimens(given, laws_named(law), asked, leave_out or (), request)))
         loading.check_unused("a leg", {"leave_out": bool(leave_out)})
         loading.check_one_of("law", law, (*LAWS, "both"))
         return _of_leg(given, law, wanted, request, str(correction), model == "3d", mesh, comm or MPI.COMM_SELF)

@@ -1,4 +1,4 @@
-"""The front door's specimens: what identify and diagnose do with a folder of them."""
+"""The front door's specimens: what diagnose does with a folder of them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -9,28 +9,15 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from legfem.api import loading
-from legfem.api.asked import AskedParameters
 from legfem.api.diagnosed import DIAGNOSIS, Diagnosed
-from legfem.api.results import Identification, Result
+from legfem.api.results import Result
 from legfem.common.documents import write_document
-from legfem.inverse.settings import SearchRequest
 from legfem.report.diagnosis_document import parameter_rows
 from legfem.report.folder import REPORT, made_in_place
 from legfem.report.page import WebPage
 from legfem.report.specimen_results import specimens_document, specimens_page
 from legfem.specimens.diagnosis import DiagnosedSpecimen, SpecimenDiagnoser, said_together
 from legfem.specimens.folder import SpecimenFolder
-from legfem.specimens.laws import laws_named, request_of_texts
-from legfem.specimens.problem import fit_specimens
-
-
-def identify_specimens(
-    folder: SpecimenFolder, law: str | None, wanted: AskedParameters, leave_out: Sequence[str], request: SearchRequest
-) -> Identification:
-    """Return what `legfem.identify` finds in specimens."""
-    laws = laws_named(law)
-    asked = request_of_texts(wanted.texts, folder.tissues, wanted.given, wanted.numbers)
-    return Identification(folder, tuple(fit_specimens(folder, laws, asked, leave_out, request)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""What a fit of specimens has beside that of any test: what isn't known of a test, weighed; errors of sizes.
+"""What a fit of specimens has beside that of any test: what isn't known of a test, weighed.
 
 Alternatives are as probable beforehand. Intervals are those of the mixture, each counting by its evidence beside a
 smooth error of unknown form (`legfem.specimens.model_discrepancy`), alike in all recordings, and summed over the laws
@@ -20,9 +20,8 @@ from scipy.stats import norm
 
 from legfem.common.errors import Doubt
 from legfem.common.numbers import number, percent, share
-from legfem.common.units import FloatArray
 from legfem.inverse.answer import Answer
-from legfem.inverse.catalogue import DEEP_C10, Values, key_of, symbol_of
+from legfem.inverse.catalogue import DEEP_C10, key_of, symbol_of
 from legfem.inverse.comparison import ErrorSource
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import (
@@ -40,14 +39,11 @@ from legfem.inverse.fit import (
 )
 from legfem.inverse.intervals import VERDICTS, identifiability
 from legfem.inverse.notice import Notice, doubted
-from legfem.inverse.outcome import JointForward
-from legfem.specimens.comparison import SpecimenComparison
 from legfem.specimens.course import Course
 from legfem.specimens.folder import FILE, SpecimenFolder
-from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.model_discrepancy import LawMisfit, TestsAgreement
 from legfem.specimens.side import FaceFit, LateralFit
-from legfem.specimens.sizes import RESIZED, LeftOut, SpecimenRecording
+from legfem.specimens.sizes import LeftOut, SpecimenRecording
 from legfem.specimens.thickness import SizeDependence, YieldingRig, widened
 
 type _Fit = Fit[SpecimenDetails]
@@ -224,53 +220,6 @@ def alternatives_text(every: "Sequence[Weighed]", to_know: str) -> str:
         f"The folder does not state how the test was done. Judging by the recordings: {', '.join(each)}. The interval "
         f"weighs them by these chances. {to_know}."
     )
-
-
-def size_covariance(
-    comparison: SpecimenComparison,
-    model: JointForward[SpecimenForward],
-    values: Values,
-    readings: FloatArray,
-    predicted: FloatArray,
-    relative_sd: Sequence[Mapping[str, float]],
-) -> FloatArray:
-    """Return the covariance (n, n) of predicted readings by the sizes' errors, each a specimen's own.
-
-    Parameters
-    ----------
-    comparison
-        Recordings of n readings.
-    model
-        Of their tests.
-    values, readings
-        At the optimum.
-    predicted
-        (n,), there.
-    relative_sd
-        Relative errors of sizes by name, of every test.
-    """
-    found = np.zeros((len(predicted), len(predicted)))
-    parts = comparison.parts
-    specimens = np.array([parts[k].recording.specimen for k in comparison.part_of])
-    numbers = np.array([parts[k].test for k in comparison.part_of])
-    forces_alone = np.where(np.arange(len(predicted)) < len(comparison.forces), predicted, 0.0)
-    for place, (test, errors) in enumerate(zip(model.models, relative_sd, strict=True)):
-        for name, sd in errors.items():
-            if not sd:
-                continue
-            if name in test.sizes.kind.as_force:
-                change = forces_alone
-            else:
-                larger = replace(test, sizes=test.sizes.larger(name))
-                models = tuple(larger if one is test else one for one in model.models)
-                outcome = JointForward(models).solve(values, ())
-                if not comparison.told_by(outcome):
-                    continue
-                change = (comparison.predict(outcome, readings).values - predicted) / RESIZED
-            for specimen in dict.fromkeys(specimens):
-                mode = sd * np.where((specimens == specimen) & (numbers == place), change, 0.0)
-                found += np.outer(mode, mode)
-    return found
 
 
 @dataclass(frozen=True, eq=False)

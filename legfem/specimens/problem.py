@@ -16,7 +16,7 @@ from scipy.special import stdtrit
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.common.wording import Argument
-from legfem.inverse.catalogue import IdentifiedLaw, LawName, model_values
+from legfem.inverse.catalogue import IdentifiedLaw, LawName, Values, model_values
 from legfem.inverse.comparison import total_of
 from legfem.inverse.estimates import Optimum, estimates
 from legfem.inverse.fit import ChannelFit, Fit, Goodness, Identity, least_akaike, versions
@@ -38,7 +38,7 @@ from legfem.specimens.model_discrepancy import LawMisfit, TestsAgreement, agreem
 from legfem.specimens.nuisances import SETTLED, check_strained, seeks_ratio, why_ratio_undetermined
 from legfem.specimens.prepared import Prepared, prepare
 from legfem.specimens.side import face_fit, lateral_fit
-from legfem.specimens.sizes import OF_LAYER, Sizes, SpecimenRecording
+from legfem.specimens.sizes import OF_LAYER, RESIZED, Sizes, SpecimenRecording
 from legfem.specimens.thickness import OnARig, goes_with_thickness, widened
 
 
@@ -115,10 +115,7 @@ class SpecimenProblem:
         covariance = total_of(comparison.covariances_at(predicted, by_chance))
         covariances = dict(comparison.covariances_at(predicted, spread))
         if comparison.own is None:
-            errors = [self._size_errors(one.sizes) for one in self.forward.models]
-            covariances["sizes"] = details.size_covariance(
-                comparison, self.forward, model_values(best.values), readings, predicted, errors
-            )
+            covariances["sizes"] = self._errors_of_sizes(comparison, model_values(best.values), readings, predicted)
         if self.folder.tests and "sizes" in covariances:
             # Of one test the stiffness takes up what sizes err by.
             covariance = covariance + covariances["sizes"]
@@ -186,6 +183,32 @@ class SpecimenProblem:
         unused = (Notice.of(details.SpecimenNotice.NOT_USED, **asdict(one)) for one in self.prepared.left_out)
         doubts = doubts_of(self.folder, self.prepared.c10, self.prepared.doubts)
         return replace(result, notices=(*doubted(doubts), *unused, *found_here))
+
+    def _errors_of_sizes(
+        self, comparison: SpecimenComparison, values: Values, readings: FloatArray, predicted: FloatArray
+    ) -> FloatArray:
+        """Return the covariance (n, n) of predicted readings (n,) by the sizes' errors, each a specimen's own."""
+        found = np.zeros((len(predicted), len(predicted)))
+        parts, models = comparison.parts, self.forward.models
+        specimens = np.array([parts[k].recording.specimen for k in comparison.part_of])
+        numbers = np.array([parts[k].test for k in comparison.part_of])
+        forces_alone = np.where(np.arange(len(predicted)) < len(comparison.forces), predicted, 0.0)
+        for place, test in enumerate(models):
+            for name, sd in self._size_errors(test.sizes).items():
+                if not sd:
+                    continue
+                if name in test.sizes.kind.as_force:
+                    change = forces_alone
+                else:
+                    larger = replace(test, sizes=test.sizes.larger(name))
+                    outcome = JointForward(tuple(larger if one is test else one for one in models)).solve(values, ())
+                    if not comparison.told_by(outcome):
+                        continue
+                    change = (comparison.predict(outcome, readings).values - predicted) / RESIZED
+                for specimen in dict.fromkeys(specimens):
+                    mode = sd * np.where((specimens == specimen) & (numbers == place), change, 0.0)
+                    found += np.outer(mode, mode)
+        return found
 
     def _missed(
         self, found: Found[SpecimenComparison], covariance: FloatArray
