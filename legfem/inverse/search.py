@@ -136,9 +136,10 @@ def far_ends(best: Linearised, trials: Sequence[Trial]) -> FloatArray:
 _AGREE_OF_ERROR, _AGREE_OF_VALUE = 0.1, 2e-3
 # ... and the full model's own Gauss-Newton step is no longer than this.
 _STEP_OF_ERROR, _STEP_OF_VALUE = 1e-3, 2e-5
-_LAST_STEP_OF_ERROR = 0.02
-# Of what the sum of squares rises by within a standard error.
-_FLAT = 0.1
+_LAST_STEP_OF_ERROR, _LAST_STEP_OF_VALUE = 0.05, 5e-3
+# Of what the sum of squares rises by within a standard error: what nothing is gained by, and what solves by other steps
+# differ by.
+_FLAT, _UNTOLD = 0.1, 1.0
 # Of the least sum of squares: what a further solve has to gain where numbers are read off a curve.
 _WORTH = 1e-4
 # Of the same: what a model that isn't smooth raises it by beside its least.
@@ -175,6 +176,8 @@ class Search[C: Comparison]:
     converged: bool = False
     begun: bool = False
     """Whether an earlier search, by other weights, was near the optimum: none by the minimiser is needed then."""
+    ends_near: bool = False
+    """Whether it is enough to come near the optimum: another search goes on from there, by other weights."""
     emulator_error: float = math.nan
     """Largest force error (N) of the emulator at the last accepted point; NaN before there is one."""
 
@@ -195,8 +198,19 @@ class Search[C: Comparison]:
 
     @property
     def best(self) -> Trial:
-        """The complete solve of the least objective."""
-        return min(self.complete, key=lambda trial: trial.objective)
+        """The complete solve of the least objective.
+
+        Curves through other steps differ by some 1e-4, and objectives by more than a near optimum's. Of solves between
+        which errors don't tell, the model's own step leaves the best one least.
+        """
+        least = min(self.complete, key=lambda trial: trial.objective)
+        limit = least.objective + _UNTOLD * self._rise_of_error(least)
+        as_good = [trial for trial in self.complete if trial.objective <= limit]
+        return least if len(as_good) == 1 else min(as_good, key=self._errors_away)
+
+    def _errors_away(self, trial: Trial) -> float:
+        """Return the length of the Gauss-Newton step from a complete solve, in standard errors."""
+        return float(np.max(np.abs(self.newton_step(trial)) / self.standard_error(trial)))
 
     def design(self) -> FloatArray:
         """Return what to solve first; (n, p)."""
@@ -269,6 +283,9 @@ class Search[C: Comparison]:
             # Along a curved valley it goes too far; the emulator knows better once that is solved.
             tried = self._solved(step)
             settled = self.is_stationary() or self._moves_little() or (self._reads and is_settled(gained))
+            if near and self.ends_near:
+                self.converged = True
+                return
             if near and (settled or (tried and self._is_settled_at(step, emulated, proposal))):
                 ends = far_ends(self.linearised(self.best), self.trials)
                 if len(ends) and len(self.trials) + len(ends) <= self.settings.most_solves:
@@ -333,15 +350,15 @@ class Search[C: Comparison]:
         costs = cost(np.array(candidates))
         return trusted(candidates[int(np.argmin(costs))])[0]
 
-    def newton_step(self) -> FloatArray:
-        """Return the Gauss-Newton step (p,) from the best full solve, within bounds."""
-        linear = self.linearised(self.best)
-        limits = self.domain.bounds - self.best.point[:, None]
+    def newton_step(self, trial: Trial | None = None) -> FloatArray:
+        """Return the Gauss-Newton step (p,) from a full solve, or the best one, within bounds."""
+        linear = self.linearised(trial or self.best)
+        limits = self.domain.bounds - linear.point[:, None]
         return gauss_newton_step(linear.jacobian, linear.residual, limits)
 
-    def standard_error(self) -> FloatArray:
-        """Return the standard errors (p,) at the best full solve."""
-        spread = self.linearised(self.best).errors(self.misfit.covariance)
+    def standard_error(self, trial: Trial | None = None) -> FloatArray:
+        """Return the standard errors (p,) at a full solve, or the best one."""
+        spread = self.linearised(trial or self.best).errors(self.misfit.covariance)
         return np.asarray(np.sqrt(np.diag(spread)))
 
     def is_stationary(self) -> bool:
@@ -351,7 +368,7 @@ class Search[C: Comparison]:
     def _moves_little(self) -> bool:
         """Whether Gauss-Newton's step is too short, for errors and for values, to be worth a solve."""
         step = self.newton_step()
-        return self._is_short(step, _LAST_STEP_OF_ERROR, 0.0) and self._is_short(step, 0.0, _AGREE_OF_VALUE)
+        return self._is_short(step, _LAST_STEP_OF_ERROR, 0.0) and self._is_short(step, 0.0, _LAST_STEP_OF_VALUE)
 
     def _is_short(self, step: FloatArray, of_error: float, of_value: float) -> bool:
         sizes = sizes_of(self.best, self.law.parameters)
@@ -376,11 +393,11 @@ class Search[C: Comparison]:
         to_gain = self.best.objective - float(emulated.objective(proposal))
         return to_gain < _AGREE_OF_ERROR**2 * self._rise_of_error()
 
-    def _rise_of_error(self) -> float:
+    def _rise_of_error(self, trial: Trial | None = None) -> float:
         """Return by how much the sum of squares rises within the least known direction's standard error."""
-        best = self.linearised(self.best)
+        best = self.linearised(trial or self.best)
         curvature = np.diag(np.linalg.pinv(best.jacobian.T @ best.jacobian))
-        return float(np.min(self.standard_error() ** 2 / np.maximum(curvature, 1e-300)))
+        return float(np.min(self.standard_error(trial) ** 2 / np.maximum(curvature, 1e-300)))
 
     def _solved(self, point: FloatArray) -> bool:
         key = key_of_values(self.law.values(point))

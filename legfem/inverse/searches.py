@@ -130,10 +130,10 @@ class Searches[C: Comparison]:
         return [self._find(name) for name in names]
 
     def nearest(self, names: Sequence[LawName]) -> Found[C]:
-        """Return what was found of the law of most parameters."""
+        """Return what was found, near its optimum, of the law of most parameters."""
         most = max(names, key=lambda name: len(self.problem.unknowns[name].parameters))
-        (found,) = self.find([most])
-        return found
+        self._run([most], ends_near=True)
+        return self._find(most)
 
     def _find(self, name: LawName) -> Found[C]:
         search = self._search(name)
@@ -155,9 +155,9 @@ class Searches[C: Comparison]:
             self._run([name])
         return self._searches[name]
 
-    def _run(self, names: Sequence[LawName]) -> None:
+    def _run(self, names: Sequence[LawName], ends_near: bool = False) -> None:
         """Search for laws side by side."""
-        new = {name: self._new(name) for name in names}
+        new = {name: replace(self._new(name), ends_near=ends_near) for name in names}
         self.solver.progress.stage(f"identifying the {' and the '.join(new)} law")
         started = time.perf_counter()
         run_together(list(new.values()))
