@@ -58,10 +58,11 @@ class RoughLeg(AnalyticLeg):
         return replace(outcome, curves=(replace(outcome.curve, force=scatter * outcome.curve.force),))
 
 
-def test_a_search_on_a_rough_model_ends_when_its_optima_are_refuted(tmp_path: Path) -> None:
-    leg = pressed_leg(tmp_path, 1.5, 0.4, seed=2)
+@pytest.mark.parametrize("seed", [2, 3, 4, 5])
+def test_a_search_on_a_rough_model_ends_where_errors_cannot_tell_solves_apart(tmp_path: Path, seed: int) -> None:
+    leg = pressed_leg(tmp_path, 1.5, 0.4, seed=seed)
     (found,) = identify(leg, model=RoughLeg(), laws=("reduced-polynomial",))
-    assert found.log.converged and found.log.forward_solves <= 18
+    assert found.log.converged and found.log.forward_solves <= 7
     assert found.estimates["deep.C10"].shown.value == pytest.approx(1.5, rel=0.01)
 
 

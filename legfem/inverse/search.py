@@ -142,8 +142,6 @@ _LAST_STEP_OF_ERROR, _LAST_STEP_OF_VALUE = 0.05, 5e-3
 _FLAT, _UNTOLD = 0.1, 1.0
 # Of the least sum of squares: what a further solve has to gain where numbers are read off a curve.
 _WORTH = 1e-4
-# Of the same: what a model that isn't smooth raises it by beside its least.
-_ROUGH = 1e-3
 # Optima of the emulator, one after another, that full solves showed to be none.
 _REFUTED = 3
 # Complete solves, the best first, from which an optimum among many parameters is polished.
@@ -293,7 +291,7 @@ class Search[C: Comparison]:
                     continue
                 self.converged = True
                 return
-            rough = -gained < _ROUGH and self._gains_nothing(emulated, proposal)
+            rough = self._gains_nothing(emulated, proposal, _UNTOLD)
             short = near and self._is_short(step - self.best.point, _AGREE_OF_ERROR, _AGREE_OF_VALUE)
             if refuted >= _REFUTED and (rough or short or (self._wide and self.is_stationary())):
                 self.converged = True
@@ -388,10 +386,10 @@ class Search[C: Comparison]:
         as_good = tried.objective - self.best.objective < _FLAT * self._rise_of_error()
         return as_good or self._gains_nothing(emulated, proposal)
 
-    def _gains_nothing(self, emulated: Emulated, proposal: FloatArray) -> bool:
+    def _gains_nothing(self, emulated: Emulated, proposal: FloatArray, open_share: float = _AGREE_OF_ERROR**2) -> bool:
         """Whether the emulator's optimum lowers the sum of squares by less than errors leave open."""
         to_gain = self.best.objective - float(emulated.objective(proposal))
-        return to_gain < _AGREE_OF_ERROR**2 * self._rise_of_error()
+        return to_gain < open_share * self._rise_of_error()
 
     def _rise_of_error(self, trial: Trial | None = None) -> float:
         """Return by how much the sum of squares rises within the least known direction's standard error."""
