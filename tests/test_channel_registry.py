@@ -26,7 +26,7 @@ from legfem.channels.kinds.contact import PRESSURE
 from legfem.channels.kinds.section_image import INSIDE, STRAIN
 from legfem.data.recording import RecordedChannel, Recording, write_recording
 from legfem.geometry.indenter import Site
-from legfem.geometry.section import BONES, layer_thicknesses
+from legfem.geometry.section import layer_thicknesses
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
 from legfem.report.instrument_file import channels_toml
@@ -58,7 +58,7 @@ def test_plans_look_at_every_kind_of_frames_within_the_tissue_or_on_the_face():
     assert set(sights) == {name for name in OF_FRAMES if CHANNELS.get(name) in OF_LEGS}
     assert [one.name for one in planned_sights(SITE, [STRAIN.name])] == [name for name in sights if name != STRAIN.name]
     soft = SITE.section.polygon("skin")
-    for bone in BONES:
+    for bone in SITE.section.bones:
         soft = soft.difference(SITE.section.polygon(bone))
     inside, strain, film = (sights[kind.name] for kind in (INSIDE, STRAIN, PRESSURE))
     for points in (inside[:, :2], strain):

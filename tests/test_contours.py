@@ -47,13 +47,13 @@ def test_direction_and_repeated_end_do_not_matter(tmp_path):
     other = read_contours(write_contours(tmp_path / "b.csv", parts), 0.6)
     assert other.polygon("skin").equals(plain.polygon("skin"))
     assert other.polygon("skin").exterior.is_ccw
-    assert other.tibia.shape == plain.tibia.shape
+    assert other.bones["tibia"].shape == plain.bones["tibia"].shape
 
 
 @pytest.mark.parametrize(
     ("part", "change", "field", "words"),
     [
-        ("tibia", lambda p: p[:0], "tibia", "missing"),
+        ("fascia", lambda p: p[:0], "fascia", "missing"),
         ("tibia", lambda p: p[::8], "tibia", "too few"),
         ("skin", lambda p: p[:-20], "skin", "open"),
         ("skin", lambda p: p[np.r_[0:50, 60, 55, 50, 65:200]], "skin", "crosses itself"),
@@ -140,7 +140,7 @@ def test_resampling_is_even_and_smoothing_takes_noise_away():
 
 def test_a_section_copies_what_it_is_given():
     parts = leg()
-    section = LegSection(**parts, fascia_thickness=0.6)
+    section = LegSection.of_parts(parts, 0.6)
     parts["skin"][:] = 0.0
     assert girth(section) > 370
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from legfem.common.errors import InputError
 from legfem.geometry.__main__ import app
 from legfem.geometry.motion import CuttingPlane
-from legfem.geometry.section import PARTS, fat_thickness, girth, minimal_fat_thickness
+from legfem.geometry.section import fat_thickness, girth, minimal_fat_thickness
 from legfem.geometry.section_from_outlines import section_from_outlines
 from legfem.imaging.leg_source import LegSource
 from legfem.legs.folder import folder_of_leg
@@ -45,7 +45,7 @@ def _write(path, surfaces):
 def test_a_tibia_under_the_skin_is_wrapped_and_cut_back():
     outlines = {part: Polygon(xy) for part, xy in _surfaces().items()}
     section = section_from_outlines(outlines, 0.6, "made")
-    parts = {part: section.polygon(part) for part in PARTS}
+    parts = {part: section.polygon(part) for part in section.parts}
     assert minimal_fat_thickness(section) >= 1.5
     for bone in ("tibia", "fibula"):
         assert parts[bone].within(parts["fascia"].buffer(-0.6 - 1.0))

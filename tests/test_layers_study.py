@@ -28,7 +28,7 @@ def test_bodies_have_the_layers_that_are_drawn(body):
         for name, usual in USUAL_KPA.items():
             assert usual / FACTOR <= truth.true(f"{name}.C10") <= usual * FACTOR
         section = section_of(truth)
-        own = layer_thicknesses(section, section.tibia.mean(axis=0), np.array([0.0, 1.0]))
+        own = layer_thicknesses(section, section.bones["tibia"].mean(axis=0), np.array([0.0, 1.0]))
         if body == "limb":
             assert own["fat_thickness"] == pytest.approx(truth.fat, abs=0.01)
             assert own["muscle_thickness"] == pytest.approx(truth.muscle, abs=0.05)

@@ -16,7 +16,7 @@ from legfem.common.units import FloatArray
 from legfem.experiments.plane_strain import LateralPlacement, PlaneStrainIndentation, PlaneStrainSettings
 from legfem.fem.compat import cell_nodes
 from legfem.geometry.indenter import Indenter, first_touch
-from legfem.geometry.section import BONES, PARTS, LegSection, smooth_closed_curve
+from legfem.geometry.section import CALF, LIMBS, LegSection, smooth_closed_curve
 from legfem.legs.finite_element_models import COARSENING
 from legfem.legs.nuisances import errors_of_geometry
 from legfem.meshing.section import MeshMotion, SectionMesh, mesh_section
@@ -82,7 +82,7 @@ def test_nothing_moves_by_a_motion_of_no_size(leg, plain):
         assert not np.any(shift(replace(motion, size=0.0), points, leg, plain))
 
 
-@pytest.mark.parametrize("motion", [m for m in MOTIONS if m.outline not in BONES], ids=str)
+@pytest.mark.parametrize("motion", [m for m in MOTIONS if m.outline not in LIMBS[CALF]], ids=str)
 def test_an_outline_moves_by_the_size_at_the_hat_s_top_and_not_beyond_its_foot(motion, leg, plain):
     section, _ = leg
     skin = ring(section, "skin")
@@ -103,7 +103,7 @@ def test_an_outline_moves_by_the_size_at_the_hat_s_top_and_not_beyond_its_foot(m
     assert far.any() and not np.any(moves[far])
 
 
-@pytest.mark.parametrize("bone", BONES)
+@pytest.mark.parametrize("bone", LIMBS[CALF])
 def test_a_bone_moves_as_one(bone, leg, plain):
     """Along the travel, or to its left."""
     section, _ = leg
@@ -119,7 +119,7 @@ def test_other_outlines_stay(motion, leg, plain):
     others = {
         "skin": along(ring(section, "skin")),
         "fascia": along(ring(section, "fascia")),
-        **{bone: along(ring(section, bone), 60) for bone in BONES},
+        **{bone: along(ring(section, bone), 60) for bone in section.bones},
     }
     del others[motion.outline]
     for points in others.values():
@@ -174,10 +174,10 @@ def test_a_moved_mesh_stays_sound(motion, leg, plain):
 def moved_section(section: LegSection, motion: MeshMotion, plain: SectionMesh) -> LegSection:
     """Return a section whose contours are moved, to be meshed anew; fine enough for the hat."""
     parts = {}
-    for part in PARTS:
+    for part in section.parts:
         points = smooth_closed_curve(section.contour(part)).evenly(800)
         parts[part] = points + motion.displacement(points, section, plain.touch, plain.direction)
-    return LegSection(**parts, fascia_thickness=section.fascia_thickness)
+    return LegSection.of_parts(parts, section.fascia_thickness)
 
 
 def moved_test(test: PlaneStrainIndentation, motion: MeshMotion) -> PlaneStrainIndentation:

@@ -146,7 +146,7 @@ def test_an_indenter_that_passes_by_is_explained():
 
 def test_a_simple_leg_is_meshed_from_any_side():
     parts = leg()
-    made = LegSection(parts["skin"], parts["fascia"], parts["tibia"], parts["fibula"], 0.6)
+    made = LegSection.of_parts(parts, 0.6)
     for degrees in (0.0, 135.0, 270.0):
         direction = np.array([np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))])
         found = mesh_section(made, 15.0, np.zeros(2), direction, COARSE)

@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray
 from legfem.experiments.plane_strain import LateralPlacement
-from legfem.geometry.section import BONES
+from legfem.geometry.section import CALF, LAYERS, LIMBS
 from legfem.inverse.accuracy import GEOMETRY_DOF, MATERIAL_LOG_SD, Cause
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.correction import read_correction
@@ -29,7 +29,6 @@ from legfem.legs.nuisances import (
     CONTOUR_SD_MM,
     DIRECTION_SD_DEG,
     DRAWN,
-    OUTLINES,
     ShapeAccuracy,
     errors_of_geometry,
 )
@@ -70,7 +69,7 @@ def test_effects_of_geometry_follow_what_is_stated_of_the_leg(blank):
     worse = effects_of(nuisances, observed, force, ShapeAccuracy(contour_sd=2 * CONTOUR_SD_MM, aim_sd=3 * AIM_SD_MM))
     assert list(usual) == list(worse)
     for name, effect in usual.items():
-        outline = "outline" in name or name.startswith(BONES)
+        outline = "outline" in name or name.startswith(LIMBS[CALF])
         factor = 2 if outline else 3 if name == "aim" else 1
         np.testing.assert_allclose(worse[name], factor * effect)
     exact = effects_of(nuisances, observed, force, ShapeAccuracy(contour_sd=0.0, aim_sd=0.0, direction_sd=0.0))
@@ -90,7 +89,7 @@ def test_a_drawn_leg_is_known_unless_its_folder_says_otherwise():
 def test_modes_of_an_outline_have_its_error_s_covariance_along_the_arc(blank):
     observed, force, nuisances = blank
     effects = effects_of(nuisances, observed, force, ShapeAccuracy())
-    for part in OUTLINES:
+    for part in LAYERS:
         modes = np.array([e for name, e in effects.items() if name.startswith(f"outline of the {part}")])
         hats = {name: m for name, m in errors_of_geometry().items() if name.startswith(f"outline of the {part}")}
         arcs = np.array([m.arc for m in hats.values()])
@@ -121,7 +120,7 @@ def test_errors_of_the_geometry_are_one_standard_deviation_each():
     errors = errors_of_geometry()
     outlines = [error for error in errors.values() if isinstance(error, MeshMotion)]
     assert {error.size for error in outlines} == {CONTOUR_SD_MM}
-    assert {error.outline for error in outlines} == {*OUTLINES, *BONES}
+    assert {error.outline for error in outlines} == {*LAYERS, *LIMBS[CALF]}
     assert errors["aim"] == LateralPlacement(offset_mm=AIM_SD_MM)
     assert errors["direction"] == LateralPlacement(tilt_deg=DIRECTION_SD_DEG)
     assert len(outlines) + 2 == len(errors)

@@ -17,7 +17,7 @@ from making_specimens import write_bars
 from legfem.common.errors import InputError
 from legfem.data import Instrument, Recording, read_samples, segment
 from legfem.data.plausibility import cut_off, magnitude_doubts, trial_doubts
-from legfem.geometry.section import PARTS
+from legfem.geometry.section import LegSection
 from legfem.geometry.section_from_outlines import polygons_of
 from legfem.legs.loading import load_sites, load_subject
 from legfem.legs.plausibility import doubts_about
@@ -161,7 +161,7 @@ def test_a_section_that_is_stretched_is_doubted(tmp_path: Path) -> None:
     subject = load_subject(write_subject(tmp_path / "leg"))
     assert not [d for d in doubts_about(subject) if "one way" in d.problem]
     section = subject.section
-    wide = replace(section, **{name: getattr(section, name) * [1.75, 1.0] for name in (*PARTS,)})
+    wide = LegSection.of_parts({name: section.contour(name) * [1.75, 1.0] for name in section.parts}, 0.6)
     lines = [str(d) for d in doubts_about(replace(subject, section=wide, recordings=()))]
     assert any("longer than any calf is wide; check the image's spacing" in line for line in lines)
 

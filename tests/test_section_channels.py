@@ -141,8 +141,8 @@ def test_the_skin_beside_is_where_its_deformed_polygon_is(test, tilt):
 def symmetric() -> tuple[LegSection, Indenter]:
     turn = 2 * np.pi * (np.arange(240) + 0.5) / 240
     circle = np.column_stack([np.cos(turn), np.sin(turn)])
-    bones = (9 * circle + [-18, 0], 9 * circle + [18, 0])
-    section = LegSection(50 * circle, 43 * circle, *bones, fascia_thickness=0.6)
+    bones = {"tibia": 9 * circle + [-18, 0], "fibula": 9 * circle + [18, 0]}
+    section = LegSection(50 * circle, 43 * circle, bones, fascia_thickness=0.6)
     return section, Indenter(15.0, 50.0, np.array([0.0, 0.0]), -90.0)
 
 

@@ -32,7 +32,7 @@ from legfem.common.documents import json_types, versions_of, write_document
 from legfem.common.errors import InputError, UnsolvedError
 from legfem.common.progress import Progress, progress_on
 from legfem.common.wording import Argument, Remedy
-from legfem.geometry.section import fat_thickness, girth
+from legfem.geometry.section import CALF, LIMBS, cross, fat_thickness, girth
 from legfem.inverse.stored import StoredResult
 from legfem.jobs.engines import Died, Engine, EngineName, engine_named, outcomes
 from legfem.jobs.store import key_of
@@ -431,10 +431,10 @@ def _shape(leg: Subject) -> cohort_rows.Shape:
         fat = fat_thickness(leg.section, leg.indenter.aim, leg.indenter.direction)
     except ValueError:
         fat = None
-    way = leg.indenter.direction
-    centres = {name: np.array(leg.section.polygon(name).centroid.coords[0]) for name in ("tibia", "fibula")}
-    apart = centres["fibula"] - centres["tibia"]
-    offset = float(way[1] * apart[0] - way[0] * apart[1])
+    offset, way = None, leg.indenter.direction
+    if leg.section.limb == CALF:
+        tibia, fibula = (np.array(leg.section.polygon(bone).centroid.coords[0]) for bone in LIMBS[CALF])
+        offset = float(cross(fibula - tibia, way))
     return cohort_rows.Shape(fat, girth(leg.section), offset)
 
 

@@ -140,7 +140,7 @@ def diagnose(
     loading.check_unused("a leg", {"specimens": bool(specimens)})
     subject = loading.one_of(leg, site)
     if prior:
-        subject = replace(subject, stiffness_prior=deep_prior(prior))
+        subject = replace(subject, stiffness_prior=deep_prior(prior, subject.people))
     started = time.perf_counter()
     deadline = within if isinstance(within, Deadline) else Deadline.after(loading.seconds_of("within", within))
     ends = read_correction(REFERENCE if correction is None else Path(correction))

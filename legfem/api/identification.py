@@ -93,9 +93,9 @@ class AskedParameters:
         """Full names of all that is asked for, held or given a prior."""
         return {*self.texts.names, *self.given, *self.numbers}
 
-    def parameters(self, nominal: Values) -> tuple[Parameter, ...]:
-        """What is free in a leg whose values are assumed to be ``nominal``, with bounds that suit legs."""
-        free = {one.name: one for one in self.texts.parameters(nominal)}
+    def parameters(self, nominal: Values, people: str) -> tuple[Parameter, ...]:
+        """What is free in a leg of assumed values, with bounds that suit legs; priors of a site of people."""
+        free = {one.name: one for one in self.texts.parameters(nominal, people)}
         for name, one in self.given.items():
             known = free[name].prior if name in free else None
             free[name] = replace(one, prior=known or one.prior)
@@ -261,7 +261,7 @@ def _of_leg(
     elif in_3d:
         check_has_ends(leg.sites[0])
     nominal = nominal_of(leg, solid)
-    free, held = wanted.parameters(nominal), wanted.held(nominal)
+    free, held = wanted.parameters(nominal, leg.sites[0].people), wanted.held(nominal)
     of_law = [one for one in free if one.name not in INSTRUMENT]
     laws = wanted.texts.laws(law, of_law, leg.sites[0].tissues["deep"].C20, held)
     request = replace(request, parameters=free, fixed=held)

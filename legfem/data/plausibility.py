@@ -45,11 +45,11 @@ _GAP = 0.1
 
 
 _FORCES = {"mN": 1e-3, "kN": 1e3, "µN": 1e-6}
-_WAYS_OF_LEG = PhysicalRange("a travel", "mm", (2.5, 80.0), (0, np.inf), "presses of calves", {"µm": 1e-3, "m": 1e3})
+_WAYS_OF_LEG = PhysicalRange("a travel", "mm", (2.5, 80.0), (0, np.inf), "presses of limbs", {"µm": 1e-3, "m": 1e3})
 _WAYS = PhysicalRange("a travel", "mm", (1e-4, 300.0), (0, np.inf), "labs' tests", {"µm": 1e-3, "nm": 1e-6, "m": 1e3})
 _SPEEDS = PhysicalRange("a speed", "mm/s", (1e-5, 500.0), (0, np.inf), "testing machines")
-_SPEEDS_OF_LEG = replace(_SPEEDS, usual=SPEED.usual, basis="presses of calves")
-_STIFFNESS_OF_LEG = PhysicalRange("a force", "N per mm", (0.005, 30.0), (0, np.inf), "presses of calves", _FORCES)
+_SPEEDS_OF_LEG = replace(_SPEEDS, usual=SPEED.usual, basis="presses of limbs")
+_STIFFNESS_OF_LEG = PhysicalRange("a force", "N per mm", (0.005, 30.0), (0, np.inf), "presses of limbs", _FORCES)
 _STIFFNESS = PhysicalRange(
     "a force", "N per mm²", (2e-5, 1e4), (0, np.inf), "travel squared, of brain to rubber", _FORCES
 )

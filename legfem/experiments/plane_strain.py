@@ -23,19 +23,19 @@ from legfem.fem.sliding import SlidingForces
 from legfem.fem.spaces import build_spaces
 from legfem.fem.system import Shift, System
 from legfem.geometry.indenter import Indenter, TravelLine, first_touch
-from legfem.geometry.section import BONES, LegSection, across
+from legfem.geometry.section import LegSection, across
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.indenters import RigidCylinder
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.model import Formulation, LegModel, Term
 from legfem.mechanics.terms import BoneSprings, SlidingFace
 from legfem.meshing.section import (
-    BONE_REGIONS,
     REGIONS,
     SKIN,
     MeshMotion,
     SectionMesh,
     SectionMeshSettings,
+    bone_regions,
     mesh_section,
 )
 from legfem.solve.newton import NewtonSolver
@@ -154,8 +154,8 @@ class PlaneStrainIndentation(indentation.IndentationTest):
     Raises
     ------
     InputError
-        For a ball, a punch or a cylinder that doesn't lie along the leg; or if one bone alone is on
-        springs.
+        For a ball, a punch or a cylinder that doesn't lie along the leg; or if only some of the bones are
+        on springs.
     """
 
     section: LegSection
@@ -171,9 +171,9 @@ class PlaneStrainIndentation(indentation.IndentationTest):
     def __post_init__(self) -> None:
         """Check that the section can have the indenter."""
         self.indenter.check_lies_along("subject.toml")
-        if self._bones_give_way and {t.region for t in self._springs} != set(BONES):
-            remedy = f"give one for each of {' and '.join(BONES)}; stiff springs hold a bone"
-            raise InputError("mechanisms", "BoneSprings", "one bone is on springs and the other isn't", remedy)
+        if self._bones_give_way and {t.region for t in self._springs} != set(self.section.bones):
+            remedy = f"give one for each of {' and '.join(self.section.bones)}; stiff springs hold a bone"
+            raise InputError("mechanisms", "BoneSprings", "not every bone is on springs", remedy)
 
     @cached_property
     def model(self) -> LegModel:
@@ -335,7 +335,7 @@ class PlaneStrainIndentation(indentation.IndentationTest):
         tissue = next(name for name, tag in REGIONS.items() if tag == found.region)
         x, y = found.place
         text = f"the {tissue} tissue is drawn out {found.stretch:.2g} times at ({x:.0f}, {y:.0f}) mm"
-        gap, bone = min((self.section.polygon(bone).distance(Point(x, y)), bone) for bone in BONES)
+        gap, bone = min((self.section.polygon(bone).distance(Point(x, y)), bone) for bone in self.section.bones)
         if tissue == "deep" and gap < _NEAR_MM:
             text += f", {gap:.0f} mm from the {bone}, onto which what lies above presses it"
         return f"{text}; use less depth, or check how soft it is beside its neighbours"
@@ -345,7 +345,7 @@ class PlaneStrainIndentation(indentation.IndentationTest):
         spaces = build_spaces(
             *meshed.tagged,
             self.settings.formulation,
-            regions={**REGIONS, **BONE_REGIONS} if free else REGIONS,
+            regions={**REGIONS, **bone_regions(self.section)} if free else REGIONS,
             supports=() if free else None,
             drained=[SKIN] if self.settings.drained_skin else [],
         )

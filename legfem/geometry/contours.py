@@ -9,7 +9,7 @@ import difflib
 import re
 from collections.abc import Mapping
 from functools import partial
-from itertools import combinations
+from itertools import chain, combinations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,7 +20,7 @@ from shapely.validation import explain_validity
 from legfem.common.errors import InputError
 from legfem.common.input_files import read_table
 from legfem.common.units import FloatArray
-from legfem.geometry.section import PARTS, LegSection, fat_thickness, girth, minimal_fat_thickness
+from legfem.geometry.section import LAYERS, LIMBS, LegSection, minimal_fat_thickness
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -96,9 +96,6 @@ def write_outlines(outlines: Mapping[float, Mapping[str, Polygon]], path: Path) 
     path.write_text("\n".join(rows) + "\n", encoding="utf-8")
 
 
-__all__ = ["LegSection", "check_girth", "check_section", "fat_thickness", "girth", "read_contours", "write_contours"]
-
-
 def _with_parts(table: "pd.DataFrame") -> "pd.DataFrame":
     """Return a table with its parts' names as they are known: whoever writes ``Skin`` means the skin."""
     return table.assign(part=table["part"].str.lower())
@@ -112,7 +109,7 @@ GIRTH_RANGE_MM = (100.0, 800.0)
 OPEN_GAP_IN_SPACINGS = 5.0
 
 
-def read_contours(path: Path, fascia_thickness: float) -> LegSection:
+def read_contours(path: Path, fascia_thickness: float, regions: Mapping[str, str] | None = None) -> LegSection:
     """Read a leg section and check that it is one.
 
     Parameters
@@ -121,6 +118,8 @@ def read_contours(path: Path, fascia_thickness: float) -> LegSection:
         CSV file with the header ``part,x_mm,y_mm``; each part's points in order around it.
     fascia_thickness : float
         Thickness of the fascia, mm; its layer lies inwards of the ``fascia`` contour.
+    regions : mapping of str to str
+        Kind of each outline that isn't one of the layers or of the usual bones, by its name.
 
     Raises
     ------
@@ -133,19 +132,26 @@ def read_contours(path: Path, fascia_thickness: float) -> LegSection:
     if "level_mm" in table:
         problem = "these are contours at several levels"
         raise InputError(path, "level_mm", problem, "choose one: level_mm under [section] of subject.toml")
+    given = tuple(map(str.lower, regions or ()))
+    known = tuple(dict.fromkeys((*LAYERS, *chain(*LIMBS.values()), *given)))
     for line, part in table["part"].items():
-        if part not in PARTS:
-            near = difflib.get_close_matches(part, PARTS, n=1)
-            hint = f"did you mean '{near[0]}'?" if near else f"parts are {', '.join(PARTS)}"
+        if part not in known:
+            near = difflib.get_close_matches(part, known, n=1)
+            said = f'say what it is in subject.toml: [regions.{part}], kind = "bone"'
+            hint = f"did you mean '{near[0]}'?" if near else said
             raise InputError(path, f"part, line {line}", f"unknown part '{part}'", hint)
+    there = {*LAYERS, *table["part"], *given}
     contours: dict[str, FloatArray] = {}
-    for part in PARTS:
+    for part in (part for part in known if part in there):
         rows = table[table["part"] == part]
         contours[part] = rows[["x_mm", "y_mm"]].to_numpy(dtype=np.float64)
         _check_contour(path, part, contours[part])
         # Points closer than any mesh's only cost time.
         contours[part] = contours[part][:: 1 + len(contours[part]) // MOST_POINTS]
-    section = LegSection(**contours, fascia_thickness=fascia_thickness)
+    section = LegSection.of_parts(contours, fascia_thickness)
+    if not section.bones:
+        problem = "there is no bone, and nothing says what else holds the limb"
+        raise InputError(path, "part", problem, "add the outline of a bone")
     check_section(section, path)
     return section
 
@@ -153,12 +159,12 @@ def read_contours(path: Path, fascia_thickness: float) -> LegSection:
 def write_contours(section: LegSection, path: Path) -> None:
     """Write a section as ``contours.csv``, to 0.1 micrometre."""
     rows = [",".join(SECTION_HEADER)]
-    rows += [f"{part},{x:.4f},{y:.4f}" for part in PARTS for x, y in section.contour(part)]
+    rows += [f"{part},{x:.4f},{y:.4f}" for part in section.parts for x, y in section.contour(part)]
     path.write_text("\n".join(rows) + "\n", encoding="utf-8")
 
 
 def check_section(section: LegSection, source: str | Path) -> None:
-    """Check that four contours make a leg.
+    """Check that contours make a leg.
 
     Parameters
     ----------
@@ -174,11 +180,11 @@ def check_section(section: LegSection, source: str | Path) -> None:
         not inside the fascia or the fascia not inside the skin, or the fascia is thicker than
         the fat or meets the bones.
     """
-    for part in PARTS:
+    for part in section.parts:
         if (points := len(section.contour(part))) < MINIMAL_POINTS:
             problem = f"only {points} of its points lie apart"
             raise InputError(source, part, problem, f"give at least {MINIMAL_POINTS} around the part")
-    polygons = {part: section.polygon(part) for part in PARTS}
+    polygons = {part: section.polygon(part) for part in section.parts}
     check_nested(polygons, "fascia", source)
     _check_fascia(section, polygons, source)
 
@@ -273,7 +279,9 @@ def check_nested(
             raise InputError(source, f"{inner}{where}", problem, remedy)
     for bone, other in combinations(reversed(bones), 2):
         if parts[bone].distance(parts[other]) < max(clearance, 1e-9):
-            raise InputError(source, f"{bone}{where}", f"touches or crosses the {other}", "separate the two")
+            shared = parts[bone].intersection(parts[other]).area
+            problem = f"touches or crosses the {other}" + (f": {shared:.2g} mm² lie in both" if shared else "")
+            raise InputError(source, f"{bone}{where}", problem, "separate the two")
 
 
 def _check_fascia(section: LegSection, polygons: dict[str, Polygon], source: str | Path) -> None:
@@ -284,7 +292,7 @@ def _check_fascia(section: LegSection, polygons: dict[str, Polygon], source: str
     if thickness >= thinnest:
         problem = f"the fascia ({thickness:g} mm) is thicker than the fat at its thinnest ({thinnest:.2f} mm)"
         raise refused(problem, "reduce the thickness or move the fascia inwards there")
-    for bone in ("tibia", "fibula"):
+    for bone in section.bones:
         room = polygons["fascia"].exterior.distance(polygons[bone])
         if thickness >= room:
             problem = f"the fascia's inner face ({thickness:g} mm inwards) meets the {bone} ({room:.2f} mm away)"

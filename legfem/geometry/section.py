@@ -1,6 +1,10 @@
-"""The leg's cross-section: four closed contours and the fascia's thickness; smooth curves through contours' points."""
+"""The leg's cross-section: closed contours by name, the fascia's thickness; smooth curves through contours' points."""
 
+import tomllib
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,8 +15,14 @@ from shapely.geometry.base import BaseGeometry
 from legfem.common.drawing import Pictured, svg
 from legfem.common.units import FloatArray, frozen_array
 
-PARTS = ("skin", "fascia", "tibia", "fibula")
-BONES = ("tibia", "fibula")
+LAYERS = ("skin", "fascia")
+"""Parts that every section has; its bones have names of their own."""
+_BONES = Path(__file__).resolve().parents[1] / "resources" / "bones.toml"
+LIMBS: Mapping[str, tuple[str, ...]] = {
+    limb: tuple(bones) for limb, bones in tomllib.loads(_BONES.read_text(encoding="utf-8")).items()
+}
+"""Bones that a section goes through, by limb, in the order that sections have them in."""
+CALF = "calf"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -28,28 +38,42 @@ class LegSection(Pictured):
         Outer contour of the leg.
     fascia : (n, 2) array
         Outer face of the fascia; the layer lies inwards of it.
-    tibia, fibula : (n, 2) array
-        Outlines of the bones.
+    bones : mapping of str to (n, 2) array
+        Name to outline of each bone.
     fascia_thickness : float
         Thickness of the fascia, mm.
     """
 
     skin: FloatArray
     fascia: FloatArray
-    tibia: FloatArray
-    fibula: FloatArray
+    bones: Mapping[str, FloatArray]
     fascia_thickness: float
 
     def __post_init__(self) -> None:
         """Copy the contours, drop a repeated end point and turn them counter-clockwise."""
-        for part in PARTS:
+        for part in LAYERS:
             object.__setattr__(self, part, frozen_array(_tidy(getattr(self, part))))
+        object.__setattr__(self, "bones", {name: frozen_array(_tidy(xy)) for name, xy in self.bones.items()})
+
+    @classmethod
+    def of_parts(cls, contours: Mapping[str, FloatArray], fascia_thickness: float) -> "LegSection":
+        """Return the section of contours (n, 2), mm, by name; what isn't one of `LAYERS` is a bone."""
+        bones = {name: xy for name, xy in contours.items() if name not in LAYERS}
+        return cls(contours["skin"], contours["fascia"], bones, fascia_thickness)
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Names of all contours: `LAYERS`, and the bones in their order."""
+        return (*LAYERS, *self.bones)
+
+    @property
+    def limb(self) -> str:
+        """Which of `LIMBS` has just these bones; empty where none does."""
+        return next((limb for limb, bones in LIMBS.items() if set(bones) == set(self.bones)), "")
 
     def contour(self, part: str) -> FloatArray:
-        """Return the contour of ``part``, one of `PARTS`; (n, 2), mm."""
-        if part not in PARTS:
-            raise KeyError(part)
-        return np.asarray(getattr(self, part))
+        """Return the contour of ``part``, one of `parts`; (n, 2), mm."""
+        return {"skin": self.skin, "fascia": self.fascia, **self.bones}[part]
 
     def told(self) -> str:
         """Girth and thinnest fat."""
@@ -57,7 +81,7 @@ class LegSection(Pictured):
 
     def pictures(self) -> str:
         """Its contours, to scale."""
-        return svg([np.vstack([ring, ring[:1]]) for ring in map(self.contour, PARTS)], self.told(), to_scale=True)
+        return svg([np.vstack([ring, ring[:1]]) for ring in map(self.contour, self.parts)], self.told(), to_scale=True)
 
     def polygon(self, part: str) -> Polygon:
         """Return the region within the contour of ``part``, in mm."""
@@ -110,16 +134,19 @@ def layer_thicknesses(section: LegSection, point: FloatArray, direction: FloatAr
     """
     deep = section.polygon("fascia").buffer(-section.fascia_thickness)
     found = {"fat_thickness": fat_thickness(section, point, direction)}
-    met = []
-    for bone in BONES:
-        try:
-            met.append(first_crossing(section.polygon(bone).exterior, point, direction))
-        except ValueError:
-            continue
-    if met:
-        found["muscle_thickness"] = min(met) - first_crossing(deep.boundary, point, direction)
-        found["tissue_thickness"] = min(met) - first_crossing(section.polygon("skin").boundary, point, direction)
+    if (met := way_to_bone(section, point, direction)) < np.inf:
+        found["muscle_thickness"] = met - first_crossing(deep.boundary, point, direction)
+        found["tissue_thickness"] = met - first_crossing(section.polygon("skin").boundary, point, direction)
     return found
+
+
+def way_to_bone(section: LegSection, point: FloatArray, direction: FloatArray, grown: float = 0.0) -> float:
+    """Return where a line of travel first meets a bone, or what is some mm around one; infinite where it meets none."""
+    met = [np.inf]
+    for bone in map(section.polygon, section.bones):
+        with suppress(ValueError):
+            met.append(first_crossing((bone.buffer(grown) if grown else bone).exterior, point, direction))
+    return min(met)
 
 
 def depth_to_bone(section: LegSection, point: FloatArray, direction: FloatArray) -> float:
@@ -132,7 +159,7 @@ def depth_to_bone(section: LegSection, point: FloatArray, direction: FloatArray)
     """
     at, unit = np.asarray(point), np.asarray(direction) / np.linalg.norm(direction)
     touched = at + first_crossing(section.polygon("skin").exterior, at, unit) * unit
-    return min(float(section.polygon(bone).distance(Point(touched))) for bone in BONES)
+    return min(float(section.polygon(bone).distance(Point(touched))) for bone in section.bones)
 
 
 def across(direction: FloatArray) -> FloatArray:

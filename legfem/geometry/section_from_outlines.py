@@ -1,6 +1,6 @@
 """From outlines of a leg's segmented parts at a level to a section that can be meshed.
 
-There are outlines of the skin, the muscle's hull, tibia and fibula, as sections of segmented
+There are outlines of the skin, the muscle's hull and a calf's two bones, as sections of segmented
 surfaces give them. These have no fascia, and the hull may meet the tibia, leave it outside (at the
 shin), or be in pieces, muscle by muscle.
 """
@@ -15,9 +15,10 @@ from shapely import GEOSException, Polygon, make_valid, union_all
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.geometry.contours import MOST_POINTS, MUSCLE_HULL, Loops, check_girth, check_section
-from legfem.geometry.section import BONES, LegSection, resample_closed_curve
+from legfem.geometry.section import CALF, LIMBS, LegSection, resample_closed_curve
 
-SURFACES = ("skin", MUSCLE_HULL, "tibia", "fibula")
+SURFACES = ("skin", MUSCLE_HULL, *LIMBS[CALF])
+OTHER_LIMBS = "of another limb than a calf give contours of one section"
 _INSIDE = 0.8
 """Share of a part's area that lies in the skin; outlines of two scans cross by some mm."""
 _BARE = 0.5
@@ -68,7 +69,8 @@ def polygons_of(loops: Loops, path: Path, where: str) -> dict[str, Polygon]:
     outlines = {}
     for part in SURFACES:
         if part not in named:
-            raise InputError(path, part, f"missing at {where}", "choose another level or add the outline")
+            remedy = f"choose another level or add the outline; {OTHER_LIMBS}"
+            raise InputError(path, part, f"missing at {where}", remedy)
         pieces = [_polygon(path, part, points) for points in named[part]]
         outlines[part] = (
             joined(pieces, path, where) if part == MUSCLE_HULL else max(pieces, key=lambda piece: piece.area)
@@ -98,7 +100,7 @@ def joined(pieces: Sequence[Polygon], source: str | Path, where: str, bridge: fl
 
 
 def section_from_outlines(outlines: Mapping[str, Polygon], fascia_thickness: float, source: str | Path) -> LegSection:
-    """Make a leg section of outlines of skin, muscle hull, tibia and fibula.
+    """Make a calf's section of outlines of skin, muscle hull and its two bones.
 
     The fascia's outer face is the hull joined with the bones and their clearance, its furrows
     bridged, kept off the skin. A bone that stands too close to the skin (the tibia at the shin)
@@ -107,7 +109,7 @@ def section_from_outlines(outlines: Mapping[str, Polygon], fascia_thickness: flo
     Parameters
     ----------
     outlines : mapping of Polygon
-        Keys ``skin``, ``muscle_hull``, ``tibia``, ``fibula``; mm.
+        Keys `SURFACES`; mm.
     fascia_thickness : float
         mm.
     source : str or Path
@@ -127,8 +129,7 @@ def section_from_outlines(outlines: Mapping[str, Polygon], fascia_thickness: flo
     section = LegSection(
         skin=_ring(parts["skin"]),
         fascia=_ring(parts["muscle_hull"]),
-        tibia=_ring(parts["tibia"]),
-        fibula=_ring(parts["fibula"]),
+        bones={bone: _ring(parts[bone]) for bone in LIMBS[CALF]},
         fascia_thickness=fascia_thickness,
     )
     check_section(section, source)
@@ -224,7 +225,7 @@ def facing_point(section: LegSection, direction: FloatArray) -> FloatArray:
 
 def _check_clearances(section: LegSection, bone: float, fat: float, source: str | Path) -> None:
     fascia = section.polygon("fascia").exterior
-    for part, least in {"skin": fat, **dict.fromkeys(BONES, bone + section.fascia_thickness)}.items():
+    for part, least in {"skin": fat, **dict.fromkeys(section.bones, bone + section.fascia_thickness)}.items():
         gap = fascia.distance(section.polygon(part).exterior)
         if gap < 0.9 * least:
             problem = f"{gap:.2f} mm left where {least:.2f} are needed"

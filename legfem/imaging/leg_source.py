@@ -14,7 +14,7 @@ from legfem.common.units import FloatArray
 from legfem.geometry.contours import MUSCLE_HULL, read_loops
 from legfem.geometry.leg_shape import HULL, LegShape
 from legfem.geometry.motion import CuttingPlane
-from legfem.geometry.section_from_outlines import SURFACES, Clearances, polygons_of
+from legfem.geometry.section_from_outlines import OTHER_LIMBS, SURFACES, Clearances, polygons_of
 from legfem.imaging.label_volume import LabelVolume, check_anatomy, cropped
 from legfem.imaging.outlines import OutlineSettings, not_closed, read_shape, shape_of_outlines, shape_of_volume
 from legfem.imaging.shape_schema import LabelsEntry, ShapeEntry, existing
@@ -35,7 +35,7 @@ def outlines_of_shape(shape: LegShape, plane: CuttingPlane, source: str) -> dict
     for part in SURFACES:
         name = HULL if part == MUSCLE_HULL else part
         if name not in shape.contours:
-            remedy = "label tibia and fibula apart from each other, or cut the leg elsewhere"
+            remedy = f"label tibia and fibula apart from each other, or cut the leg elsewhere; {OTHER_LIMBS}"
             raise InputError(source, part, f"missing at {plane}", remedy)
         outlines[part] = Polygon(_contour(shape, name, plane, source))
     return outlines
@@ -167,7 +167,7 @@ class LegSource:
         if self.surfaces is not None:
             for part in SURFACES:
                 if part not in self.surfaces:
-                    raise InputError(self.name, part, "the part is missing", "give its file")
+                    raise InputError(self.name, part, "the part is missing", f"give its file; {OTHER_LIMBS}")
             return outlines_of_surfaces(self.surfaces, plane, self.name)
         if self.contours is not None:
             return _outlines_of_contours(self.contours, plane)

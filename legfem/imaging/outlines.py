@@ -20,7 +20,7 @@ from legfem.common.errors import AboveZero, Checked, InputError, ZeroOrMore
 from legfem.common.units import FloatArray
 from legfem.geometry.contours import MUSCLE_HULL, check_girth, read_loops
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape, check_shape, corresponding_loops, shape_of_contours
-from legfem.geometry.section import area_and_centroid, closed_lengths
+from legfem.geometry.section import CALF, LIMBS, area_and_centroid, closed_lengths
 from legfem.geometry.section_from_outlines import BRIDGE, Clearances, joined, nested_outlines, polygons_of
 from legfem.imaging.label_volume import BACKGROUND, BONE, DEEP, LabelVolume
 
@@ -195,7 +195,6 @@ def not_closed(path: Path, error: ValueError) -> InputError:
     )
 
 
-BONE_NAMES = ("tibia", "fibula")
 _LEAST_BONE = 0.05  # a component of bone smaller than this share of the largest is a speck
 _LEAST_MUSCLE = 0.02
 _LEAST_LEG = 0.2  # likewise of skin: as large as that it is another leg
@@ -286,11 +285,11 @@ def _bones(volume: LabelVolume) -> dict[str, NDArray[np.bool_]]:
     pieces, _ = ndimage.label(volume.labels == BONE)
     sizes = np.bincount(pieces.ravel())[1:]
     order = [int(i) for i in np.argsort(-sizes) if sizes[i] > _LEAST_BONE * sizes.max()]
-    if len(order) > len(BONE_NAMES):
+    if len(order) > len(LIMBS[CALF]):
         raise InputError(
             volume.source, "bone", f"is in {len(order)} pieces", "close the gaps in the tibia's and the fibula's labels"
         )
-    return {name: pieces == i + 1 for name, i in zip(BONE_NAMES, order, strict=False)}
+    return {name: pieces == i + 1 for name, i in zip(LIMBS[CALF], order, strict=False)}
 
 
 def _slices_with(masks: dict[str, NDArray[np.bool_]], volume: LabelVolume) -> NDArray[np.int64]:

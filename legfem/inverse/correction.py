@@ -119,6 +119,8 @@ class TabulatedCorrection:
         Geometry, material, mesh and numbers of the calibration, for the file.
     sources
         Sources that errors count to, by name; of others that is the ends.
+    beyond
+        Girth and depth to the bone (mm) of a limb beyond the table that it is from; empty within it.
     """
 
     name: str
@@ -129,6 +131,7 @@ class TabulatedCorrection:
     errors: Mapping[str, FloatArray]
     given: Mapping[str, Any] = field(default_factory=dict)
     sources: Mapping[str, ErrorSource] = field(default_factory=dict)
+    beyond: Mapping[str, float] = field(default_factory=dict)
 
     @cached_property
     def _table(self) -> RegularGridInterpolator:

@@ -11,7 +11,7 @@ from legfem.common.units import MPA_PER_KPA, kpa_to_mpa
 from legfem.common.wording import Argument
 from legfem.inverse import catalogue
 from legfem.inverse.parameter import Parameter, Prior
-from legfem.inverse.population import TISSUES, cohort_prior, population_prior
+from legfem.inverse.population import CALF, TISSUES, cohort_prior, population_prior
 
 _NUMBER = r"[-+]?\d*\.?\d+(?:[eE][-+]?\d+)?"
 _LINEAR, _FACTOR = r"±|∓|\+/-|\+-|-\+|-/\+", r"x/|×/|\*/"
@@ -38,7 +38,7 @@ class ParameterTexts:
         Full names; empty for the law's own.
     priors : sequence of str
         ``NAME=CENTRE±SD UNIT``, ``NAME=MEDIAN x/ FACTOR UNIT``, or ``NAME=population`` for that of
-        people's calves (`legfem.inverse.population`), or ``NAME=FILE.json`` for a cohort's.
+        people (`legfem.inverse.population`), or ``NAME=FILE.json`` for a cohort's.
     fixed : sequence of str
         ``NAME=VALUE UNIT``.
     c10_bounds, c20_bounds : tuple of float, optional
@@ -51,8 +51,15 @@ class ParameterTexts:
     c10_bounds: tuple[float, float] | None = None
     c20_bounds: tuple[float, float] | None = None
 
-    def parameters(self, nominal: catalogue.Values) -> tuple[Parameter, ...]:
+    def parameters(self, nominal: catalogue.Values, people: str = CALF) -> tuple[Parameter, ...]:
         """Return what is free: what is to be identified, and as nuisances what has a prior only.
+
+        Parameters
+        ----------
+        nominal
+            The model's values as assumed.
+        people
+            Site of the population's table.
 
         Raises
         ------
@@ -63,7 +70,7 @@ class ParameterTexts:
         catalogue.check_known(names, nominal, Argument("identify"))
         free = {name: catalogue.parameter_of(name, nominal) for name in names}
         for text in self.priors:
-            name, prior = read_prior(text, nominal)
+            name, prior = read_prior(text, nominal, people)
             own = free.get(name) or replace(catalogue.parameter_of(name, nominal), role="nuisance")
             free[name] = replace(own, prior=prior)
         for option, name, least, bounds in (
@@ -119,7 +126,7 @@ class ParameterTexts:
         return ["reduced-polynomial" if stiffens else "neo-hookean"]
 
 
-def read_prior(text: str, nominal: catalogue.Values) -> tuple[str, Prior]:
+def read_prior(text: str, nominal: catalogue.Values, people: str = CALF) -> tuple[str, Prior]:
     """Return the name and the prior of ``NAME=CENTRE±SD UNIT``, in the model's unit.
 
     Raises
@@ -134,7 +141,7 @@ def read_prior(text: str, nominal: catalogue.Values) -> tuple[str, Prior]:
             raise InputError(
                 Argument("prior"), name, "is not in the population's table", f"there is one of {' and '.join(TISSUES)}"
             )
-        return name, population_prior(name)
+        return name, population_prior(name, people)
     if wanted.endswith(".json"):
         catalogue.check_known([name], nominal, Argument("prior"))
         return name, cohort_prior(name, Path(wanted))
@@ -152,7 +159,7 @@ def read_prior(text: str, nominal: catalogue.Values) -> tuple[str, Prior]:
     return name, Prior(centre * factor, sd, "log" if logarithmic else "linear", "--prior")
 
 
-def deep_prior(texts: Sequence[str]) -> Prior:
+def deep_prior(texts: Sequence[str], people: str = CALF) -> Prior:
     """Return the prior (MPa) of the deep tissue's C10, the one that a diagnosis takes.
 
     Raises
@@ -160,7 +167,7 @@ def deep_prior(texts: Sequence[str]) -> Prior:
     InputError
         If it can't be read, or is another's.
     """
-    (name, prior), *others = (read_prior(text, {catalogue.DEEP_C10: 1.0}) for text in texts)
+    (name, prior), *others = (read_prior(text, {catalogue.DEEP_C10: 1.0}, people) for text in texts)
     if others or name != catalogue.DEEP_C10:
         raise InputError(
             Argument("prior"), ", ".join(texts), "can't be taken by a diagnosis", f"give one of {catalogue.DEEP_C10}"

@@ -24,6 +24,8 @@ CALF = "LL_P"
 """The site of a leg's indentation."""
 SHIN = "LL_A"
 """The front of a lower leg."""
+ANYWHERE = "all sites"
+"""Of arms and legs together."""
 TISSUES: dict[str, Literal["superficial", "deep"]] = {"superficial.C10": "superficial", "deep.C10": "deep"}
 """Parameters that the table knows, by full name."""
 

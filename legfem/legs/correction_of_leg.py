@@ -85,9 +85,11 @@ class LegCorrections:
         at = np.minimum(base.displacement, self.displacement[-1])
         values = base.values + change.correction(at, c10 + 0 * q, c10 * q / (1 - q))
         modes = {name: np.interp(base.displacement, self.displacement, mode) for name, mode in self.errors.items()}
-        beyond = "" if self.covers(radius, depth_to_bone) else ", beyond the table: its nearest leg"
+        sizes = {"girth": 2 * np.pi * radius, "depth": depth_to_bone}
+        beyond = {} if self.covers(radius, depth_to_bone) else sizes
         name = f"{base.name}, radius {radius:.1f} mm, {depth_to_bone:.1f} mm of tissue before the bone"
-        return replace(base, name=name + beyond, values=values, errors={**base.errors, **modes})
+        name += ", beyond the table: its nearest leg" if beyond else ""
+        return replace(base, name=name, values=values, errors={**base.errors, **modes}, beyond=beyond)
 
     def write(self, path: Path) -> Path:
         """Write the table as JSON."""

@@ -38,6 +38,8 @@ class AppliedCorrection:
     """Of P's error, (n,), which the intervals carry."""
     with_fibres: bool = False
     """Whether it holds what the muscle's fibres do."""
+    beyond: Mapping[str, float] = field(default_factory=dict)
+    """See `legfem.inverse.correction.TabulatedCorrection`."""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """A leg's diagnosis: its recordings, library, mechanisms and accuracy, and what is unlikely of what was found."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -15,6 +15,7 @@ from legfem.common.numbers import share
 from legfem.common.progress import Progress, Silent, Until
 from legfem.common.wording import Argument
 from legfem.data import Recording
+from legfem.geometry.section import CALF, LIMBS
 from legfem.inverse.accuracy import check_measured
 from legfem.inverse.catalogue import DEEP_C10, LAWS, deep_stiffness
 from legfem.inverse.correction import TabulatedCorrection
@@ -44,7 +45,7 @@ from legfem.legs.subject import Subject
 from legfem.legs.unknowns import Geometry
 from legfem.mechanisms import OCCURRENCES, Mechanism, mechanisms
 from legfem.mechanisms.muscle import MuscleFibres
-from legfem.mechanisms.rig import EndEffects
+from legfem.mechanisms.rig import EndEffects, SupportCompliance
 
 
 @dataclass(eq=False)
@@ -81,9 +82,15 @@ class Diagnoser:
             told.append(Notice.of(FitNotice.NO_ACCURACY_STATED, file=SUBJECTS.file))
         if subject.plane_strain and not subject.plane_strain_stated:
             told.append(Notice.of(LegNotice.ENDS_NOT_STATED))
+        if (ends := choose_correction("auto", subject)) and ends.beyond:
+            told.append(Notice.of(LegNotice.CORRECTION_BEYOND, **ends.beyond))
         if observed.repeats < 2:
             told.append(Notice.of(FitNotice.NOT_REPEATED))
         return replace(observed, notices=tuple(told))
+
+    def mechanisms_of(self, subject: Subject) -> list[Mechanism]:
+        """Return all mechanisms, those of a subject's leg."""
+        return with_correction(mechanisms(), self.correction, subject.section.bones)
 
     def _responses(self, subject: Subject, observed: Observations) -> tuple[SolvedResponses, SolvedResponses]:
         """Return a leg's full solutions, on the default mesh and on coarser ones."""
@@ -112,7 +119,7 @@ class Diagnoser:
             Mechanisms that are tabulated; all that the recordings can show without it.
         """
         if asked is None:
-            asked, _ = shown_mechanisms(with_correction(mechanisms(), self.correction), observed, WITHOUT_ENDS)
+            asked, _ = shown_mechanisms(self.mechanisms_of(subject), observed, WITHOUT_ENDS)
         asked = sorted(asked, key=lambda one: (*FIRST, one.name).index(one.name))
         fine, coarse = self._responses(subject, observed)
         stiffening = STIFFENING[subject.tissues["deep"].law]
@@ -213,7 +220,7 @@ class Diagnoser:
             subject.instrument,
             subject.tissues["deep"].law,
             library,
-            with_correction(mechanisms(), self.correction),
+            self.mechanisms_of(subject),
             Identity(subject.id, subject.title, subject.origin, subject.directory),
             "leg",
             identified,
@@ -270,11 +277,14 @@ WITHOUT_ENDS: Mapping[str, str] = {
 """What can't be left out of a base model without the cylinder's ends, and why."""
 
 
-def with_correction(every: Sequence[Mechanism], correction: TabulatedCorrection | None) -> list[Mechanism]:
-    """Return mechanisms, that of the cylinder's ends with a leg's correction, where there is one."""
-    if correction is None:
-        return list(every)
-    return [EndEffects(correction) if one.name == EndEffects.name else one for one in every]
+def with_correction(
+    every: Sequence[Mechanism], correction: TabulatedCorrection | None, bones: Iterable[str] = LIMBS[CALF]
+) -> list[Mechanism]:
+    """Return mechanisms: a leg's bones on springs, and the cylinder's ends with its correction, where there is one."""
+    own: dict[str, Mechanism] = {SupportCompliance.name: SupportCompliance(tuple(bones))}
+    if correction is not None:
+        own[EndEffects.name] = EndEffects(correction)
+    return [own.get(one.name, one) for one in every]
 
 
 def notices_of(found: Diagnosis, subject: object) -> tuple[Notice, ...]:

@@ -155,7 +155,7 @@ def solved_responses(
 
     def responses(settings: PlaneStrainSettings) -> SolvedResponses:
         test = plane_strain_test(subject, settings)
-        test = replace(test, motions=errors_of_geometry())
+        test = replace(test, motions=errors_of_geometry(tuple(subject.section.bones)))
         variants = LegVariants(replace(test, sights=(*subject.sights, *planned)))
         depends_on = {**test.fingerprint(), "model": "plane strain with mechanisms", "depth_mm": depth}
         return SolvedResponses(variants, depth, folder, depends_on)

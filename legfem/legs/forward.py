@@ -13,7 +13,6 @@ from legfem.common.errors import InputError
 from legfem.common.wording import Argument, Remedy
 from legfem.experiments.indentation import SolutionStates
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings, Tissues
-from legfem.geometry.section import PARTS
 from legfem.inverse import catalogue
 from legfem.inverse.elastography import elastography_priors
 from legfem.inverse.outcome import Outcome
@@ -71,7 +70,7 @@ class PlaneStrainForward:
         """Return section, indenter, tissues, settings, places of channels, depth and code."""
         contours, test = hashlib.sha256(), self.experiment
         section, indenter = test.section, test.indenter
-        for part in PARTS:
+        for part in section.parts:
             contours.update(np.ascontiguousarray(section.contour(part)).tobytes())
         return {
             "model": "plane strain",

@@ -31,6 +31,7 @@ class LegNotice(StrEnum):
     ENDS_SHARED = "error_of_ends_shared"
     UNCORRECTED_PLANE_STRAIN = "uncorrected_plane_strain"
     UNCORRECTED = "uncorrected"
+    CORRECTION_BEYOND = "correction_beyond"
     CORRECTION_UNSETTLED = "correction_unsettled"
     EXTRUDED = "section_extruded"
     NO_FIBRES_IN_CORRECTION = "no_fibres_in_correction"
@@ -127,6 +128,8 @@ def begun_in_air(measured: LoadingCurve, site: str = "") -> Iterator[Notice]:
 def of_ends(subject: Subject, correction: AppliedCorrection | None) -> Iterator[Notice]:
     """What is to be known of the cylinder's ends, and of fibres under them."""
     fibres = subject.fibres
+    if correction is not None and correction.beyond:
+        yield Notice.of(LegNotice.CORRECTION_BEYOND, **correction.beyond)
     if correction is None and subject.plane_strain:
         yield Notice.of(LegNotice.UNCORRECTED_PLANE_STRAIN)
     elif correction is None:

@@ -6,13 +6,13 @@ of them.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Literal
 
 import numpy as np
 
 from legfem.experiments.plane_strain import LateralPlacement
+from legfem.geometry.section import CALF, LAYERS, LIMBS
 from legfem.inverse.accuracy import GEOMETRY_DOF, Accuracy, Cause, ShapeError
 from legfem.legs.subject import TYPICAL_ACCURACY, Subject
 from legfem.meshing.section import MeshMotion
@@ -24,9 +24,7 @@ CONTOUR_ARC_MM = 20.0
 AIM_SD_MM = 2.0
 """A mark's place on the skin."""
 DIRECTION_SD_DEG = 3.0
-OUTLINES: tuple[Literal["skin", "fascia"], ...] = ("skin", "fascia")
 _HATS = (-40.0, -20.0, 0.0, 20.0, 40.0)
-_BONES: tuple[Literal["tibia", "fibula"], ...] = ("tibia", "fibula")
 _BONES_WAYS = {"along the travel": 0.0, "across the travel": 90.0}
 """Degrees from the travel. Each bone's outline is drawn by itself: what turns and shifts them across shows in the
 lateral force and in the skin beside the cylinder, where their depth alone doesn't."""
@@ -45,11 +43,14 @@ class ShapeAccuracy(Accuracy):
         Of the cylinder's line of travel (mm).
     direction_sd
         Of its direction (degrees).
+    bones
+        Names of those whose outlines may be off.
     """
 
     contour_sd: float = CONTOUR_SD_MM
     aim_sd: float = AIM_SD_MM
     direction_sd: float = DIRECTION_SD_DEG
+    bones: tuple[str, ...] = LIMBS[CALF]
 
     @property
     def shape_errors(self) -> tuple[ShapeError, ...]:
@@ -61,18 +62,18 @@ class ShapeAccuracy(Accuracy):
             turned = {"direction": self.direction_sd / DIRECTION_SD_DEG}
             found.append(ShapeError("direction", turned, Cause("direction", GEOMETRY_DOF)))
         if self.contour_sd > 0:
-            found += _outlines_off(self.contour_sd / CONTOUR_SD_MM)
+            found += _outlines_off(self.bones, self.contour_sd / CONTOUR_SD_MM)
         return tuple(found)
 
 
-def _outlines_off(factor: float) -> Iterator[ShapeError]:
+def _outlines_off(bones: Sequence[str], factor: float) -> Iterator[ShapeError]:
     """Yield how the bones and the modes of the outlines' errors are off, correlated along their arcs."""
-    for bone in _BONES:
+    for bone in bones:
         for way in _BONES_WAYS:
             yield ShapeError(f"{bone} {way}", {f"{bone} {way}": factor}, _CAUSE)
     apart = np.subtract.outer(_HATS, _HATS)
     values, modes = np.linalg.eigh(np.exp(-0.5 * (apart / CONTOUR_ARC_MM) ** 2))
-    for part in OUTLINES:
+    for part in LAYERS:
         for k, j in enumerate(np.argsort(-values)):
             if values[j] > 1e-3:
                 weights = factor * math.sqrt(values[j]) * modes[:, j]
@@ -99,16 +100,14 @@ def accuracy_of_shape(subject: Subject) -> ShapeAccuracy:
     given = TYPICAL_ACCURACY if subject.typical_shape and not subject.accuracy.stated else subject.accuracy
     usual = ShapeAccuracy() if subject.origin == "measured" or given.stated else DRAWN
     stated = {name: sd for name, sd in asdict(given).items() if sd is not None}
-    return replace(usual, **stated)
+    return replace(usual, **stated, bones=tuple(subject.section.bones))
 
 
-def errors_of_geometry() -> dict[str, MeshMotion | LateralPlacement]:
-    """Return errors of outlines, aim and direction by name, by which forces are differentiated."""
+def errors_of_geometry(bones: Sequence[str] = LIMBS[CALF]) -> dict[str, MeshMotion | LateralPlacement]:
+    """Return errors of outlines of layers and bones, aim and direction by name, by which forces are differentiated."""
     found: dict[str, MeshMotion | LateralPlacement] = {
-        _hat(outline, arc): MeshMotion(outline, arc) for outline in OUTLINES for arc in _HATS
+        _hat(outline, arc): MeshMotion(outline, arc) for outline in LAYERS for arc in _HATS
     }
-    found |= {
-        f"{bone} {way}": MeshMotion(bone, turned=turned) for bone in _BONES for way, turned in _BONES_WAYS.items()
-    }
+    found |= {f"{bone} {way}": MeshMotion(bone, turned=turned) for bone in bones for way, turned in _BONES_WAYS.items()}
     aside = {"aim": LateralPlacement(offset_mm=AIM_SD_MM), "direction": LateralPlacement(tilt_deg=DIRECTION_SD_DEG)}
     return found | aside

@@ -12,7 +12,7 @@ from legfem.common.units import FloatArray
 from legfem.geometry.contours import check_section, read_contours
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape, shape_of_contours
 from legfem.geometry.motion import CuttingPlane, RigidTransform, rigidly_moved, turn_about_travel
-from legfem.geometry.section import BONES, LegSection, closed_lengths, girth, outward_normals
+from legfem.geometry.section import CALF, LIMBS, LegSection, closed_lengths, girth, outward_normals
 from legfem.geometry.section_from_outlines import section_from_outlines
 from legfem.imaging.registration import register_points
 from legfem.imaging.shape_schema import existing
@@ -105,7 +105,7 @@ def calf_section(calf: Calf, points: int = 240) -> LegSection:
     fascia = skin - (calf.fat_mm * calf.relative_fat(angle))[:, None] * outward_normals(skin)
     tibia = bone_outline(calf.tibia_mm, (-0.20 * calf.side * radius, 0.46 * radius), 0.16, 3, 0.4 * calf.side)
     fibula = bone_outline(calf.fibula_mm, (0.42 * calf.side * radius, 0.20 * radius), 0.10, 2, 0.9)
-    section = LegSection(skin, fascia, tibia, fibula, calf.fascia_thickness_mm)
+    section = LegSection(skin, fascia, dict(zip(LIMBS[CALF], (tibia, fibula), strict=True)), calf.fascia_thickness_mm)
     check_section(section, "Calf")
     if abs(girth(section) / calf.girth_mm - 1) > 1e-3:
         raise InputError("Calf", "girth_mm", "is not met", "use more points on the contour")
@@ -167,7 +167,8 @@ def placed(directory: Path, toml: Path, given: SubjectFile) -> Placement:
     if not given.is_cut:
         assert indenter.aim_mm is not None and indenter.direction_deg is not None
         if entry.contours is not None:
-            section = read_contours(existing(directory, entry.contours, toml, "section.contours"), thickness)
+            path = existing(directory, entry.contours, toml, "section.contours")
+            section = read_contours(path, thickness, {name: one.kind for name, one in given.regions.items()})
         else:
             section = _typical(toml, entry)
         aim = np.array(indenter.aim_mm)
@@ -311,7 +312,7 @@ def spatial_leg(subject: Subject) -> SpatialLeg:
 
 
 def _extruded(section: LegSection, length: float) -> LegShape:
-    names = {SKIN: "skin", HULL: "fascia", **{bone: bone for bone in BONES}}
+    names = {SKIN: "skin", HULL: "fascia", **{bone: bone for bone in section.bones}}
     contours = {part: [section.contour(name)] * _LEVELS for part, name in names.items()}
     return shape_of_contours(np.linspace(-length / 2, length / 2, _LEVELS), contours)
 

@@ -37,7 +37,7 @@ from legfem.inverse.predictor import Predictor
 from legfem.inverse.trial_noise import Noise
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.correction_of_leg import choose_correction
-from legfem.legs.diagnosis import Diagnoser, accuracy_of, ruled_out_of, with_correction
+from legfem.legs.diagnosis import Diagnoser, accuracy_of, ruled_out_of
 from legfem.legs.subject import Subject
 from legfem.mechanisms import mechanisms
 from legfem.solve.protocol import Protocol
@@ -169,7 +169,7 @@ def plan_before(subject: Subject, diagnoser: Diagnoser, expected: Expected, prog
     tests = designs(expected.depth, expected.rate, expected.depth, site)
     ends = choose_correction("auto", subject)
     every = _at_all(tests)
-    able, _ = shown_mechanisms(with_correction(mechanisms(), diagnoser.correction), every, ruled_out_of(subject, ends))
+    able, _ = shown_mechanisms(diagnoser.mechanisms_of(subject), every, ruled_out_of(subject, ends))
     complete, _ = diagnoser.tabulating(subject, every, rounded(expected.c10), progress, able)
     # Usual effects are far from those at nodes.
     near = [m for m in able if isinstance(m, TissueMechanism) and not m.nodes]

@@ -18,12 +18,12 @@ from shapely import Point
 from legfem.common.errors import Doubt
 from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.data import ranges
-from legfem.geometry.section import BONES, PARTS, first_crossing, girth
+from legfem.geometry.section import CALF, LIMBS, first_crossing, girth, way_to_bone
 from legfem.inverse.catalogue import key_of
 from legfem.inverse.elastography import doubts_about_elastography
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.parameter import Prior
-from legfem.inverse.population import CALF, SHIN, TISSUES, population, population_prior
+from legfem.inverse.population import ANYWHERE, SHIN, TISSUES, population, population_prior
 from legfem.legs.plausible_recordings import doubts_about_recordings
 from legfem.legs.subject import Subject, TissueParameters
 
@@ -35,8 +35,8 @@ _FAR_OUT, _FAR_OUT_MM = 3.0, 1.0
 """Times the points' distance, or mm, that a spike is long."""
 _LANDMARKS_MM = 2.0
 """Of error in the aim, which a diagnosis assumes without a word."""
-_LONGEST = 1.5
-"""Of a section over its width: calves have 1.0 to 1.3, ankles up to 1.4."""
+_LONGEST, _LONGEST_CALF = 2.0, 1.5
+"""Of a section over its width: calves have 1.0 to 1.3, ankles up to 1.4, a forearm above the wrist 1.6."""
 _MOST_OF_LEG = 0.8
 """Of the leg's thickness along the line of travel: no deeper without a bone either."""
 
@@ -51,10 +51,10 @@ def doubts_about(subject: Subject) -> tuple[Doubt, ...]:
     """
     toml = subject.directory / "subject.toml"
     found = [
-        *ranges.doubts_about_size(toml, "section.contours", girth(subject.section), subject.section.tibia),
+        *_bones(toml, subject),
         *ranges.FASCIA_THICKNESS.doubts(toml, "section.fascia_thickness_mm", subject.section.fascia_thickness),
         *_stretched(toml, subject),
-        *(d for part in PARTS for d in _spike(toml, part, getattr(subject.section, part))),
+        *(d for part in subject.section.parts for d in _spike(toml, part, subject.section.contour(part))),
         *_landmarks(toml, subject),
         *_indenter(toml, subject),
         *(d for name, t in subject.tissues.items() for d in _tissue(toml, f"tissues.{name}", t)),
@@ -82,14 +82,20 @@ def room_before(subject: Subject) -> float:
     touch = first_crossing(skin.buffer(indenter.radius).exterior, *travel)
     near = first_crossing(skin.exterior, *travel)
     far = -first_crossing(skin.exterior, indenter.aim, -indenter.direction)
-    reached = [_MOST_OF_LEG * (far - near)]
-    for bone in BONES:
-        try:
-            grown = section.polygon(bone).buffer(indenter.radius).exterior
-            reached.append(first_crossing(grown, *travel) - touch)
-        except ValueError:
-            continue
-    return min(reached)
+    return min(_MOST_OF_LEG * (far - near), way_to_bone(section, *travel, indenter.radius) - touch)
+
+
+def _bones(toml: Path, subject: Subject) -> Iterator[Doubt]:
+    """Yield a doubt about a calf's size, or about a section that lacks a bone which runs beside another."""
+    section, field = subject.section, "section.contours"
+    if section.limb == CALF:
+        yield from ranges.doubts_about_size(toml, field, girth(section), section.bones[LIMBS[CALF][0]])
+        return
+    for limb, bones in LIMBS.items():
+        missing = [bone for bone in bones if bone not in section.bones]
+        if len(bones) == 2 and len(missing) == 1:
+            problem = f"there is no {missing[0]}, which a {limb} has"
+            yield Doubt(str(toml), field, problem, "add its outline, unless the section passes it by")
 
 
 def _stretched(toml: Path, subject: Subject) -> Iterator[Doubt]:
@@ -97,12 +103,13 @@ def _stretched(toml: Path, subject: Subject) -> Iterator[Doubt]:
     box = subject.section.polygon("skin").minimum_rotated_rectangle
     corners = np.array(box.exterior.coords)
     narrow, wide = sorted(np.linalg.norm(np.diff(corners[:3], axis=0), axis=1))
-    if wide > _LONGEST * narrow:
+    limb = subject.section.limb
+    if wide > (_LONGEST_CALF if limb == CALF else _LONGEST) * narrow:
         yield Doubt(
             str(toml),
             "section.contours",
             f"the leg is {wide:.0f} mm one way and {narrow:.0f} mm the other, {wide / narrow:.2g} times: longer than "
-            "any calf is wide",
+            f"any {limb or 'limb'} is wide",
             "check the image's spacing along both axes",
         )
 
@@ -198,8 +205,8 @@ _AT_SMALL_STRAIN = 0.5
 """Of C20, that a neo-Hookean C10 of the same force has more: 0.46 to 1.3 of it between Tables 4 and
 5 of Frauziols et al. (2015)."""
 _IN_FRONT = 0.5
-"""Cosine of the angle between tibia and cylinder, above which a leg is pressed at its shin."""
-_PLACES = {CALF: "calf", SHIN: "shin"}
+"""Cosine of the angle between first bone and cylinder, above which a leg is pressed at its shin."""
+_PLACES = {SHIN: "the shin", ANYWHERE: "arms and legs"}
 _MOST_TOLD = 3
 _UNITS = {
     "force_N": {"lbf": 4.448, "kgf": 9.807, "ozf": 0.278, "gf": 9.807e-3, "mN": 1e-3, "kN": 1e3},
@@ -236,7 +243,7 @@ def _doubts_beside_people(subject: Subject, parameters: Mapping[str, Estimate]) 
 
     What the recordings leave open of it counts as people's spread does.
     """
-    site = SHIN if _at_shin(subject) else CALF
+    site = SHIN if subject.section.limb == CALF and _at_shin(subject) else subject.people
     for name in TISSUES:
         if name not in parameters or key_of(name) in subject.confirmed:
             continue
@@ -255,8 +262,8 @@ def _doubts_beside_people(subject: Subject, parameters: Mapping[str, Estimate]) 
             str(subject.directory / "subject.toml"),
             key_of(name),
             f"{mpa_to_kpa(found):.3g} kPa is {'stiffer' if away > 0 else 'softer'} than in 99 of "
-            f"100 people, {mpa_to_kpa(low):.2g} to {mpa_to_kpa(high):.2g} kPa at the "
-            f"{_PLACES[site]} ({population().source})",
+            f"100 people, {mpa_to_kpa(low):.2g} to {mpa_to_kpa(high):.2g} kPa at "
+            f"{_PLACES.get(site, 'the calf')} ({population().source})",
             "; ".join([*_explained(found, usual), "check units, gain and sizes"]),
         )
 
@@ -274,7 +281,7 @@ def _explained(found: float, usual: Prior) -> list[str]:
 
 
 def _at_shin(subject: Subject) -> bool:
-    """Return whether the leg is pressed from where its tibia is."""
-    tibia, skin = (subject.section.polygon(part).centroid for part in ("tibia", "skin"))
-    front = np.array([tibia.x - skin.x, tibia.y - skin.y])
+    """Return whether a calf is pressed from where its first bone is."""
+    shin, skin = (subject.section.polygon(part).centroid for part in (LIMBS[CALF][0], "skin"))
+    front = np.array([shin.x - skin.x, shin.y - skin.y])
     return float(-subject.indenter.direction @ front) > _IN_FRONT * float(np.linalg.norm(front))

@@ -397,4 +397,4 @@ def _applied(
         return None
     P = correction.correction(displacement, *map(np.asarray, deep_stiffness(values)))
     sd, fibrous = correction.standard_deviation(displacement), "fibres" in correction.sources.values()
-    return AppliedCorrection(correction.name, P, sd, fibrous)
+    return AppliedCorrection(correction.name, P, sd, fibrous, correction.beyond)

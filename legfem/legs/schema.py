@@ -114,6 +114,12 @@ class SectionEntry(ShapeEntry):
         return self
 
 
+class RegionEntry(input_files.FileTable):
+    """One of ``[regions.NAME]``: what the outline of that name is in the contours of one section."""
+
+    kind: Literal["bone"]
+
+
 class TissueEntry(input_files.FileTable):
     """What ``[tissues.deep]``, ``[tissues.superficial]`` and ``[tissues.fascia]`` share."""
 
@@ -197,6 +203,8 @@ class SubjectFile(input_files.NamedFile):
 
     section: SectionEntry
     labels: LabelsEntry = LabelsEntry()
+    regions: dict[input_files.PlainName, RegionEntry] = Field(default_factory=dict)
+    """What outlines of other names than the usual bones' are."""
     indenter: IndenterEntry
     tissues: TissuesEntry
     instrument: InstrumentEntry | None = None
@@ -249,6 +257,9 @@ class SubjectFile(input_files.NamedFile):
             raise input_files.trouble("section.level_mm", problem, "the position says where to cut: leave level_mm out")
         if "labels" in self.model_fields_set and self.section.scan is None:
             raise input_files.trouble("labels", "are given without a scan", "give the scan, or leave them out")
+        if self.regions and (self.is_cut or self.section.contours is None):
+            problem = "are of use with outlines of one section alone"
+            raise input_files.trouble("regions", problem, "give contours without level_mm, or leave them out")
         if not self.is_cut and self.section.contours is None and self.section.girth_mm is None:
             remedy = "give it, or position_mm and direction of the indenter"
             raise input_files.trouble("section.level_mm", "missing: nothing says where to cut the scan", remedy)

@@ -11,7 +11,8 @@ from legfem.common.drawing import Pictured
 from legfem.data import Instrument, Recording, Segmentation, segment_all
 from legfem.data.recording import Origin
 from legfem.geometry.indenter import Indenter
-from legfem.geometry.section import LegSection
+from legfem.geometry.section import CALF, LegSection
+from legfem.inverse import population
 from legfem.inverse.accuracy import MeasuredEffect
 from legfem.inverse.elastography import FibreRatio, ShearModulus
 from legfem.inverse.parameter import Prior
@@ -100,6 +101,11 @@ class Subject(Pictured):
     """Of C10 of the deep tissue (MPa), for a diagnosis: of people like this one."""
     typical_shape: bool = False
     """Whether the section is a typical calf's of the measured girth and fat, in place of the leg's own outlines."""
+
+    @property
+    def people(self) -> str:
+        """Site of the population's table that the leg is compared with."""
+        return population.CALF if self.section.limb == CALF else population.ANYWHERE
 
     @property
     def at_rest(self) -> float:

@@ -102,7 +102,7 @@ class MuscleContraction(Mechanism):
         AWAY,
     )
     would_be = "a muscle that tenses and becomes stiffer by a share of {}"
-    next_experiment = "repeat with electromyography of the calf, or ask for a relaxed leg and compare"
+    next_experiment = "repeat with electromyography of the muscle, or ask for a relaxed leg and compare"
     measured_sd = 0.03
     """An estimate."""
 
@@ -265,7 +265,7 @@ class UnevenMuscle(TissueMechanism):
         ),
     )
     would_be = "a region of the muscle of {} times the stiffness of the rest"
-    next_experiment = "press at a second place of the calf, or map the muscle by shear-wave elastography"
+    next_experiment = "press at a second place of the muscle, or map the muscle by shear-wave elastography"
     expected = 3.0
     """Aponeuroses and tendons run through every calf, and vessels: what isn't known is whether they matter."""
     variant = "uneven"

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.geometry.section import BONES
+from legfem.geometry.section import CALF, LIMBS
 from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.mechanism import (
     IndentedLeg,
@@ -45,7 +45,7 @@ class LegMovement(Mechanism):
         AWAY,
     )
     would_be = "a leg that moves away by {}"
-    next_experiment = "film the shin against the frame during the test, strap the leg, and repeat"
+    next_experiment = "film the leg against the frame during the test, strap the leg, and repeat"
     measured_sd = 0.15
     """An estimate: a mark of 1 mm, seen to a fraction."""
 
@@ -67,14 +67,22 @@ _LEAST = 1e-5
 """mm/N: as good as none."""
 
 
+@dataclass(frozen=True)
 class SupportCompliance(TissueMechanism):
-    r"""Springs in series with the whole leg, or tibia and fibula each on springs of their own.
+    r"""Springs in series with the whole leg, or each bone on springs of its own.
 
     In series :math:`d_{tissue} = d - c F`: a rig that gives way is the same as a rigid translation
-    of leg and skeleton together. On springs of :math:`1 / (2 c)` each, in two directions, the bones
+    of leg and skeleton together. On springs of :math:`1 / (n c)` each of n, in two directions, the bones
     would move by :math:`c F` together if both bore the same, and they don't. The force is taken in
     proportion between the two, by a share at the bones.
+
+    Parameters
+    ----------
+    bones
+        Their names.
     """
+
+    bones: tuple[str, ...] = LIMBS[CALF]
 
     name = "support-compliance"
     statement = "the leg's support or the rig gave way: bones and frame moved with the force"
@@ -89,7 +97,7 @@ class SupportCompliance(TissueMechanism):
         ),
     )
     would_be = "a support that gives way by {}"
-    next_experiment = "measure the shin's displacement during the test, or press a rigid block on the same rig"
+    next_experiment = "measure the bone's displacement during the test, or press a rigid block on the same rig"
     measured_sd = 0.02
     """An estimate: the skin over the shin yields 0.1 to 0.2 mm at 10 N."""
     variant = "bones on springs"
@@ -118,7 +126,7 @@ class SupportCompliance(TissueMechanism):
         from legfem.mechanics.terms import BoneSprings
 
         section, length = leg.section, leg.indenter.length
-        return [BoneSprings(bone, section.polygon(bone).area, length) for bone in BONES]
+        return [BoneSprings(bone, section.polygon(bone).area, length) for bone in section.bones]
 
     def solution(self, values: Values) -> Solution:
         """Return the model with its bones on springs, beside the leg in series with such springs.
@@ -128,8 +136,8 @@ class SupportCompliance(TissueMechanism):
         compliance = values["compliance"]
         if compliance <= _LEAST:
             return Solution(self.variant, null=self.null_variant)
-        names = [f"{bone}.springs.{axis}" for bone in BONES for axis in "xy"]
-        springs = dict.fromkeys(names, 0.5 / compliance)
+        names = [f"{bone}.springs.{axis}" for bone in self.bones for axis in "xy"]
+        springs = dict.fromkeys(names, 1 / len(self.bones) / compliance)
         return Solution(self.variant, springs, null=self.null_variant, null_in_series=compliance)
 
 

@@ -1,4 +1,4 @@
-"""Mesh of a leg's cross-section: fat, fascia as a layer, deep tissue around the two bones.
+"""Mesh of a leg's cross-section: fat, fascia as a layer, deep tissue around the bones.
 
 The mesh is graded: fine along the skin that the indenter will touch, coarser with the distance from
 it. The fascia is one layer of elements across its thickness, with nodes of its two faces in pairs.
@@ -6,7 +6,7 @@ it. The fascia is one layer of elements across its thickness, with nodes of its 
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import gmsh
 import numpy as np
@@ -16,11 +16,9 @@ from scipy.spatial import cKDTree
 
 from legfem.common.units import FloatArray
 from legfem.geometry.indenter import first_touch
-from legfem.geometry.section import BONES, ClosedCurve, LegSection, across, smooth_closed_curve
+from legfem.geometry.section import ClosedCurve, LegSection, across, smooth_closed_curve
 from legfem.meshing import gmsh_mesh
 from legfem.meshing.grid import ElementSizes, TaggedMesh
-
-Outline = Literal["skin", "fascia", "tibia", "fibula"]
 
 
 @dataclass(frozen=True)
@@ -38,8 +36,8 @@ class MeshMotion:
 
     Parameters
     ----------
-    outline : {"skin", "fascia", "tibia", "fibula"}
-        Outline that moves; a bone as a whole.
+    outline : str
+        Part whose outline moves; a bone as a whole.
     arc : float
         Position of the hat function's top from first touch, along the skin, counter-clockwise (mm).
     width : float
@@ -52,7 +50,7 @@ class MeshMotion:
         Whether the skin's nodes slide along it, to the left of the travel, and not outwards: the leg's shape stays.
     """
 
-    outline: Outline
+    outline: str
     arc: float = 0.0
     width: float = 20.0
     size: float = 0.5
@@ -77,15 +75,15 @@ class MeshMotion:
         """
         at = shapely.points(points)
         skin, fascia = (section.polygon(part).exterior for part in ("skin", "fascia"))
-        bones = shapely.union_all([section.polygon(part).exterior for part in BONES])
+        bones = shapely.union_all([section.polygon(part).exterior for part in section.bones])
         to_skin, to_fascia, to_bones = (shapely.distance(at, line) for line in (skin, fascia, bones))
         inside = shapely.contains_properly(section.polygon("fascia"), at)
-        if self.outline in BONES:
+        if self.outline in section.bones:
             near, *others = (
                 shapely.distance(at, section.polygon(part).exterior)
-                for part in sorted(BONES, key=lambda part: part != self.outline)
+                for part in sorted(section.bones, key=lambda part: part != self.outline)
             )
-            share = np.where(inside, _share(np.minimum(to_fascia, *others), near), 0.0)
+            share = np.where(inside, _share(np.minimum.reduce([to_fascia, *others]), near), 0.0)
             angle = np.radians(self.turned)
             return share[:, None] * self.size * (np.cos(angle) * travel + np.sin(angle) * across(travel))
         if self.outline == "skin":
@@ -128,8 +126,11 @@ UNDER_FAT = 17
 OUTER_FASCIA = 18
 """Facets of the fascia under the fat, likewise."""
 REGIONS = {"superficial": SUPERFICIAL, "fascia": FASCIA, "deep": DEEP}
-BONE_REGIONS = {"tibia": 4, "fibula": 5}
-"""Cell tags of meshes that have the bones' inside, too."""
+
+
+def bone_regions(section: LegSection) -> dict[str, int]:
+    """Return the cell tags of a section's bones by name, in meshes that have their inside, too."""
+    return {bone: tag for tag, bone in enumerate(section.bones, DEEP + 1)}
 
 
 @dataclass(frozen=True)
@@ -158,7 +159,7 @@ class SectionMeshSettings(ElementSizes):
 class SectionMesh(TaggedMesh):
     """A meshed section and where the indenter first touches it.
 
-    Its cells' tags are `SUPERFICIAL`, `FASCIA`, `DEEP` or one of `BONE_REGIONS`, its facets' `SKIN`, `BONE`, and where
+    Its cells' tags are `SUPERFICIAL`, `FASCIA`, `DEEP` or one of `bone_regions`, its facets' `SKIN`, `BONE`, and where
     it is split `UNDER_FAT` and `OUTER_FASCIA`.
     """
 
@@ -280,8 +281,8 @@ def _build(
     loops = {"skin": corners, "outer": outer, "inner": inner}
     if split:
         loops["under fat"] = outer
-    for bone in BONE_REGIONS:
-        curve = smooth_closed_curve(section.contour(bone))
+    for bone, outline in section.bones.items():
+        curve = smooth_closed_curve(outline)
         loops[bone], _ = _place(curve, bone_size(curve.length))
 
     geometry = model.geo
@@ -300,16 +301,16 @@ def _build(
         geometry.mesh.setTransfiniteSurface(layer[-1], "AlternateLeft" if k % 2 else "Right")
     closed = {name: geometry.addCurveLoop(loop) for name, loop in lines.items()}
     fat = geometry.addPlaneSurface([closed["skin"], closed["under fat" if split else "outer"]])
-    deep = geometry.addPlaneSurface([closed["inner"], closed["tibia"], closed["fibula"]])
-    insides = {n: geometry.addPlaneSurface([closed[n]]) for n in BONE_REGIONS} if bones else {}
+    deep = geometry.addPlaneSurface([closed["inner"], *(closed[bone] for bone in section.bones)])
+    insides = {n: geometry.addPlaneSurface([closed[n]]) for n in section.bones} if bones else {}
     geometry.synchronize()
 
     for surfaces, tag in (([fat], SUPERFICIAL), (layer, FASCIA), ([deep], DEEP)):
         model.addPhysicalGroup(2, surfaces, tag)
     for bone, surface in insides.items():
-        model.addPhysicalGroup(2, [surface], BONE_REGIONS[bone])
+        model.addPhysicalGroup(2, [surface], bone_regions(section)[bone])
     model.addPhysicalGroup(1, lines["skin"], SKIN)
-    model.addPhysicalGroup(1, lines["tibia"] + lines["fibula"], BONE)
+    model.addPhysicalGroup(1, [line for bone in section.bones for line in lines[bone]], BONE)
     if split:
         model.addPhysicalGroup(1, lines["under fat"], UNDER_FAT)
         model.addPhysicalGroup(1, lines["outer"], OUTER_FASCIA)

@@ -48,8 +48,7 @@ def placement_figure(subject: Subject, scanned: Mapping[str, Polygon] | None = N
             linewidth=0.6,
             label=style.REGION_NAMES[name],
         )
-    for bone in ("tibia", "fibula"):
-        contour = section.contour(bone)
+    for bone, contour in section.bones.items():
         axes.fill(*contour.T, facecolor=style.BONE_COLOUR, edgecolor="black", linewidth=0.8)
         axes.annotate(bone, contour.mean(axis=0), ha="center", va="center", fontsize=8)
     for number, scan in enumerate((scanned or {}).values()):

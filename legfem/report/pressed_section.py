@@ -16,13 +16,13 @@ from legfem.experiments.indentation import is_due
 from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.fem.fields import FieldReader, LegFields
 from legfem.geometry.indenter import first_touch
-from legfem.geometry.section import BONES, PARTS, LegSection
+from legfem.geometry.section import LegSection
 from legfem.legs.subject import Subject
 from legfem.mechanics.model import Skin
 from legfem.meshing.section import REGIONS
 from legfem.report.curves import packed
 from legfem.report.page import PressedSection, StillSection
-from legfem.report.style import BONE_COLOUR, REGION_COLOURS
+from legfem.report.style import BONE_COLOUR, LAYER_COLOURS, REGION_COLOURS
 
 # Corners of a second-order cell in the order of its outline, among DOLFINx' nodes.
 _CORNERS = {6: [0, 1, 2], 9: [0, 1, 3, 2]}
@@ -139,7 +139,7 @@ def pressed_section(film: Film, displacement: FloatArray, force: FloatArray, wha
         "measures": measures,
         "share_a_count": _SHARE,
         "tissue": [_COLOURS[int(tag)] for tag in first.region],
-        "bones": [section.contour(name).round(2).tolist() for name in BONES],
+        "bones": [outline.round(2).tolist() for outline in section.bones.values()],
         "skin": section.skin.round(2).tolist(),
         "bone": BONE_COLOUR,
         "frame": _frame(section, radius, *centres),
@@ -180,14 +180,9 @@ def still_section(subject: Subject) -> StillSection:
     centre = first_touch(section.skin, indenter.radius, indenter.aim, indenter.direction)
     end = centre + indenter.direction * indenter.radius
     left, bottom, width, height = _frame(section, indenter.radius, centre)
-    colours = {
-        "skin": REGION_COLOURS["superficial"],
-        "fascia": REGION_COLOURS["deep"],
-        "tibia": BONE_COLOUR,
-        "fibula": BONE_COLOUR,
-    }
     outlines = [
-        (part, colours[part], " ".join(f"{x:.1f},{-y:.1f}" for x, y in section.contour(part))) for part in PARTS
+        (part, LAYER_COLOURS.get(part, BONE_COLOUR), " ".join(f"{x:.1f},{-y:.1f}" for x, y in section.contour(part)))
+        for part in section.parts
     ]
     return StillSection(
         "Section of the leg as it was given, with the cylinder where it first touches the skin and "

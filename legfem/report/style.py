@@ -139,6 +139,8 @@ LAW_NAMES = {
 REGION_COLOURS = {"superficial": "#F3DFA2", "fascia": "#4D4D4D", "deep": "#D98880"}
 REGION_NAMES = {"superficial": "superficial tissue (fat)", "fascia": "fascia", "deep": "deep tissue (muscle)"}
 BONE_COLOUR = "#FAFAF5"
+LAYER_COLOURS = {"skin": REGION_COLOURS["superficial"], "fascia": REGION_COLOURS["deep"]}
+"""Of what lies within these outlines; the bones' are `BONE_COLOUR`."""
 TOOL_COLOUR = "#B8C4CC"
 DATA_COLOUR = "#111111"
 FAINT = "#8C8C8C"

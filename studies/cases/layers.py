@@ -131,7 +131,7 @@ def section_of(truth: Layers) -> LegSection:
     # A section has two bones: the second lies beyond the first.
     beyond = bone + np.array([0.0, _BONE_MM + 8.0])
     skin, fascia = radius * unit, (radius - truth.fat) * unit
-    return LegSection(skin, fascia, bone + _BONE_MM * unit, beyond + 4.0 * unit, _FASCIA_MM)
+    return LegSection(skin, fascia, {"tibia": bone + _BONE_MM * unit, "fibula": beyond + 4.0 * unit}, _FASCIA_MM)
 
 
 def leg_of(truth: Layers, fat_kpa: float) -> Subject:
@@ -142,7 +142,7 @@ def leg_of(truth: Layers, fat_kpa: float) -> Subject:
         title=f"A {truth.body} of two layers, simulated",
         origin="simulated",
         section=section,
-        indenter=Indenter(15.0, 50.0, section.tibia.mean(axis=0), 90.0),
+        indenter=Indenter(15.0, 50.0, section.bones["tibia"].mean(axis=0), 90.0),
         tissues=MappingProxyType(
             {
                 "deep": TissueParameters("neo-hookean", None, None, 28.0, None),

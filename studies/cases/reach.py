@@ -131,7 +131,7 @@ def _section(generator: np.random.Generator, girth: float, fat: float, fascia: f
     tibia = bone(even(0.22, 0.34), even(0.0, 0.3), 3, front, even(0.2, 0.55))
     side = 1 if generator.random() < 0.5 else -1
     fibula = bone(even(0.1, 0.17), 0.1, 2, front + side * even(1.2, 2.0), even(0.4, 0.7))
-    section = LegSection(skin, hull, tibia, fibula, fascia)
+    section = LegSection(skin, hull, {"tibia": tibia, "fibula": fibula}, fascia)
     try:
         check_section(section, "drawn leg")
     except InputError:

@@ -15,7 +15,6 @@ from legfem.channels import Sight
 from legfem.channels.kinds import CHANNELS
 from legfem.common.units import FloatArray
 from legfem.geometry.indenter import Site
-from legfem.geometry.section import BONES
 from legfem.inverse.catalogue import LawName
 from legfem.legs.subject import Subject
 from legfem.solve.protocol import Protocol
@@ -173,7 +172,7 @@ def points_of(leg: int, seed: int) -> FloatArray:
 
 def _in_tissue(subject: Subject, points: FloatArray) -> FloatArray:
     tissue = subject.section.polygon("skin").buffer(-_FROM_EDGES_MM)
-    for bone in BONES:
+    for bone in subject.section.bones:
         tissue = tissue.difference(subject.section.polygon(bone).buffer(_FROM_EDGES_MM))
     return np.asarray(shapely.contains_xy(tissue, points[:, 0], points[:, 1]))
 

@@ -119,10 +119,8 @@ def shape_section(shape: int, side: str) -> LegSection:
     section = calf_section(Calf(girth, fat, 0.6, aspect=float(generator.uniform(1.0, 1.08)), asymmetry=0.0))
     if side == "right":
         return section
-    skin, fascia, tibia, fibula = (
-        part[::-1] * np.array([-1.0, 1.0]) for part in (section.skin, section.fascia, section.tibia, section.fibula)
-    )
-    return LegSection(skin, fascia, tibia, fibula, section.fascia_thickness)
+    mirrored = {part: section.contour(part)[::-1] * np.array([-1.0, 1.0]) for part in section.parts}
+    return LegSection.of_parts(mirrored, section.fascia_thickness)
 
 
 def write_leg(folder: Path, shape: int, side: str, recordings: Sequence[Recording], name: str) -> Path:

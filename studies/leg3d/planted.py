@@ -181,5 +181,8 @@ def _section() -> LegSection:
         return radius * ring + np.array([0.0, y])
 
     return LegSection(
-        circle(LEG.radius), circle(LEG.radius - LEG.fat), circle(LEG.bone_radius), circle(*FIBULA), LEG.fascia
+        circle(LEG.radius),
+        circle(LEG.radius - LEG.fat),
+        {"tibia": circle(LEG.bone_radius), "fibula": circle(*FIBULA)},
+        LEG.fascia,
     )

@@ -12,7 +12,7 @@ import shapely
 from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
-from legfem.geometry.section import BONES, LegSection
+from legfem.geometry.section import LegSection
 
 type Ints = NDArray[np.int_]
 
@@ -52,7 +52,7 @@ def mesh_leg(section: LegSection, touch: FloatArray, finer: float = 1.0) -> Tria
         "skin": section.skin,
         "fascia": section.fascia,
         "inner": np.array(inner.exterior.coords)[:-1],
-        **{bone: section.contour(bone) for bone in BONES},
+        **section.bones,
     }
     gmsh.initialize(interruptible=False)
     try:
@@ -62,7 +62,7 @@ def mesh_leg(section: LegSection, touch: FloatArray, finer: float = 1.0) -> Tria
         surfaces = {
             "superficial": gmsh.model.occ.addPlaneSurface([lines["skin"], lines["fascia"]]),
             "fascia": gmsh.model.occ.addPlaneSurface([lines["fascia"], lines["inner"]]),
-            "deep": gmsh.model.occ.addPlaneSurface([lines["inner"], *(lines[b] for b in BONES)]),
+            "deep": gmsh.model.occ.addPlaneSurface([lines["inner"], *(lines[b] for b in section.bones)]),
         }
         gmsh.model.occ.synchronize()
         _sizes(gmsh, touch, section, finer)
@@ -122,7 +122,7 @@ def _tidied(points: FloatArray, cells: Mapping[str, Ints], section: LegSection) 
     _, index, count = np.unique(np.sort(edges[:, :2], axis=1), axis=0, return_index=True, return_counts=True)
     outer = edges[index[count == 1]]
     middle = shapely.points(points[outer[:, 2]])
-    apart = {name: shapely.distance(middle, section.polygon(name).exterior) for name in ("skin", *BONES)}
+    apart = {name: shapely.distance(middle, section.polygon(name).exterior) for name in ("skin", *section.bones)}
     nearest = np.argmin(np.array(list(apart.values())), axis=0)
-    bones = {bone: np.unique(outer[nearest == k + 1]) for k, bone in enumerate(BONES)}
+    bones = {bone: np.unique(outer[nearest == k + 1]) for k, bone in enumerate(section.bones)}
     return TriangleMesh(points, turned, outer[nearest == 0], bones)

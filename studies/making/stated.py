@@ -9,7 +9,7 @@ import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.geometry.indenter import Indenter
-from legfem.geometry.section import BONES, LegSection, minimal_fat_thickness
+from legfem.geometry.section import LegSection, minimal_fat_thickness
 from legfem.legs.subject import LegAccuracy, Subject
 from studies.making.recording import LabErrors
 
@@ -79,10 +79,10 @@ def outlines_off(section: LegSection, size: float, generator: np.random.Generato
         return section
     for _ in range(_ATTEMPTS):
         parts = {name: _off(section.contour(name), size, generator) for name in ("skin", "fascia")}
-        for bone in BONES:
+        for bone in section.bones:
             parts[bone] = section.contour(bone) + size * generator.normal(size=2)
-        moved = LegSection(**parts, fascia_thickness=section.fascia_thickness)
-        inside = all(moved.polygon("fascia").buffer(-2.0).contains(moved.polygon(bone)) for bone in BONES)
+        moved = LegSection.of_parts(parts, section.fascia_thickness)
+        inside = all(moved.polygon("fascia").buffer(-2.0).contains(moved.polygon(bone)) for bone in section.bones)
         apart = moved.polygon("tibia").distance(moved.polygon("fibula")) > 1.0
         if inside and apart and minimal_fat_thickness(moved) > LEAST_FAT_MM:
             return moved

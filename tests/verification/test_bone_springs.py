@@ -12,18 +12,18 @@ from scipy.interpolate import CubicSpline
 
 from legfem.common.errors import InputError
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
-from legfem.geometry.section import BONES
+from legfem.geometry.section import CALF, LIMBS
 from legfem.legs.finite_element_models import plane_strain_test
 from legfem.legs.loading import load_subject
 from legfem.mechanics.terms import BoneSprings
 
 DEPTH = 8.0
 FOREIGN = SHARED / "foreign" / "case-05"
-SOFT = {f"{bone}.springs.{axis}": k for bone, k in zip(BONES, (3.0, 1.5), strict=True) for axis in "xy"}
+SOFT = {f"{bone}.springs.{axis}": k for bone, k in zip(LIMBS[CALF], (3.0, 1.5), strict=True) for axis in "xy"}
 
 
 def springs(section, length):
-    return [BoneSprings(bone, section.polygon(bone).area, length) for bone in BONES]
+    return [BoneSprings(bone, section.polygon(bone).area, length) for bone in section.bones]
 
 
 def made(formulation="mixed"):
@@ -62,11 +62,11 @@ def test_the_springs_bear_what_the_cylinder_presses_with(tests):
     solved = free.solve(SOFT, depth=DEPTH)
     assert solved.report.complete
     length = free.indenter.length
-    away = {bone: moved(free, bone) for bone in BONES}
-    borne = sum(SOFT[f"{bone}.springs.x"] * away[bone] for bone in BONES) / length
+    away = {bone: moved(free, bone) for bone in LIMBS[CALF]}
+    borne = sum(SOFT[f"{bone}.springs.x"] * away[bone] for bone in LIMBS[CALF]) / length
     assert borne == pytest.approx(free.system.balance().contact_force, rel=2e-3, abs=1e-6)
     body = free.system.body.domain
-    for bone in BONES:
+    for bone in LIMBS[CALF]:
         turn = ufl.inner(ufl.grad(body.displacement), ufl.grad(body.displacement))
         strain = fem.assemble_scalar(fem.form(turn * body.regions[bone]))
         area = free.section.polygon(bone).area
@@ -83,7 +83,7 @@ def test_stiff_springs_take_off_what_their_energy_says(tests):
     stiffness, seen = 200.0, []
 
     def record(at):
-        pressed = [stiffness * moved(free, bone) for bone in BONES]
+        pressed = [stiffness * moved(free, bone) for bone in LIMBS[CALF]]
         seen.append((at, sum(float(one @ one) for one in pressed)))
 
     at = np.array([2.0, 4.0, 6.0])
@@ -114,7 +114,7 @@ def test_numbers_that_no_bone_has_are_refused(wrong):
 def test_one_bone_on_springs_and_one_without_is_refused():
     section, indenter, tissues = subject_3()
     one = springs(section, indenter.length)[:1]
-    with pytest.raises(InputError, match="one bone is on springs and the other isn't"):
+    with pytest.raises(InputError, match="not every bone is on springs"):
         PlaneStrainIndentation(section, indenter, tissues, mechanisms=one)
 
 

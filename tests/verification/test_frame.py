@@ -53,8 +53,8 @@ def test_a_turned_leg_is_as_stiff():
     """Here the leg is meshed anew, so that the curves agree as well as meshes do."""
     section, indenter, tissues = subject_3()
     Q = _rotation(200.0)
-    turned = LegSection(
-        *(section.contour(part) @ Q.T for part in ("skin", "fascia", "tibia", "fibula")), section.fascia_thickness
+    turned = LegSection.of_parts(
+        {part: section.contour(part) @ Q.T for part in section.parts}, section.fascia_thickness
     )
     moved = Indenter(indenter.radius, indenter.length, Q @ indenter.aim, indenter.direction_deg + 200.0)
     settings = PlaneStrainSettings(mesh=COARSE)

@@ -22,11 +22,11 @@ from legfem.common.errors import MISSING, InputError
 from legfem.data.recording import PLAIN_COLUMNS, QUANTITIES, SourceColumns
 from legfem.geometry.contours import read_contours
 from legfem.geometry.motion import CuttingPlane
-from legfem.geometry.section import PARTS, LegSection, line_of_travel
+from legfem.geometry.section import LegSection, line_of_travel
 from legfem.geometry.section_from_outlines import section_from_outlines
 from legfem.legs.schema import SectionEntry
 from legfem.report.render import filled
-from legfem.report.style import BONE_COLOUR, REGION_COLOURS
+from legfem.report.style import BONE_COLOUR, LAYER_COLOURS, REGION_COLOURS
 from legfem.specimens.kinds import kinds
 
 _COLOURS = {"fat": REGION_COLOURS["superficial"], "muscle": REGION_COLOURS["deep"], "bone": BONE_COLOUR}
@@ -199,7 +199,7 @@ def _pressed(folder: Path, sources: list[str], lab: Mapping[str, Any]) -> Read:
 _NO_CONTOURS = (
     "No outlines of this leg were given, so a typical calf of this size is taken, pressed from behind; the interval of "
     "C10 includes the error of doing so. Outlines of the section (a CSV file part,x_mm,y_mm with the parts skin, "
-    "fascia, tibia and fibula) or a labelled scan narrow the interval, and let the leg be pressed anywhere: add them "
+    "fascia and bones) or a labelled scan narrow the interval, and let the leg be pressed anywhere: add them "
     "under Files."
 )
 
@@ -250,12 +250,11 @@ def _section(folder: Path, source: str, level: float | None) -> LegSection:
 
 def _clicked(section: LegSection, place: Stated) -> None:
     low, high = section.skin.min(axis=0) - _ROOM, section.skin.max(axis=0) + _ROOM
-    fills = (_COLOURS["fat"], _COLOURS["muscle"], BONE_COLOUR, BONE_COLOUR)
 
     def pixels(points: Any) -> Any:
         return (np.asarray(points) - [low[0], high[1]]) * [_PIXELS, -_PIXELS]
 
-    parts = [(part, fill, pixels(section.contour(part))) for part, fill in zip(PARTS, fills, strict=True)]
+    parts = [(part, LAYER_COLOURS.get(part, BONE_COLOUR), pixels(section.contour(part))) for part in section.parts]
     tag("p", "Click the section where the skin was pressed. The direction of travel is then square to the skin.")
     width, height = (high - low) * _PIXELS
 

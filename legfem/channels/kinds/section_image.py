@@ -28,7 +28,7 @@ from legfem.channels.laid import Laid
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.geometry.indenter import Site
-from legfem.geometry.section import BONES, across, first_crossing
+from legfem.geometry.section import across, first_crossing
 
 if TYPE_CHECKING:
     from legfem.channels.seen import Seen
@@ -42,7 +42,7 @@ def _in_tissue(points: FloatArray, site: Site, beyond: float) -> NDArray[np.bool
     """Return which of points (n, 2) lie in soft tissue, or up to some mm beyond it (within, if these are below 0)."""
     section = site.section
     tissue = section.polygon("skin").buffer(beyond)
-    for bone in BONES:
+    for bone in section.bones:
         tissue = tissue.difference(section.polygon(bone).buffer(max(-beyond, 0.0)))
     return np.asarray(shapely.contains_xy(tissue, points[:, 0], points[:, 1]))
 

@@ -168,7 +168,7 @@ class BoneSprings(RegionTerm, Memoryless):
     Parameters
     ----------
     region : str
-        ``tibia`` or ``fibula``; parameters are named ``<region>.springs.x`` and so on.
+        Name of the bone; parameters are named ``<region>.springs.x`` and so on.
     area : float
         Area of the bone's section, mm2.
     length : float
