@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from making import TOML, circle, write_contours
+import shapely
+from making import TOML, circle, leg, write_contours
 
 from legfem.data import write_recording
 from legfem.legs.loading import load_subject
@@ -45,16 +45,39 @@ def write_limb(folder: Path, parts: Mapping[str, np.ndarray], more: str = "", or
     return folder
 
 
-def pressed(folder: Path, case: OtherCase, depth: float, trials: int = 2, finer: float = 1.0) -> Subject:
+def two_muscles() -> dict[str, np.ndarray]:
+    """A calf whose back is two muscles: they share a slanted border and lie next to the fascia."""
+    back = np.radians(np.linspace(190, 350, 120))
+    x, y = 53.2 * np.array([np.cos(back), np.sin(back)])
+    arc, own = np.column_stack([x, y]), x < 0.25 * y + 6
+    border = [(6 + 0.25 * v, v) for v in np.linspace(y[own][-1], -2, 40)]
+
+    def closed(*points: np.ndarray) -> np.ndarray:
+        return np.asarray(shapely.Polygon(np.vstack(points)).segmentize(2.0).exterior.coords)[:-1]
+
+    return {
+        **leg(),
+        "gastrocnemius": closed(arc[own], border, [(-40, -2)]),
+        "soleus": closed(border[::-1], arc[~own], [(40, -2)]),
+    }
+
+
+MUSCLES = "".join(f'\n[regions.{name}]\nkind = "muscle"\n' for name in ("gastrocnemius", "soleus"))
+
+
+def pressed(
+    folder: Path, case: OtherCase, depth: float, trials: int = 2, finer: float = 1.0, site: str = ""
+) -> Subject:
     """Write recordings of a limb by another code, with a lab's errors, into its folder."""
-    leg = load_subject(folder, need_recordings=False)
+    leg = load_subject(folder, need_recordings=False, site=site)
     curve = OtherCode(leg, case, finer).solve(depth, 0.8)
     assert curve.reached
     time = np.arange(0.0, depth / SPEED, 0.1)
     at = SPEED * time
     course = Course(time, at, np.interp(at, curve.displacement, curve.force))
     errors = LabErrors(gain_sd=0.002)
-    (folder / "recordings").mkdir(exist_ok=True)
-    for one in record([course] * trials, errors, np.random.default_rng(58), leg.instrument):
-        write_recording(replace(one, trial=one.trial), folder / "recordings" / f"{one.trial}.csv")
-    return load_subject(folder)
+    within = folder / "recordings" / site
+    within.mkdir(exist_ok=True, parents=True)
+    for one in record([course] * trials, errors, np.random.default_rng([58, *site.encode()]), leg.instrument):
+        write_recording(one, within / f"{one.trial}.csv")
+    return load_subject(folder, site=site)

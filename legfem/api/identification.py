@@ -255,7 +255,11 @@ def _of_leg(
         if not one.instrument.stated:
             remedy = "add force_sd_N and displacement_sd_mm, or accuracies"
             raise InputError(one.directory / SUBJECTS.file, "instrument", MISSING, remedy)
+    leg = replace(leg, sites=tuple(one.with_muscles(wanted.names) for one in leg.sites))
     solid = searches_in_3d(leg, wanted.names, in_3d)
+    if (solid or in_3d) and (apart := leg.sites[0].muscles):
+        remedy = "name deep, or leave out what asks for 3D"
+        raise InputError(Argument("identify"), apart[0], "is no region of a leg in 3D", remedy)
     if solid or len(leg.sites) > 1:
         check_joint(leg, request.settings, correction, in_3d)
     elif in_3d:

@@ -14,7 +14,7 @@ from legfem.fem.system import System
 from legfem.geometry.indenter import TravelLine
 from legfem.geometry.section import across, cross
 from legfem.mechanics.terms.contact import NormalContact
-from legfem.meshing.section import BONE, DEEP, FASCIA, OUTER_FASCIA, SKIN, SUPERFICIAL
+from legfem.meshing.section import BONE, FASCIA, OUTER_FASCIA, SKIN, SUPERFICIAL
 
 _ROUND = 1e-9
 
@@ -101,13 +101,14 @@ class SeenModel:
         """Outlines of a section: its skin, the fascia's two faces, and the bones."""
         spaces = self.system.spaces
         split = len(spaces.facet_tags.find(OUTER_FASCIA)) > 0
+        within = [tag for tag in spaces.regions.values() if tag not in (SUPERFICIAL, FASCIA)]
         return {
             "skin": outline_of_facets(spaces, SKIN),
             # What slides on the fascia has nodes of its own.
             "fascia": outline_of_facets(spaces, OUTER_FASCIA)
             if split
-            else outline_between(spaces, FASCIA, SUPERFICIAL),
-            "deep": outline_between(spaces, DEEP, FASCIA),
+            else outline_between(spaces, [FASCIA], SUPERFICIAL),
+            "deep": outline_between(spaces, within, FASCIA),
             "bone": outline_of_facets(spaces, BONE),
         }
 

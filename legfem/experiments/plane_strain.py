@@ -37,6 +37,7 @@ from legfem.meshing.section import (
     SectionMeshSettings,
     bone_regions,
     mesh_section,
+    section_regions,
 )
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.path import ForceCurve
@@ -87,11 +88,12 @@ class LateralPlacement:
 
 @dataclass(frozen=True)
 class Tissues:
-    """The laws of the three tissues (MPa, 1/MPa)."""
+    """The laws of the three tissues, and of muscles that have one of their own (MPa, 1/MPa)."""
 
     deep: Hyperelastic
     superficial: Hyperelastic
     fascia: Hyperelastic
+    muscles: Mapping[str, Hyperelastic] = field(default_factory=dict)
 
 
 _SAME_FORCE = 0.03
@@ -178,7 +180,7 @@ class PlaneStrainIndentation(indentation.IndentationTest):
     @cached_property
     def model(self) -> LegModel:
         """Mechanical model: the sum of its terms."""
-        tissues = {name: getattr(self.tissues, name) for name in REGIONS}
+        tissues = {**{name: getattr(self.tissues, name) for name in REGIONS}, **self.tissues.muscles}
         cylinder = RigidCylinder(self.indenter.radius)
         model = indentation.leg_model(tissues, cylinder, self.settings.contact, self.settings.formulation)
         return model.with_terms(self.mechanisms)
@@ -332,11 +334,11 @@ class PlaneStrainIndentation(indentation.IndentationTest):
     def _most_stretched(self) -> str:
         """Return a message: where the body is stretched most as the solution stops, and what to do about it."""
         found = most_stretched(self.system)
-        tissue = next(name for name, tag in REGIONS.items() if tag == found.region)
+        tissue = next(name for name, tag in section_regions(self.section).items() if tag == found.region)
         x, y = found.place
         text = f"the {tissue} tissue is drawn out {found.stretch:.2g} times at ({x:.0f}, {y:.0f}) mm"
         gap, bone = min((self.section.polygon(bone).distance(Point(x, y)), bone) for bone in self.section.bones)
-        if tissue == "deep" and gap < _NEAR_MM:
+        if tissue not in ("superficial", "fascia") and gap < _NEAR_MM:
             text += f", {gap:.0f} mm from the {bone}, onto which what lies above presses it"
         return f"{text}; use less depth, or check how soft it is beside its neighbours"
 
@@ -345,7 +347,7 @@ class PlaneStrainIndentation(indentation.IndentationTest):
         spaces = build_spaces(
             *meshed.tagged,
             self.settings.formulation,
-            regions={**REGIONS, **bone_regions(self.section)} if free else REGIONS,
+            regions=section_regions(self.section) | (bone_regions(self.section) if free else {}),
             supports=() if free else None,
             drained=[SKIN] if self.settings.drained_skin else [],
         )

@@ -12,6 +12,7 @@ the outline, and its place along the line changes by
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -138,8 +139,8 @@ def outline_of_facets(spaces: LegSpaces, tag: int) -> Outline:
     return _gathered(spaces, *cells_behind(spaces.mesh, spaces.facet_tags.find(tag)))
 
 
-def outline_between(spaces: LegSpaces, one: int, other: int) -> Outline:
-    """Return the outline along which cells of two tags meet: edges of the first's cells."""
+def outline_between(spaces: LegSpaces, these: Sequence[int], other: int) -> Outline:
+    """Return the outline along which cells of some tags meet those of another: edges of the first."""
     marks = fem.Function(spaces.displacement_space)
     dofs, size = spaces.displacement_space.dofmap.list, spaces.dimension
     tags = spaces.cell_tags
@@ -148,7 +149,7 @@ def outline_between(spaces: LegSpaces, one: int, other: int) -> Outline:
     # The neighbour may be another rank's.
     marks.x.scatter_reverse(la.InsertMode.add)
     marks.x.scatter_forward()
-    cells = tags.indices[owned & (tags.values == one)]
+    cells = tags.indices[owned & np.isin(tags.values, these)]
     shared = marks.x.array[size * dofs[cells][:, _EDGES[:, 2]]] > 0
     where, edges = np.nonzero(shared)
     return _gathered(spaces, cells[where], edges)

@@ -137,7 +137,7 @@ def read_contours(path: Path, fascia_thickness: float, regions: Mapping[str, str
     for line, part in table["part"].items():
         if part not in known:
             near = difflib.get_close_matches(part, known, n=1)
-            said = f'say what it is in subject.toml: [regions.{part}], kind = "bone"'
+            said = f'say what it is in subject.toml: [regions.{part}], kind = "bone" or "muscle"'
             hint = f"did you mean '{near[0]}'?" if near else said
             raise InputError(path, f"part, line {line}", f"unknown part '{part}'", hint)
     there = {*LAYERS, *table["part"], *given}
@@ -148,7 +148,8 @@ def read_contours(path: Path, fascia_thickness: float, regions: Mapping[str, str
         _check_contour(path, part, contours[part])
         # Points closer than any mesh's only cost time.
         contours[part] = contours[part][:: 1 + len(contours[part]) // MOST_POINTS]
-    section = LegSection.of_parts(contours, fascia_thickness)
+    muscles = [name.lower() for name, kind in (regions or {}).items() if kind == "muscle"]
+    section = LegSection.of_parts(contours, fascia_thickness, muscles)
     if not section.bones:
         problem = "there is no bone, and nothing says what else holds the limb"
         raise InputError(path, "part", problem, "add the outline of a bone")
@@ -177,15 +178,16 @@ def check_section(section: LegSection, source: str | Path) -> None:
     ------
     InputError
         If a contour crosses itself or another, the girth is not a leg's in mm, the bones are
-        not inside the fascia or the fascia not inside the skin, or the fascia is thicker than
-        the fat or meets the bones.
+        not inside the fascia or the fascia not inside the skin, the fascia is thicker than
+        the fat or meets the bones, or a muscle leaves the fascia or overlaps a bone or another.
     """
     for part in section.parts:
         if (points := len(section.contour(part))) < MINIMAL_POINTS:
             problem = f"only {points} of its points lie apart"
             raise InputError(source, part, problem, f"give at least {MINIMAL_POINTS} around the part")
     polygons = {part: section.polygon(part) for part in section.parts}
-    check_nested(polygons, "fascia", source)
+    check_nested({part: one for part, one in polygons.items() if part not in section.muscles}, "fascia", source)
+    _check_muscles(section, polygons, source)
     _check_fascia(section, polygons, source)
 
 
@@ -226,6 +228,30 @@ def check_girth(around: float, source: str | Path) -> None:
     raise InputError(source, "skin", problem, f"give coordinates in mm ({low:g}-{high:g} mm around)")
 
 
+def _check_valid(polygon: Polygon, part: str, source: str | Path) -> None:
+    if not polygon.is_valid:
+        place = _PLACE.search(explain_validity(polygon))
+        near = f" near ({float(place[1]):.1f}, {float(place[2]):.1f}) mm" if place else ""
+        problem, remedy = f"the contour crosses itself{near}", "give its points in order around it, once"
+        raise InputError(source, part, problem, remedy)
+
+
+_LAPS = 0.02
+"""Share of a muscle's area that two who draw one border don't agree on; the muscle named first has it."""
+
+
+def _check_muscles(section: LegSection, polygons: Mapping[str, Polygon], source: str | Path) -> None:
+    for number, muscle in enumerate(section.muscles):
+        own = polygons[muscle]
+        _check_valid(own, muscle, source)
+        others = (*section.bones, *list(section.muscles)[:number])
+        laps = {f"overlaps the {other}": own.intersection(polygons[other]).area for other in others}
+        for what, area in {"leaves the fascia": own.difference(polygons["fascia"]).area, **laps}.items():
+            if area > _LAPS * own.area:
+                remedy = "draw the border that both share once, for both"
+                raise InputError(source, muscle, f"{what}: {area:.2g} mm² of it", remedy)
+
+
 def check_nested(
     parts: Mapping[str, Polygon],
     hull: str,
@@ -256,11 +282,7 @@ def check_nested(
         leg's in mm.
     """
     for part, polygon in parts.items():
-        if not polygon.is_valid:
-            place = _PLACE.search(explain_validity(polygon))
-            near = f" near ({float(place[1]):.1f}, {float(place[2]):.1f}) mm" if place else ""
-            problem, remedy = f"the contour crosses itself{near}", "give its points in order around it, once"
-            raise InputError(source, f"{part}{where}", problem, remedy)
+        _check_valid(polygon, f"{part}{where}", source)
     if leg_sized:
         check_girth(float(parts["skin"].length), source)
     bones = [part for part in parts if part not in ("skin", hull)]

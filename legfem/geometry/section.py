@@ -1,7 +1,7 @@
 """The leg's cross-section: closed contours by name, the fascia's thickness; smooth curves through contours' points."""
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -40,6 +40,8 @@ class LegSection(Pictured):
         Outer face of the fascia; the layer lies inwards of it.
     bones : mapping of str to (n, 2) array
         Name to outline of each bone.
+    muscles : mapping of str to (n, 2) array
+        Name to outline of each muscle that is known by itself; what they leave is deep tissue all the same.
     fascia_thickness : float
         Thickness of the fascia, mm.
     """
@@ -48,23 +50,29 @@ class LegSection(Pictured):
     fascia: FloatArray
     bones: Mapping[str, FloatArray]
     fascia_thickness: float
+    muscles: Mapping[str, FloatArray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Copy the contours, drop a repeated end point and turn them counter-clockwise."""
         for part in LAYERS:
             object.__setattr__(self, part, frozen_array(_tidy(getattr(self, part))))
-        object.__setattr__(self, "bones", {name: frozen_array(_tidy(xy)) for name, xy in self.bones.items()})
+        for kind in ("bones", "muscles"):
+            found = {name: frozen_array(_tidy(xy)) for name, xy in getattr(self, kind).items()}
+            object.__setattr__(self, kind, found)
 
     @classmethod
-    def of_parts(cls, contours: Mapping[str, FloatArray], fascia_thickness: float) -> "LegSection":
-        """Return the section of contours (n, 2), mm, by name; what isn't one of `LAYERS` is a bone."""
-        bones = {name: xy for name, xy in contours.items() if name not in LAYERS}
-        return cls(contours["skin"], contours["fascia"], bones, fascia_thickness)
+    def of_parts(
+        cls, contours: Mapping[str, FloatArray], fascia_thickness: float, muscles: Collection[str] = ()
+    ) -> "LegSection":
+        """Return the section of contours (n, 2), mm, by name; the others than `LAYERS` and muscles are bones."""
+        bones = {name: xy for name, xy in contours.items() if name not in (*LAYERS, *muscles)}
+        named = {name: contours[name] for name in muscles}
+        return cls(contours["skin"], contours["fascia"], bones, fascia_thickness, named)
 
     @property
     def parts(self) -> tuple[str, ...]:
-        """Names of all contours: `LAYERS`, and the bones in their order."""
-        return (*LAYERS, *self.bones)
+        """Names of all contours: `LAYERS`, muscles, and the bones in their order."""
+        return (*LAYERS, *self.muscles, *self.bones)
 
     @property
     def limb(self) -> str:
@@ -73,7 +81,7 @@ class LegSection(Pictured):
 
     def contour(self, part: str) -> FloatArray:
         """Return the contour of ``part``, one of `parts`; (n, 2), mm."""
-        return {"skin": self.skin, "fascia": self.fascia, **self.bones}[part]
+        return {"skin": self.skin, "fascia": self.fascia, **self.bones, **self.muscles}[part]
 
     def told(self) -> str:
         """Girth and thinnest fat."""

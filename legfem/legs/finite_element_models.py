@@ -171,7 +171,7 @@ def tissues_of(subject: Subject) -> Tissues:
     given = subject.tissues
     deep = given["deep"]
     law = _polynomial(deep, 1e-3 if deep.C10 is None else deep.C10)
-    return Tissues(law, _law(given["superficial"]), _law(given["fascia"]))
+    return Tissues(law, _law(given["superficial"]), _law(given["fascia"]), dict.fromkeys(subject.muscles, law))
 
 
 def _law(given: TissueParameters) -> Hyperelastic:
@@ -190,7 +190,8 @@ def plane_strain_test(
     subject: Subject, settings: PlaneStrainSettings | None = None, mechanisms: Sequence[Term] = ()
 ) -> PlaneStrainIndentation:
     """Return the cylinder pressed into a subject's section; the deep tissue's law covers both of the paper's."""
-    given = subject.section, subject.indenter, tissues_of(subject), settings or PlaneStrainSettings()
+    section = replace(subject.section, muscles={name: subject.section.muscles[name] for name in subject.muscles})
+    given = section, subject.indenter, tissues_of(subject), settings or PlaneStrainSettings()
     return PlaneStrainIndentation(*given, mechanisms=mechanisms, sights=subject.sights)
 
 

@@ -80,6 +80,7 @@ class PlaneStrainForward:
             "superficial": repr(test.tissues.superficial),
             "fascia": repr(test.tissues.fascia),
             "deep_D1_per_MPa": test.tissues.deep.D1,
+            "muscles": repr(test.tissues.muscles),
             "settings": repr(test.settings),
             "mechanisms": repr(test.mechanisms),
             "sights": repr(test.sights),
@@ -90,12 +91,8 @@ class PlaneStrainForward:
 
 def values_of(tissues: Tissues) -> dict[str, float]:
     """Return the tissues' values by full name (MPa, 1/MPa)."""
-    return {
-        f"{tissue}.{key}": value for tissue in _TISSUES for key, value in getattr(tissues, tissue).parameters.items()
-    }
-
-
-_OF_POLYNOMIAL_ONLY = (catalogue.DEEP_C20, catalogue.DEEP_D2)
+    laws = {**{tissue: getattr(tissues, tissue) for tissue in _TISSUES}, **tissues.muscles}
+    return {f"{tissue}.{key}": value for tissue, law in laws.items() for key, value in law.parameters.items()}
 
 
 def default_parameters(nominal: catalogue.Values) -> tuple[Parameter, ...]:
@@ -137,7 +134,8 @@ def law_of(
     given = _with_what_is_known(given, subject, nominal)
     catalogue.check_known([one.name for one in given], nominal, Argument("identify"))
     catalogue.check_known(list(held), nominal, Argument("fix"))
-    without = _OF_POLYNOMIAL_ONLY if name == "neo-hookean" else ()
+    muscle, plain, own = ("deep", *subject.muscles), name == "neo-hookean", dict[str, float | None]()
+    without = [f"{tissue}.{key}" for tissue in muscle for key in ("C20", "D2")] if plain else []
     free = tuple(
         catalogue.within_prior(one)
         for one in sorted(given, key=lambda one: one.name in INSTRUMENT)
@@ -145,12 +143,11 @@ def law_of(
     )
     if not free:
         raise InputError(Argument("identify"), name, "nothing is left to identify", "name a parameter")
-    deep = subject.tissues["deep"]
-    if name == "neo-hookean":
-        own = {catalogue.DEEP_C10: deep.C10, catalogue.DEEP_C20: 0.0, catalogue.DEEP_D2: math.inf}
-        held = {key: value for key, value in held.items() if key not in without}
-    else:
-        own = {catalogue.DEEP_C10: deep.C10, catalogue.DEEP_C20: deep.C20, catalogue.DEEP_D2: deep.D2 or math.inf}
+    held = {key: value for key, value in held.items() if key not in without}
+    for tissue in muscle:
+        law = subject.tissues[tissue]
+        c20, d2 = (0.0, math.inf) if plain else (law.C20, law.D2 or math.inf)
+        own |= {f"{tissue}.C10": law.C10, f"{tissue}.C20": c20, f"{tissue}.D2": d2}
     names = {one.name for one in free}
     for key, value in own.items():
         if key in names or key in held:

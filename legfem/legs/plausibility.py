@@ -187,7 +187,7 @@ def _tissue(toml: Path, field: str, tissue: TissueParameters) -> Iterator[Doubt]
     yield from ranges.D1.doubts(toml, f"{field}.D1_per_MPa", tissue.D1)
     if tissue.C10 is None:
         return
-    yield from ranges.C10[name].doubts(toml, f"{field}.C10_kPa", mpa_to_kpa(tissue.C10))
+    yield from ranges.C10.get(name, ranges.DEEP_C10).doubts(toml, f"{field}.C10_kPa", mpa_to_kpa(tissue.C10))
     if tissue.C20 is not None:
         yield from ranges.STIFFENING.doubts(toml, f"{field}.C20_kPa", tissue.C20 / tissue.C10)
     ratio = poisson_ratio(tissue)
@@ -228,7 +228,7 @@ def doubts_about_stiffness(subject: Subject, parameters: Mapping[str, Estimate])
         doubt
         for name, one in parameters.items()
         if name.endswith(".C10") and key_of(name) not in (*said, *subject.confirmed)
-        for doubt in ranges.C10[name.partition(".")[0]].likely(
+        for doubt in ranges.C10.get(name.partition(".")[0], ranges.DEEP_C10).likely(
             toml,
             key_of(name),
             mpa_to_kpa(one.value),

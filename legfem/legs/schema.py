@@ -117,7 +117,8 @@ class SectionEntry(ShapeEntry):
 class RegionEntry(input_files.FileTable):
     """One of ``[regions.NAME]``: what the outline of that name is in the contours of one section."""
 
-    kind: Literal["bone"]
+    kind: Literal["bone", "muscle"]
+    """A muscle yields as the deep tissue does; named in what is identified, it has a stiffness of its own."""
 
 
 class TissueEntry(input_files.FileTable):
@@ -203,7 +204,7 @@ class SubjectFile(input_files.NamedFile):
 
     section: SectionEntry
     labels: LabelsEntry = LabelsEntry()
-    regions: dict[input_files.PlainName, RegionEntry] = Field(default_factory=dict)
+    regions: dict[Annotated[str, Field(pattern=r"^[A-Za-z]\w*$")], RegionEntry] = Field(default_factory=dict)
     """What outlines of other names than the usual bones' are."""
     indenter: IndenterEntry
     tissues: TissuesEntry
@@ -260,6 +261,9 @@ class SubjectFile(input_files.NamedFile):
         if self.regions and (self.is_cut or self.section.contours is None):
             problem = "are of use with outlines of one section alone"
             raise input_files.trouble("regions", problem, "give contours without level_mm, or leave them out")
+        for name in self.regions:
+            if name.lower() in ("skin", *TissuesEntry.model_fields, "instrument"):
+                raise input_files.trouble(f"regions.{name}", "is what every leg has", "give it another name")
         if not self.is_cut and self.section.contours is None and self.section.girth_mm is None:
             remedy = "give it, or position_mm and direction of the indenter"
             raise input_files.trouble("section.level_mm", "missing: nothing says where to cut the scan", remedy)

@@ -1,7 +1,7 @@
 """A subject: one leg, how it was pressed, its tissues, and the recordings."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Literal
@@ -73,7 +73,7 @@ class Subject(Pictured):
     section: LegSection
     indenter: Indenter
     tissues: Mapping[str, TissueParameters]
-    """Keys ``deep``, ``superficial``, ``fascia``."""
+    """Keys ``deep``, ``superficial``, ``fascia``, and muscles that aren't taken as the deep tissue."""
     instrument: Instrument
     recordings: tuple[Recording, ...]
     """One a trial; empty when loaded without recordings."""
@@ -101,6 +101,18 @@ class Subject(Pictured):
     """Of C10 of the deep tissue (MPa), for a diagnosis: of people like this one."""
     typical_shape: bool = False
     """Whether the section is a typical calf's of the measured girth and fat, in place of the leg's own outlines."""
+
+    @property
+    def muscles(self) -> tuple[str, ...]:
+        """Those that have a stiffness of their own."""
+        return tuple(name for name in self.section.muscles if name in self.tissues)
+
+    def with_muscles(self, parameters: Iterable[str]) -> "Subject":
+        """Return the leg with those muscles apart from the deep tissue that full names of parameters ask for."""
+        asked = {name.partition(".")[0].lower() for name in parameters}
+        others = {name: tissue for name, tissue in self.tissues.items() if name not in self.section.muscles}
+        apart = [name for name in self.section.muscles if name in asked]
+        return replace(self, tissues={**others, **dict.fromkeys(apart, others["deep"])})
 
     @property
     def people(self) -> str:

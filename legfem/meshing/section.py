@@ -5,20 +5,28 @@ it. The fascia is one layer of elements across its thickness, with nodes of its 
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import gmsh
 import numpy as np
 import shapely
+from dolfinx import mesh as dolfinx_mesh
 from mpi4py import MPI
+from scipy.integrate import cumulative_trapezoid
 from scipy.spatial import cKDTree
+from shapely.geometry.base import BaseGeometry
 
 from legfem.common.units import FloatArray
 from legfem.geometry.indenter import first_touch
 from legfem.geometry.section import ClosedCurve, LegSection, across, smooth_closed_curve
 from legfem.meshing import gmsh_mesh
 from legfem.meshing.grid import ElementSizes, TaggedMesh
+
+type Covered = dict[str, BaseGeometry]
+"""Parts of the deep tissue that muscles cover, by name."""
 
 
 @dataclass(frozen=True)
@@ -128,6 +136,14 @@ OUTER_FASCIA = 18
 REGIONS = {"superficial": SUPERFICIAL, "fascia": FASCIA, "deep": DEEP}
 
 
+_FIRST_MUSCLE = 21
+
+
+def section_regions(section: LegSection) -> dict[str, int]:
+    """Return the cell tags of a section's tissues by name: `REGIONS`, and its muscles."""
+    return {**REGIONS, **{muscle: tag for tag, muscle in enumerate(section.muscles, _FIRST_MUSCLE)}}
+
+
 def bone_regions(section: LegSection) -> dict[str, int]:
     """Return the cell tags of a section's bones by name, in meshes that have their inside, too."""
     return {bone: tag for tag, bone in enumerate(section.bones, DEEP + 1)}
@@ -159,8 +175,8 @@ class SectionMeshSettings(ElementSizes):
 class SectionMesh(TaggedMesh):
     """A meshed section and where the indenter first touches it.
 
-    Its cells' tags are `SUPERFICIAL`, `FASCIA`, `DEEP` or one of `bone_regions`, its facets' `SKIN`, `BONE`, and where
-    it is split `UNDER_FAT` and `OUTER_FASCIA`.
+    Its cells' tags are those of `section_regions` and `bone_regions`, its facets' `SKIN`, `BONE`, and where it is split
+    `UNDER_FAT` and `OUTER_FASCIA`.
     """
 
     touch: FloatArray
@@ -214,13 +230,15 @@ def mesh_section(
     reached = _skin_within_reach(skin, radius, aim, direction)
     with gmsh_mesh.gmsh_model("section") as model:
 
-        def build() -> tuple[FloatArray, gmsh_mesh.MeshQuality]:
-            outline = _build(model, section, skin, cKDTree(reached), settings, bones, split)
-            return outline, gmsh_mesh.sound(gmsh_mesh.element_quality(model, REGIONS), "contours", _REMEDY)
+        def build() -> tuple[FloatArray, Covered, gmsh_mesh.MeshQuality]:
+            outline, muscles = _build(model, section, skin, cKDTree(reached), settings, bones, split)
+            return outline, muscles, gmsh_mesh.sound(gmsh_mesh.element_quality(model, REGIONS), "contours", _REMEDY)
 
-        outline, quality = gmsh_mesh.on_first_rank(comm, build)
+        outline, muscles, quality = gmsh_mesh.on_first_rank(comm, build)
         touch = first_touch(outline, radius, aim, direction)
         mesh, cell_tags, facet_tags = gmsh_mesh.mesh_from_gmsh(model, comm, gdim=2)
+    if muscles:
+        cell_tags = _tagged(mesh, cell_tags, muscles)
     return SectionMesh(mesh, cell_tags, facet_tags, touch, direction, outline, quality)
 
 
@@ -261,8 +279,8 @@ def _build(
     settings: SectionMeshSettings,
     bones: bool,
     split: bool,
-) -> FloatArray:
-    """Draw and mesh the section in gmsh; return the skin's corners."""
+) -> tuple[FloatArray, Covered]:
+    """Draw and mesh the section in gmsh; return the skin's corners, and what its muscles cover."""
     contact, growth = settings.contact_size, settings.growth
 
     def size(points: FloatArray) -> FloatArray:
@@ -303,7 +321,12 @@ def _build(
     fat = geometry.addPlaneSurface([closed["skin"], closed["under fat" if split else "outer"]])
     deep = geometry.addPlaneSurface([closed["inner"], *(closed[bone] for bone in section.bones)])
     insides = {n: geometry.addPlaneSurface([closed[n]]) for n in section.bones} if bones else {}
+    within = shapely.Polygon(inner, [loops[bone] for bone in section.bones])
+    muscles = _covered(section, within)
+    borders = [line for ring in _borders(within, muscles) for line in _border(model, ring, layer_size)]
     geometry.synchronize()
+    if borders:
+        model.mesh.embed(1, borders, 2, deep)
 
     for surfaces, tag in (([fat], SUPERFICIAL), (layer, FASCIA), ([deep], DEEP)):
         model.addPhysicalGroup(2, surfaces, tag)
@@ -324,4 +347,52 @@ def _build(
     field.setAsBackgroundMesh(graded)
     gmsh.option.setNumber("Mesh.Algorithm", 6)
     gmsh_mesh.generate(model, 2)
-    return corners
+    return corners, muscles
+
+
+_SLIVER_MM = 0.8
+"""Width below which what is between a muscle and its neighbour, the fascia or a bone belongs to the muscle."""
+
+
+def _covered(section: LegSection, within: shapely.Polygon) -> Covered:
+    """Return what each muscle covers of the deep tissue; a neighbour has what one named before it leaves."""
+    named = {name: section.polygon(name) for name in section.muscles}
+    left = within - shapely.union_all(list(named.values()))
+    slivers = left - left.buffer(-0.5 * _SLIVER_MM).buffer(0.51 * _SLIVER_MM)
+    found, left = dict[str, BaseGeometry](), within
+    for name, own in named.items():
+        found[name] = ((own | (slivers & own.buffer(_SLIVER_MM))) & left).buffer(0)  # of areas alone
+        left = left - found[name]
+    return found
+
+
+def _borders(within: shapely.Polygon, muscles: Covered) -> Iterator[shapely.LineString]:
+    """Yield the muscles' borders but where they run along what is drawn already, each once."""
+    drawn = within.boundary
+    for covered in muscles.values():
+        new = shapely.line_merge(covered.boundary - drawn.buffer(_SLIVER_MM))
+        yield from (line for line in shapely.get_parts(new) if line.length > 2 * _SLIVER_MM)
+        drawn = drawn | covered.boundary
+
+
+def _border(model: Any, line: shapely.LineString, size: Any) -> list[int]:
+    """Draw a border as edges of elements, spaced by ``size(points)``."""
+    along = np.linspace(0, line.length, 601)
+    places = shapely.get_coordinates(shapely.line_interpolate_point(line, along))
+    count = cumulative_trapezoid(1 / size(places), along, initial=0)
+    at = np.interp(np.linspace(0, count[-1], 1 + max(3, math.ceil(count[-1]))), count, along)
+    corners = shapely.get_coordinates(shapely.line_interpolate_point(line, at))
+    points = [model.geo.addPoint(x, y, 0) for x, y in (corners[:-1] if line.is_ring else corners)]
+    edges = [model.geo.addLine(a, b) for a, b in pairwise([*points, points[0]] if line.is_ring else points)]
+    for edge in edges:
+        model.geo.mesh.setTransfiniteCurve(edge, 2)
+    return edges
+
+
+def _tagged(mesh: Any, cell_tags: Any, muscles: Covered) -> Any:
+    """Return cell tags with the muscles' in place of the deep tissue's where they cover it."""
+    values, deep = cell_tags.values.copy(), cell_tags.values == DEEP
+    middles = dolfinx_mesh.compute_midpoints(mesh, 2, cell_tags.indices[deep])[:, :2]
+    inside = [shapely.contains_xy(covered, middles) for covered in muscles.values()]
+    values[deep] = np.select(inside, range(_FIRST_MUSCLE, _FIRST_MUSCLE + len(inside)), DEEP)
+    return dolfinx_mesh.meshtags(mesh, 2, cell_tags.indices, values)

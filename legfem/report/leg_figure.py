@@ -48,6 +48,9 @@ def placement_figure(subject: Subject, scanned: Mapping[str, Polygon] | None = N
             linewidth=0.6,
             label=style.REGION_NAMES[name],
         )
+    for muscle, contour in section.muscles.items():
+        axes.plot(*np.vstack([contour, contour[:1]]).T, color="black", linewidth=0.6)
+        axes.annotate(muscle, contour.mean(axis=0), ha="center", va="center", fontsize=7)
     for bone, contour in section.bones.items():
         axes.fill(*contour.T, facecolor=style.BONE_COLOUR, edgecolor="black", linewidth=0.8)
         axes.annotate(bone, contour.mean(axis=0), ha="center", va="center", fontsize=8)

@@ -22,7 +22,7 @@ from legfem.mechanics.model import Skin
 from legfem.meshing.section import REGIONS
 from legfem.report.curves import packed
 from legfem.report.page import PressedSection, StillSection
-from legfem.report.style import BONE_COLOUR, LAYER_COLOURS, REGION_COLOURS
+from legfem.report.style import BONE_COLOUR, REGION_COLOURS, part_colour
 
 # Corners of a second-order cell in the order of its outline, among DOLFINx' nodes.
 _CORNERS = {6: [0, 1, 2], 9: [0, 1, 3, 2]}
@@ -31,7 +31,7 @@ _CORNERS = {6: [0, 1, 2], 9: [0, 1, 3, 2]}
 _MOVE, _SHARE = 1 / 200, 1 / 50_000
 """mm, and share of a measure's range, a count: what whole numbers of 16 bits hold of them."""
 _MARGIN = 12.0
-_COLOURS = {tag: REGION_COLOURS[name] for name, tag in REGIONS.items()}
+_COLOURS = {REGIONS[name]: REGION_COLOURS[name] for name in ("superficial", "fascia")}
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +138,7 @@ def pressed_section(film: Film, displacement: FloatArray, force: FloatArray, wha
         "mm_a_count": _MOVE,
         "measures": measures,
         "share_a_count": _SHARE,
-        "tissue": [_COLOURS[int(tag)] for tag in first.region],
+        "tissue": [_COLOURS.get(int(tag), REGION_COLOURS["deep"]) for tag in first.region],
         "bones": [outline.round(2).tolist() for outline in section.bones.values()],
         "skin": section.skin.round(2).tolist(),
         "bone": BONE_COLOUR,
@@ -181,7 +181,7 @@ def still_section(subject: Subject) -> StillSection:
     end = centre + indenter.direction * indenter.radius
     left, bottom, width, height = _frame(section, indenter.radius, centre)
     outlines = [
-        (part, LAYER_COLOURS.get(part, BONE_COLOUR), " ".join(f"{x:.1f},{-y:.1f}" for x, y in section.contour(part)))
+        (part, part_colour(section, part), " ".join(f"{x:.1f},{-y:.1f}" for x, y in section.contour(part)))
         for part in section.parts
     ]
     return StillSection(

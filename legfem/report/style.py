@@ -20,6 +20,7 @@ from matplotlib.figure import Figure
 from legfem.common.numbers import number
 from legfem.common.units import FloatArray
 from legfem.geometry.leg_shape import LegShape
+from legfem.geometry.section import LegSection
 from legfem.report.folder import ReportFile
 
 
@@ -139,13 +140,19 @@ LAW_NAMES = {
 REGION_COLOURS = {"superficial": "#F3DFA2", "fascia": "#4D4D4D", "deep": "#D98880"}
 REGION_NAMES = {"superficial": "superficial tissue (fat)", "fascia": "fascia", "deep": "deep tissue (muscle)"}
 BONE_COLOUR = "#FAFAF5"
-LAYER_COLOURS = {"skin": REGION_COLOURS["superficial"], "fascia": REGION_COLOURS["deep"]}
-"""Of what lies within these outlines; the bones' are `BONE_COLOUR`."""
 TOOL_COLOUR = "#B8C4CC"
 DATA_COLOUR = "#111111"
 FAINT = "#8C8C8C"
 LOCATED_COLOUR = "#F0E442"
 """Where a model is wrong."""
+
+
+def part_colour(section: LegSection, part: str) -> str:
+    """Return the colour of what lies within an outline of a section."""
+    if part in section.bones:
+        return BONE_COLOUR
+    return REGION_COLOURS["superficial" if part == "skin" else "deep"]
+
 
 _STYLE = {
     "font.size": 10,

@@ -17,7 +17,7 @@ from legfem.channels.kinds.section_image import WINDOW_MM
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.geometry.indenter import first_touch
 from legfem.legs.subject import Subject, TissueParameters
-from studies.making.plane_mesh import GAUSS, Ints, TriangleMesh, mesh_leg
+from studies.making.plane_mesh import GAUSS, Ints, TriangleMesh, distances_from_edges, in_muscles, mesh_leg
 from studies.making.pressing import OtherPressing, other_law, spread
 
 BESIDE_MM = (-40.0, -25.0, 25.0, 40.0)
@@ -70,7 +70,7 @@ class SlidingFace:
         xi, shape, at = GAUSS[0], _SHAPE, self._gauss_points(points)
         own = np.repeat(np.arange(len(self.edges)), len(xi))
         nodes = points[met]
-        gap, slope = _gap(at, nodes)
+        gap, slope = distances_from_edges(at, nodes)
         step = 1e-6
         bend = np.empty((len(at), 8, 8))
         for k in range(8):
@@ -81,7 +81,7 @@ class SlidingFace:
                     here[:, k] += side
                 else:
                     there[:, (k - 2) // 2, (k - 2) % 2] += side
-                moved.append(_gap(here, there)[1])
+                moved.append(distances_from_edges(here, there)[1])
             bend[:, k] = (moved[0] - moved[1]) / (2 * step)
         scale = self.normal * self.weights.ravel()
         f8 = (scale * gap)[:, None] * slope
@@ -106,23 +106,6 @@ class SlidingFace:
         rows, columns = np.concatenate([rows, a, b, a, b]), np.concatenate([columns, a, b, b, a])
         values = np.concatenate([blocks.ravel(), s, s, -s, -s])
         return total, coo_matrix((values, (rows, columns)), shape=(points.size, points.size)).tocsr()
-
-
-def _gap(at: FloatArray, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return distances of points (k, 2) from curved edges (k, 3, 2), outwards, and their derivatives (k, 8) by both."""
-    first, last, middle = nodes[:, 0], nodes[:, 1], nodes[:, 2]
-    half, bent = (last - first) / 2, (first + last) / 2 - middle
-    chord = np.sum(half**2, axis=1)
-    xi = np.sum((at - middle) * half, axis=1) / chord
-    for _ in range(6):
-        on, slope = middle + xi[:, None] * half + xi[:, None] ** 2 * bent, half + 2 * xi[:, None] * bent
-        away = on - at
-        xi = xi - np.sum(away * slope, axis=1) / (np.sum(slope**2, axis=1) + 2 * np.sum(away * bent, axis=1))
-    on, slope = middle + xi[:, None] * half + xi[:, None] ** 2 * bent, half + 2 * xi[:, None] * bent
-    normal = np.column_stack([slope[:, 1], -slope[:, 0]]) / np.linalg.norm(slope, axis=1)[:, None]
-    gap = np.sum((at - on) * normal, axis=1)
-    shape = np.column_stack([xi * (xi - 1) / 2, xi * (xi + 1) / 2, 1 - xi**2])
-    return gap, np.hstack([normal, -(shape[:, :, None] * normal[:, None, :]).reshape(-1, 6)])
 
 
 def parted(mesh: TriangleMesh, normal: float, shear: float) -> tuple[TriangleMesh, SlidingFace]:
@@ -225,8 +208,9 @@ class OtherCase:
     lump
         In the deep tissue.
     sliding
-        Shear stiffness (kPa/mm) of the face between fat and fascia, on which the fat slides and can't part from it;
-        the two are grown together without it.
+        Shear stiffness (kPa/mm) of the face between fat and fascia, on which the fat slides; without it they are one.
+    muscles
+        C10 of those of the section's that differ from the rest of the deep tissue.
     """
 
     c10: float
@@ -237,6 +221,7 @@ class OtherCase:
     springs: float | None = None
     lump: Lump | None = None
     sliding: float | None = None
+    muscles: Mapping[str, float] = field(default_factory=dict)
 
 
 class OtherCode(OtherPressing):
@@ -278,13 +263,14 @@ class OtherCode(OtherPressing):
 
         for name, cells in self.mesh.cells.items():
             own = self.subject.tissues[name]
-            parts = {1.0: cells}
-            if name == "deep" and self.case.lump is not None:
-                middle = self.mesh.points[cells[:, :3]].mean(axis=1)
-                inside = self.case.lump.holds(middle, touch, travel)
-                parts = {1.0: cells[~inside], self.case.lump.factor: cells[inside]}
-            for factor, part in parts.items():
-                mesh = fem.Mesh(self.mesh.points, part, "triangle6")
+            factors: FloatArray = np.ones(len(cells))
+            if name == "deep":
+                factors = in_muscles(self.mesh, self.subject.section, self.case.muscles, self.case.c10)
+                if (lump := self.case.lump) is not None:
+                    middle = self.mesh.points[cells[:, :3]].mean(axis=1)
+                    factors[lump.holds(middle, touch, travel)] = lump.factor
+            for factor in np.unique(factors):
+                mesh = fem.Mesh(self.mesh.points, cells[factors == factor], "triangle6")
                 for law, order in self._laws(name, own, factor):
                     region = fem.RegionQuadraticTriangle(mesh, quadrature=fem.TriangleQuadrature(order=order))
                     holder = fem.FieldContainer([fem.FieldPlaneStrain(region, dim=2)])

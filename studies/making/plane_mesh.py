@@ -84,6 +84,13 @@ def mesh_leg(section: LegSection, touch: FloatArray, finer: float = 1.0) -> Tria
     return _tidied(places[used], {name: number[own] for name, own in cells.items()}, section)
 
 
+def in_muscles(mesh: TriangleMesh, section: LegSection, c10: Mapping[str, float], rest: float) -> FloatArray:
+    """Return the factor on the deep tissue's C10 of each of its triangles, by muscles; the first named counts."""
+    middle = mesh.points[mesh.cells["deep"][:, :3]].mean(axis=1)
+    inside = [shapely.contains_xy(section.polygon(muscle), middle) for muscle in c10]
+    return np.asarray(np.select(inside, [own / rest for own in c10.values()], 1.0)) if c10 else np.ones(len(middle))
+
+
 def _resampled(points: FloatArray, step: float) -> FloatArray:
     ring = shapely.LinearRing(points)
     count = max(24, round(ring.length / step))
@@ -126,3 +133,20 @@ def _tidied(points: FloatArray, cells: Mapping[str, Ints], section: LegSection) 
     nearest = np.argmin(np.array(list(apart.values())), axis=0)
     bones = {bone: np.unique(outer[nearest == k + 1]) for k, bone in enumerate(section.bones)}
     return TriangleMesh(points, turned, outer[nearest == 0], bones)
+
+
+def distances_from_edges(at: FloatArray, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return distances of points (k, 2) from curved edges (k, 3, 2), outwards, and their derivatives (k, 8) by both."""
+    first, last, middle = nodes[:, 0], nodes[:, 1], nodes[:, 2]
+    half, bent = (last - first) / 2, (first + last) / 2 - middle
+    chord = np.sum(half**2, axis=1)
+    xi = np.sum((at - middle) * half, axis=1) / chord
+    for _ in range(6):
+        on, slope = middle + xi[:, None] * half + xi[:, None] ** 2 * bent, half + 2 * xi[:, None] * bent
+        away = on - at
+        xi = xi - np.sum(away * slope, axis=1) / (np.sum(slope**2, axis=1) + 2 * np.sum(away * bent, axis=1))
+    on, slope = middle + xi[:, None] * half + xi[:, None] ** 2 * bent, half + 2 * xi[:, None] * bent
+    normal = np.column_stack([slope[:, 1], -slope[:, 0]]) / np.linalg.norm(slope, axis=1)[:, None]
+    gap = np.sum((at - on) * normal, axis=1)
+    shape = np.column_stack([xi * (xi - 1) / 2, xi * (xi + 1) / 2, 1 - xi**2])
+    return gap, np.hstack([normal, -(shape[:, :, None] * normal[:, None, :]).reshape(-1, 6)])

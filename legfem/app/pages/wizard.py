@@ -26,7 +26,7 @@ from legfem.geometry.section import LegSection, line_of_travel
 from legfem.geometry.section_from_outlines import section_from_outlines
 from legfem.legs.schema import SectionEntry
 from legfem.report.render import filled
-from legfem.report.style import BONE_COLOUR, LAYER_COLOURS, REGION_COLOURS
+from legfem.report.style import BONE_COLOUR, REGION_COLOURS, part_colour
 from legfem.specimens.kinds import kinds
 
 _COLOURS = {"fat": REGION_COLOURS["superficial"], "muscle": REGION_COLOURS["deep"], "bone": BONE_COLOUR}
@@ -254,7 +254,7 @@ def _clicked(section: LegSection, place: Stated) -> None:
     def pixels(points: Any) -> Any:
         return (np.asarray(points) - [low[0], high[1]]) * [_PIXELS, -_PIXELS]
 
-    parts = [(part, LAYER_COLOURS.get(part, BONE_COLOUR), pixels(section.contour(part))) for part in section.parts]
+    parts = [(part, part_colour(section, part), pixels(section.contour(part))) for part in section.parts]
     tag("p", "Click the section where the skin was pressed. The direction of travel is then square to the skin.")
     width, height = (high - low) * _PIXELS
 

@@ -25,7 +25,6 @@ type LegFit = Fit[LegDetails]
 
 _AT = (5.0, 15.0, 25.0)
 """Displacements at which a correction is tabled, mm."""
-_TISSUES = ("deep", "superficial", "fascia")
 _WEIGHTINGS = {
     "paper": "all points have the same weight, as in the paper",
     "covariance": "readings are weighted by the inverse of their covariance",
@@ -131,7 +130,7 @@ def how_done(fits: Sequence[LegFit]) -> list[Block]:
         WebTable.of(f"How well each law fits; E is the {first.cost.definition}", how_well),
         _tissues(fits),
     ]
-    every = [_tissue(name, fit) for name in _TISSUES for fit in fits]
+    every = [_tissue(name, fit) for name in fits[0].details.subject.tissues for fit in fits]
     if any(found is not None and found[0].poisson_ratio < 0 for found in every):
         below = "A Poisson's ratio below zero follows from the given C10 and D1, as it does from the published values "
         blocks.append(Prose(f"{below}for fascia."))
@@ -219,12 +218,12 @@ def _statistics(fit: LegFit) -> dict[str, str]:
 
 def _tissues(fits: Sequence[LegFit]) -> WebTable:
     rows: list[dict[str, str]] = []
-    for name in _TISSUES:
+    for name in fits[0].details.subject.tissues:
         for fit in fits:
             if (found := _tissue(name, fit)) is None:
                 continue
             tissue, known = found
-            law = fit.law if name == "deep" else fit.details.subject.tissues[name].law
+            law = fit.details.subject.tissues[name].law if name in ("superficial", "fascia") else fit.law
             row = {
                 "tissue": name,
                 "law": LAW_NAMES[law],

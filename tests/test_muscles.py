@@ -1,0 +1,155 @@
+"""Muscles by name within the deep tissue: their mesh, their parameters, and what tells them apart."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from making import circle
+from making_limbs import MUSCLES, pressed, two_muscles, write_limb
+
+import legfem as lf
+from legfem.common.errors import InputError
+from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
+from legfem.legs.finite_element_models import plane_strain_test
+from legfem.legs.loading import load_subject
+from legfem.legs.subject import Subject
+from legfem.meshing.section import SectionMeshSettings, mesh_section, section_regions
+from studies.making.plane_leg import OtherCase
+
+BOTH = ("gastrocnemius.C10", "soleus.C10")
+COARSE = PlaneStrainSettings(mesh=SectionMeshSettings().refined(0.6))
+AS_ONE = {"deep.C10": 8e-4, "deep.D2": np.inf, "soleus.D2": np.inf, "gastrocnemius.D2": np.inf}
+APART = {**AS_ONE, "gastrocnemius.C10": 6e-4, "soleus.C10": 1.2e-3}
+
+
+@pytest.fixture(scope="module")
+def calf(tmp_path_factory: pytest.TempPathFactory) -> Subject:
+    folder = write_limb(tmp_path_factory.mktemp("calf") / "leg", two_muscles(), MUSCLES)
+    return load_subject(folder, need_recordings=False)
+
+
+@pytest.fixture(scope="module")
+def apart(calf: Subject) -> PlaneStrainIndentation:
+    return plane_strain_test(calf.with_muscles(BOTH), COARSE)
+
+
+def triangles(test: PlaneStrainIndentation, tag: int) -> shapely.MultiPolygon:
+    mesh, tags = test.section_mesh.mesh, test.section_mesh.cell_tags
+    corners = mesh.geometry.x[mesh.geometry.dofmap[tags.find(tag)]][:, :3, :2]
+    return shapely.union_all(shapely.polygons(corners))
+
+
+@pytest.mark.parametrize("muscle", ["gastrocnemius", "soleus"])
+def test_elements_end_at_a_muscles_border(apart: PlaneStrainIndentation, muscle: str):
+    section = apart.section
+    meshed, drawn = triangles(apart, section_regions(section)[muscle]), section.polygon(muscle)
+    # Elements are up to 7 mm long: did they cross the border, they would miss a tenth of it.
+    assert meshed.symmetric_difference(drawn).area < 0.03 * drawn.area
+    border = section.polygon("gastrocnemius").intersection(section.polygon("soleus").buffer(0.1)).centroid
+    assert meshed.boundary.distance(border) < 0.2
+
+
+def test_what_lies_between_a_muscle_and_the_fascia_is_muscle_where_it_is_a_sliver(apart: PlaneStrainIndentation):
+    inner = apart.section.polygon("fascia").buffer(-apart.section.fascia_thickness)
+    named = shapely.union_all([apart.section.polygon(name) for name in apart.section.muscles])
+    behind = shapely.box(-30, -60, 30, -40)
+    assert (inner - named).intersection(behind).area > 5.0
+    assert triangles(apart, section_regions(apart.section)["deep"]).intersection(behind).area < 0.5
+
+
+def test_muscles_that_nobody_asks_for_leave_the_mesh_as_it_is(calf: Subject):
+    plain = replace(calf, section=replace(calf.section, muscles={}))
+    one, other = (plane_strain_test(leg, COARSE).section_mesh for leg in (calf, plain))
+    assert np.array_equal(one.mesh.geometry.x, other.mesh.geometry.x)
+    assert np.array_equal(one.cell_tags.values, other.cell_tags.values)
+    assert plane_strain_test(calf, COARSE).model.parameters == plane_strain_test(plain, COARSE).model.parameters
+
+
+def test_muscles_as_stiff_as_the_rest_meet_the_force_of_one_tissue(apart: PlaneStrainIndentation, calf: Subject):
+    one = plane_strain_test(calf, COARSE).solve({"deep.C10": 8e-4, "deep.D2": np.inf}, depth=4.0)
+    alike = {**AS_ONE, "gastrocnemius.C10": 8e-4, "soleus.C10": 8e-4}
+    assert apart.solve(alike, depth=4.0).curve(4.0) == pytest.approx(one.curve(4.0), rel=0.005)
+
+
+@pytest.mark.parametrize("name", BOTH)
+def test_a_force_is_differentiated_by_each_muscles_stiffness(apart: PlaneStrainIndentation, name: str):
+    exact = apart.solve(APART, depth=3.0, sensitivities=[name]).curve.sensitivity(name, np.array([3.0]))[0]
+    step = 0.02 * APART[name]
+    ends = [float(apart.solve({**APART, name: APART[name] + way * step}, depth=3.0).curve(3.0)) for way in (-1, 1)]
+    assert exact == pytest.approx((ends[1] - ends[0]) / (2 * step), rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("change", "more", "field", "words"),
+    [
+        ({"soleus": circle(0, -25, 14)}, MUSCLES, "soleus", "overlaps the gastrocnemius: "),
+        ({"soleus": circle(30, -42, 14)}, MUSCLES, "soleus", "leaves the fascia: "),
+        ({"soleus": circle(20, 25, 20)}, MUSCLES, "soleus", "overlaps the fibula: 1.1e+02 mm² of it"),
+        ({}, MUSCLES + '\n[regions.plantaris]\nkind = "muscle"\n', "plantaris", "the part is missing"),
+        ({}, MUSCLES + '\n[regions.deep]\nkind = "muscle"\n', "regions.deep", "is what every leg has"),
+    ],
+    ids=["two overlap", "outside the fascia", "round a bone", "not drawn", "a tissue's name"],
+)
+def test_a_wrong_muscle_gets_one_line(tmp_path: Path, change, more: str, field: str, words: str):
+    with pytest.raises(InputError) as caught:
+        load_subject(write_limb(tmp_path / "leg", {**two_muscles(), **change}, more), need_recordings=False)
+    assert caught.value.field == field
+    assert words in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_a_border_drawn_twice_is_meshed_once(calf: Subject):
+    rng = np.random.default_rng(58)
+    shaken = {name: xy + 0.1 * rng.standard_normal(xy.shape) for name, xy in calf.section.muscles.items()}
+    section = replace(calf.section, muscles=shaken)
+    mesh = mesh_section(section, 15.0, calf.indenter.aim, calf.indenter.direction)
+    assert min(mesh.quality.minimum.values()) > 0.2
+    assert {*np.unique(mesh.cell_tags.values)} == {1, 2, 3, 21, 22}
+
+
+SITES = {"medial": 55.0, "lateral": 130.0, "behind": 90.0}
+"""Directions of travel through the middle."""
+
+
+@pytest.fixture(scope="module")
+def sited(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Three sites of a leg whose muscles another code pressed: 0.6 and 1.2 kPa, and 0.8 kPa of the rest."""
+    sites = "".join(
+        f'\n[[site]]\nname = "{name}"\nindenter = {{aim_mm = [{8 * (name == "behind")}, 0], direction_deg = {way}}}\n'
+        for name, way in SITES.items()
+    )
+    folder = write_limb(tmp_path_factory.mktemp("sited") / "leg", two_muscles(), MUSCLES + sites)
+    text = (folder / "subject.toml").read_text()
+    law = '[tissues.deep]\nlaw = "reduced-polynomial"\nD1_per_MPa = 28.0\nD2_per_MPa = 28.0'
+    known = '[tissues.deep]\nlaw = "neo-hookean"\nC10_kPa = 0.8\nD1_per_MPa = 28.0'
+    assert law in text
+    (folder / "subject.toml").write_text(text.replace(law, known))
+    for name in SITES:
+        pressed(folder, OtherCase(0.8, muscles={"gastrocnemius": 0.6, "soleus": 1.2}), 10.0, finer=0.7, site=name)
+    return folder
+
+
+@pytest.mark.slow
+def test_three_sites_tell_two_muscles_apart(sited: Path):
+    fit = lf.identify(sited, identify=BOTH, progress=False)["neo-hookean"]
+    for name, planted in zip(BOTH, (6e-4, 1.2e-3), strict=True):
+        one = fit.estimates[name]
+        assert one.value == pytest.approx(planted, rel=0.1)
+        assert one.ci95[0] < planted < one.ci95[1]
+
+
+@pytest.mark.slow
+def test_one_site_does_not_tell_two_muscles_apart(sited: Path):
+    found = lf.identify(sited, site="behind", identify=BOTH, progress=False)
+    assert "gastrocnemius not\ndetermined" in found.summary() or "gastrocnemius not determined" in found.summary()
+    judged = {one.identifiability for one in found["neo-hookean"].estimates.values()}
+    assert judged == {"not identifiable"}
+
+
+@pytest.mark.slow
+def test_no_region_of_a_muscle_is_asked_for_in_3d(sited: Path):
+    with pytest.raises(InputError, match="gastrocnemius: is no region of a leg in 3D"):
+        lf.identify(sited, site="behind", identify=BOTH, model="3d", progress=False)
