@@ -121,13 +121,13 @@ def section_mesh(folder: Path, finer: float = 1.0) -> "NamedMesh":
     """Mesh the section of a subject's folder, as `legfem.identify` does."""
     from legfem.legs.loading import load_subject
     from legfem.meshing.exchange import named_mesh
-    from legfem.meshing.section import REGIONS, SectionMeshSettings, mesh_section
+    from legfem.meshing.section import SectionMeshSettings, mesh_section, section_regions
 
     subject = load_subject(folder, need_recordings=False, need_instrument=False)
     section, indenter = subject.section, subject.indenter
     sizes = SectionMeshSettings().refined(finer)
     made = mesh_section(section, indenter.radius, indenter.aim, indenter.direction, sizes)
-    return named_mesh(made.mesh, made.cell_tags, made.facet_tags, REGIONS)
+    return named_mesh(made.mesh, made.cell_tags, made.facet_tags, section_regions(section))
 
 
 def stocking_mesh(folder: Path, finer: float = 1.0) -> "NamedMesh":
