@@ -220,6 +220,8 @@ def how_to_narrow(parameters: Mapping[str, Estimate], steps: Sequence[str], ends
         symbol, half = symbol_of(name), found.relative_half_width
         if found.undetermined:
             law = "the law may have more parameters than they can. Use a law with fewer (--law)"
+            if len(parameters) > 1 and all(other.endswith(".C10") for other in parameters):
+                law = "ask for fewer stiffnesses at once, press at other places too"
             lines.append(f"These recordings do not determine {symbol}: {law}, or {known}.")
         elif found.at_bound and found.value > 0.0:  # a coefficient may be none, which is no end of a search
             lines.append(f"The search for {symbol} ended at its bound: check units and sizes, or search further.")

@@ -84,6 +84,8 @@ class LegReport(ReportKind):
         effect = (
             f"{c10} is the best fit, but don't rely on it: its interval does not include the effect that is missing."
             if no_number and (found is None or found.one_number)
+            else f"C10 was given as {c10}, and all that was found rests on it."
+            if found is None
             else f"C10 is {c10}. If the assumed stiffness of fat or fascia, the units or the sizes are wrong, C10 "
             "changes: the table of numbers and “What could not be tested” say by how much."
         )
