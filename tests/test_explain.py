@@ -312,7 +312,7 @@ def test_a_mechanism_is_fitted_anew_from_where_a_pair_has_it(monkeypatch):
         return alone.fit.values[f"{name}.offset"]
 
     assert offset() == pytest.approx(0.3, abs=0.1)
-    monkeypatch.setattr(explain_module, "_begun_anew", lambda found, **_: found)
+    monkeypatch.setattr(explain_module._Sought, "begun_anew", lambda _, found: found)
     assert offset() < 0.1
 
 

@@ -11,7 +11,7 @@ from scipy.optimize import differential_evolution
 from scipy.stats import t as student_t
 
 from legfem.inverse.emulator import Emulator
-from legfem.inverse.intervals import Estimated, bound_of, cut_height, effective_degrees, profile_interval, quantile
+from legfem.inverse.intervals import Estimated, SquaresProfile, bound_of, effective_degrees, quantile
 from legfem.inverse.least_squares import gauss_newton_step, inverse_in_units, least_residual, sandwich
 from legfem.inverse.parameter import Domain, Parameter, Prior, Priors
 from legfem.inverse.settings import Genetic, Minimum
@@ -58,8 +58,8 @@ def test_profile_intervals_of_a_linear_gaussian_model_are_the_closed_form(p: int
     curvature = np.linalg.inv(jacobian.T @ jacobian)
     for k in range(p):
         error, times = math.sqrt(spread[k, k]), 2.2
-        rise = cut_height(times, spread[k, k], curvature[k, k])
-        interval = profile_interval(residual, found, k, rise, bounds, 0.3 * error)
+        rise = times**2 * spread[k, k] / curvature[k, k]
+        interval = SquaresProfile(residual, found, k, bounds, 0.3 * error).interval(rise)
         wald = exact[k] - times * error, exact[k] + times * error
         assert interval == pytest.approx(wald, abs=1e-5 * error)
 
@@ -80,7 +80,7 @@ def test_an_interval_ends_at_a_bound_and_a_step_too() -> None:
         return np.stack([a - 0.1, b - 2.0, a + b - 2.1], axis=-1)
 
     bounds = np.array([[0.0, 5.0], [0.0, 5.0]])
-    low, high = profile_interval(residual, np.array([0.1, 2.0]), 0, 4.0, bounds, 0.5)
+    low, high = SquaresProfile(residual, np.array([0.1, 2.0]), 0, bounds, 0.5).interval(4.0)
     assert low == 0.0 and 1.0 < high < 2.5
     jacobian = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
     at = np.array([4.0, 1.0])

@@ -16,10 +16,9 @@ from legfem.inverse.intervals import (
     Estimated,
     Identifiability,
     PartDeparture,
+    SquaresProfile,
     bound_of,
-    cut_height,
     departure_of,
-    profile_interval,
 )
 from legfem.inverse.least_squares import inverse_in_units, sandwich
 from legfem.inverse.parameter import Domain, Parameter
@@ -155,9 +154,10 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
     for k, parameter in enumerate(law.parameters):
         if curvature[k, k] > 0:
             error = math.sqrt(spread[k, k])
-            rise = cut_height(optimum.times, float(spread[k, k]), float(curvature[k, k]))
+            rise = optimum.times**2 * float(spread[k, k]) / float(curvature[k, k])
             given = optimum.intervals
-            interval = given[k] if given else profile_interval(residual, at, k, rise, bounds, optimum.times * error)
+            profile = SquaresProfile(residual, at, k, bounds, optimum.times * error)
+            interval = given[k] if given else profile.interval(rise)
             if bounds[k, 0] < interval[0] and interval[1] < bounds[k, 1]:
                 # A tangent leaves a curved valley long before the sum of squares rises.
                 error = _half_width(parameter, float(at[k]), interval) / optimum.times

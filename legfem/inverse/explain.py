@@ -6,7 +6,7 @@ refitted about full finite-element solutions, which show the emulator's error th
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -238,6 +238,7 @@ def explain(
         After which nothing is completed or confirmed.
     """
     weighing = Weighing.about(base)
+    sought = _Sought(weighing, confirm, complete, deadline)
     found = [weighing.base_model(unknown) for unknown in (False, True)]
     expected = {m.name: m.expected for m in (*mechanisms, *base.problem.unweighed)}
     left = sum(m.expected for m in base.problem.unweighed) / max(sum(expected.values()), 1e-300)
@@ -248,45 +249,105 @@ def explain(
         for m, one in zip(mechanisms, alone, strict=True)
     ]
     found += sorted(singles, key=lambda e: -e.log_weight)
-    anew = partial(_begun_anew, weighing=weighing, tried=set())
-    found, cut = _completed(with_probabilities(found), weighing, complete, anew, deadline)
+    found, cut = sought.completed(with_probabilities(found))
     pairs = _untried(found, begins=True)
     while True:
         found += [
             weighing.of(_joint(one, other), log_prior_of([*one.names, *other.names], expected)) for one, other in pairs
         ]
-        found, again = _completed(anew(with_probabilities(found)), weighing, complete, anew, deadline)
+        found, again = sought.completed(sought.begun_anew(with_probabilities(found)))
         cut = cut or again
-        if confirm is not None:
-            found = _confirmed(found, weighing, confirm, anew, deadline)
+        found = sought.confirmed(found)
         pairs = _untried(found)
         if not pairs:
             found = _integrated(found, weighing)
             return Explained(tuple(found), _nothing(found), share, cut)
 
 
-def _completed(
-    found: list[Explanation],
-    weighing: Weighing,
-    complete: Complete | None,
-    anew: Callable[[list[Explanation]], list[Explanation]],
-    deadline: Deadline,
-) -> tuple[list[Explanation], bool]:
-    """Solve in full what explanations rest on, and refit those that it changes, until nothing more could matter.
+@dataclass(frozen=True, eq=False)
+class _Sought:
+    """What explanations are sought with; see `explain`."""
 
-    Returned is, too, whether the deadline came before.
-    """
-    while complete is not None:
-        known = _nothing(found).problem.predictor.library.detail
-        wanted = rests_on(found, known)
-        if wanted == known or deadline.passed:
-            return found, wanted != known
-        try:
-            library = complete(wanted)
-        except TimeIsUpError:
-            return found, True
-        found = anew(with_probabilities([weighing.by(library, one) for one in found]))
-    return found, False
+    weighing: Weighing
+    confirm: Confirm | None
+    complete: Complete | None
+    deadline: Deadline
+    tried: set[tuple[str, LinearisedFit]] = field(default_factory=set)
+    """Mechanisms that were fitted anew, and the pairs' fits from which."""
+
+    def completed(self, found: list[Explanation]) -> tuple[list[Explanation], bool]:
+        """Solve in full what explanations rest on, and refit those that it changes, until nothing more could matter.
+
+        Returned is, too, whether the deadline came before.
+        """
+        while self.complete is not None:
+            known = _nothing(found).problem.predictor.library.detail
+            wanted = rests_on(found, known)
+            if wanted == known or self.deadline.passed:
+                return found, wanted != known
+            try:
+                library = self.complete(wanted)
+            except TimeIsUpError:
+                return found, True
+            found = self.begun_anew(with_probabilities([self.weighing.by(library, one) for one in found]))
+        return found, False
+
+    def begun_anew(self, found: list[Explanation]) -> list[Explanation]:
+        """Fit mechanisms anew alone from where the leading pairs have them, which may be at another minimum.
+
+        A stiff region lies on one side or on the other: beside a tilt of nothing a search may find the right one, and
+        the tilt would be what explains so much more.
+        """
+        leading = [e for e in found[:CONFIRMED_MOST] if len(e.names) == 2 and e.probability >= CONFIRMED_FROM]
+        for pair in leading:
+            for single in [e for e in found if len(e.names) == 1 and e.names[0] in pair.names]:
+                if (single.names[0], pair.fit) in self.tried:
+                    continue
+                self.tried.add((single.names[0], pair.fit))
+                start = {k: v for k, v in pair.fit.values.items() if k in single.fit.values}
+                again = refitted_beside(fit(pair.problem, single.fit.mechanisms, start))
+                if again.cost < single.fit.cost - ANEW:
+                    found[found.index(single)] = self.weighing.of(again, single.log_prior)
+        return with_probabilities(found)
+
+    def confirmed(self, found: list[Explanation]) -> list[Explanation]:
+        """Refit the leading explanations about full solutions, until none of them is emulated.
+
+        Those that explain no more than nothing does, by any solution, stay emulated: they change no verdict. With a
+        pair goes the better one of its mechanisms, beside which it has to explain more.
+        """
+        nothing = _nothing(found)
+        for _ in range(3):
+            singles = singles_of(found)
+            leading = [
+                e
+                for e in found[:CONFIRMED_MOST]
+                if e.names
+                and e.probability >= CONFIRMED_FROM
+                and log_bayes_factor(e, nothing) + may_move(e, found) > ADDS_FROM
+                and counts_for(e, singles) is e
+            ]
+            alone = [better_of(e, singles) for e in leading]
+            waiting = dict.fromkeys(e.names for e in (*alone, *leading) if not e.confirmed)
+            if self.confirm is None or not waiting or self.deadline.passed:
+                break
+            for names in waiting:
+                # Pairs may have been fitted anew, about the solution of one of their mechanisms.
+                one = next(e for e in found if e.names == names)
+                refit = self.confirm(one.fit)
+                if refit is None:
+                    # One whose solution stopped can't be confirmed, and is less probable for it.
+                    found[found.index(one)] = replace(one, confirmed=True, log_prior=one.log_prior - 3.0)
+                    continue
+                again = self.weighing.of(refit, one.log_prior, True)
+                moved = abs(again.posterior.log_evidence - one.posterior.log_evidence)
+                for pair in _led_by(one, found, moved > MOVED):
+                    # Its second effect hardly matters: the first one's solution serves both.
+                    about = fit(refit.problem, pair.fit.mechanisms, pair.fit.values)
+                    found[found.index(pair)] = self.weighing.of(about, pair.log_prior)
+                found[found.index(one)] = again
+            found = self.begun_anew(with_probabilities(found))
+        return found
 
 
 def _nothing(found: Sequence[Explanation]) -> Explanation:
@@ -342,73 +403,6 @@ def _joint(one: Explanation, other: Explanation) -> LinearisedFit:
     shapes = {k: v for k, v in other.fit.values.items() if k.split(".")[0] in other.names}
     both = [*one.fit.mechanisms, *other.fit.mechanisms]
     return fit(one.problem, both, {**one.fit.values, **shapes})
-
-
-def _begun_anew(
-    found: list[Explanation], weighing: Weighing, tried: set[tuple[str, LinearisedFit]]
-) -> list[Explanation]:
-    """Fit mechanisms anew alone from where the leading pairs have them, which may be at another minimum.
-
-    A stiff region lies on one side or on the other: beside a tilt of nothing a search may find the right one, and the
-    tilt would be what explains so much more.
-    """
-    leading = [e for e in found[:CONFIRMED_MOST] if len(e.names) == 2 and e.probability >= CONFIRMED_FROM]
-    for pair in leading:
-        for single in [e for e in found if len(e.names) == 1 and e.names[0] in pair.names]:
-            if (single.names[0], pair.fit) in tried:
-                continue
-            tried.add((single.names[0], pair.fit))
-            start = {k: v for k, v in pair.fit.values.items() if k in single.fit.values}
-            again = refitted_beside(fit(pair.problem, single.fit.mechanisms, start))
-            if again.cost < single.fit.cost - ANEW:
-                found[found.index(single)] = weighing.of(again, single.log_prior)
-    return with_probabilities(found)
-
-
-def _confirmed(
-    found: list[Explanation],
-    weighing: Weighing,
-    confirm: Confirm,
-    anew: Callable[[list[Explanation]], list[Explanation]],
-    deadline: Deadline,
-) -> list[Explanation]:
-    """Refit the leading explanations about full solutions, until none of them is emulated.
-
-    Those that explain no more than nothing does, by any solution, stay emulated: they change no verdict. With a pair
-    goes the better one of its mechanisms, beside which it has to explain more.
-    """
-    nothing = _nothing(found)
-    for _ in range(3):
-        singles = singles_of(found)
-        leading = [
-            e
-            for e in found[:CONFIRMED_MOST]
-            if e.names
-            and e.probability >= CONFIRMED_FROM
-            and log_bayes_factor(e, nothing) + may_move(e, found) > ADDS_FROM
-            and counts_for(e, singles) is e
-        ]
-        alone = [better_of(e, singles) for e in leading]
-        waiting = dict.fromkeys(e.names for e in (*alone, *leading) if not e.confirmed)
-        if not waiting or deadline.passed:
-            break
-        for names in waiting:
-            # Pairs may have been fitted anew, about the solution of one of their mechanisms.
-            one = next(e for e in found if e.names == names)
-            refit = confirm(one.fit)
-            if refit is None:
-                # One whose solution stopped can't be confirmed, and is less probable for it.
-                found[found.index(one)] = replace(one, confirmed=True, log_prior=one.log_prior - 3.0)
-                continue
-            again = weighing.of(refit, one.log_prior, True)
-            moved = abs(again.posterior.log_evidence - one.posterior.log_evidence)
-            for pair in _led_by(one, found, moved > MOVED):
-                # Its second effect hardly matters: the first one's solution serves both.
-                about = fit(refit.problem, pair.fit.mechanisms, pair.fit.values)
-                found[found.index(pair)] = weighing.of(about, pair.log_prior)
-            found[found.index(one)] = again
-        found = anew(with_probabilities(found))
-    return found
 
 
 def _led_by(one: Explanation, found: Sequence[Explanation], every: bool) -> list[Explanation]:

@@ -18,6 +18,7 @@ the greatest :math:`|\ln k|` beyond errors is taken as one standard deviation of
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -174,15 +175,9 @@ def effective_degrees(variance: float, parts: Iterable[tuple[float, float]]) -> 
     return np.inf if total == 0 else variance**2 / total
 
 
-def cut_height(times: float, variance: float, inverse_curvature: float) -> float:
-    r"""Return the rise :math:`t^2 V_{kk} / (A^{-1})_{kk}` at which a profile is cut."""
-    return times**2 * variance / inverse_curvature
-
-
-def profile_interval(
-    residual: Residual, at: FloatArray, k: int, rise: float, bounds: FloatArray, half_width: float
-) -> tuple[float, float]:
-    """Return where the profile of a sum of squares stays within ``rise`` of its least.
+@dataclass(frozen=True, eq=False)
+class SquaresProfile:
+    """The least sum of squares with one parameter held, the others refitted.
 
     Parameters
     ----------
@@ -191,58 +186,51 @@ def profile_interval(
     at : (p,) array
         Where their sum of squares is least.
     k : int
-        Which parameter.
-    rise : float
-        Height of the cut.
+        Which parameter is held.
     bounds : (p, 2) array
         Of the values.
     half_width : float
-        First guess.
+        First guess of its interval's.
     """
-    profile = _Profile(residual, at, k, bounds, half_width)
-    least = float(np.sum(residual(at) ** 2))
 
-    def above(value: float) -> float:
-        return profile(value) - least - rise
+    residual: Residual
+    at: FloatArray
+    k: int
+    bounds: FloatArray
+    half_width: float
 
-    def end(side: int) -> float:
-        inner, width = float(at[k]), half_width
-        bound = float(bounds[k, 0] if side < 0 else bounds[k, 1])
-        while inner != bound:
-            outer = float(np.clip(at[k] + side * width, *bounds[k]))
-            if above(outer) > 0:
-                return float(brentq(above, inner, outer, xtol=1e-6 * half_width))
-            inner, width = outer, 1.5 * width
-        return bound
+    def interval(self, rise: float) -> tuple[float, float]:
+        """Return where the profile stays within ``rise`` of its least."""
+        at, bounds, least = self.at[self.k], self.bounds[self.k], float(np.sum(self.residual(self.at) ** 2))
 
-    return end(-1), end(1)
+        def above(value: float) -> float:
+            return float(np.sum(self.residual(self.refitted(value)) ** 2)) - least - rise
 
+        def end(side: int) -> float:
+            inner, width = float(at), self.half_width
+            bound = float(bounds[0] if side < 0 else bounds[1])
+            while inner != bound:
+                outer = float(np.clip(at + side * width, *bounds))
+                if above(outer) > 0:
+                    return float(brentq(above, inner, outer, xtol=1e-6 * self.half_width))
+                inner, width = outer, 1.5 * width
+            return bound
 
-def profile_point(
-    residual: Residual, at: FloatArray, k: int, value: float, bounds: FloatArray, half_width: float
-) -> FloatArray:
-    """Return all values (p,) where one of them is held and the others are refitted.
+        return end(-1), end(1)
 
-    Parameters as for `profile_interval`; ``value`` is that of the k-th parameter.
-    """
-    return _Profile(residual, at, k, bounds, half_width).refitted(value)
+    @property
+    def others(self) -> list[int]:
+        """Numbers of the parameters that are refitted."""
+        return [j for j in range(len(self.at)) if j != self.k]
 
-
-class _Profile:
-    """The least sum of squares with one parameter held, the others refitted."""
-
-    def __init__(self, residual: Residual, at: FloatArray, k: int, bounds: FloatArray, step: float) -> None:
-        self.residual, self.at, self.k, self.bounds = residual, at, k, bounds
-        self.others = [j for j in range(len(at)) if j != k]
-        width = bounds[:, 1] - bounds[:, 0]
-        # Numbers of the values' sizes, so that a search steps alike in all.
-        self.units = np.clip(np.abs(at), 1e-3 * width, width)
-        self.slope = self._slope(step)
-
-    def __call__(self, value: float) -> float:
-        return float(np.sum(self.residual(self.refitted(value)) ** 2))
+    @property
+    def units(self) -> FloatArray:
+        """Numbers (p,) of the values' sizes, so that a search steps alike in all."""
+        width = self.bounds[:, 1] - self.bounds[:, 0]
+        return np.asarray(np.clip(np.abs(self.at), 1e-3 * width, width))
 
     def refitted(self, value: float) -> FloatArray:
+        """Return all values (p,) where the k-th is held and the others are refitted."""
         if not self.others:
             return np.array([value])
         others, units = self.others, self.units[self.others]
@@ -267,14 +255,13 @@ class _Profile:
 
         return whole(least_residual(left, start, box, jacobian=slopes))
 
-    def _slope(self, step: float) -> FloatArray:
-        """Return how the others follow the held one where the residual is linear; (p - 1,)."""
-        if not self.others:
-            return np.zeros(0)
+    @cached_property
+    def slope(self) -> FloatArray:
+        """How the others follow the held one where the residual is linear; (p - 1,)."""
         columns = []
         for j in range(len(self.at)):
             move = np.zeros(len(self.at))
-            move[j] = 1e-3 * (step if j == self.k else self.units[j])
+            move[j] = 1e-3 * (self.half_width if j == self.k else self.units[j])
             ends = [np.clip(self.at + sign * move, *self.bounds.T) for sign in (1, -1)]
             apart = float(ends[0][j] - ends[1][j])
             columns.append((self.residual(ends[0]) - self.residual(ends[1])) / apart)

@@ -18,7 +18,7 @@ from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.experiments.compression import CompressionSettings
 from legfem.geometry.slices import SliceSet
 from legfem.inverse.catalogue import IdentifiedLaw, LawName
-from legfem.inverse.intervals import profile_interval, profile_point, quantile
+from legfem.inverse.intervals import SquaresProfile, quantile
 from legfem.inverse.least_squares import Residual, least_residual
 from legfem.inverse.outcome import FullSolver
 from legfem.inverse.problem import fit_with, log_of, search_settings
@@ -149,10 +149,9 @@ def profile_intervals(found: Found[ScanComparison], log_covariance: FloatArray) 
             return left(np.exp(logs))
 
         least = least_residual(residual, np.clip(np.log(found.best.point), *box.T), box)
-        ends = np.array([profile_interval(residual, least, k, times**2, box, width) for k, width in enumerate(half)])
-        points = np.array(
-            [[profile_point(residual, least, k, end, box, width) for end in ends[k]] for k, width in enumerate(half)]
-        ).reshape(-1, len(PARAMETERS))
+        profiles = [SquaresProfile(residual, least, k, box, width) for k, width in enumerate(half)]
+        ends = np.array([one.interval(times**2) for one in profiles])
+        points = np.array([one.refitted(end) for one, own in zip(profiles, ends, strict=True) for end in own])
         nearest, share = search.trust.share_of_way(search.coordinates.of(np.exp(points)))
         way = share * np.linalg.norm(points - nearest, axis=1)
         if solved == MOST or (share >= 1.0).all() or way.max() < LEAST_WAY:
