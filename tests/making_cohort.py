@@ -11,7 +11,7 @@ import numpy as np
 
 from legfem.cohort.members import Member, Members
 from legfem.cohort.rows import Curve, Judged, Measure, ModelResult, Row, Shape
-from legfem.inverse.notice import FitNotice, Notice
+from legfem.inverse.answer import FitNotice, Notice
 from legfem.legs.notices import LegNotice
 
 LAW = "reduced-polynomial"

@@ -12,10 +12,10 @@ from making_diagnosis import INSTRUMENT, MADE, ClosedForm, mechanisms_in, noisy,
 from legfem.common.progress import Silent
 from legfem.data import Recording
 from legfem.inverse.accuracy import Accuracy
+from legfem.inverse.answer import FitNotice, Notice
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, LawName
 from legfem.inverse.diagnose import DiagnosisInput, Identified, diagnose
 from legfem.inverse.mechanism import shown_mechanisms
-from legfem.inverse.notice import FitNotice, Notice
 from legfem.inverse.observations import Observations
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.diagnosis import WITHOUT_ENDS

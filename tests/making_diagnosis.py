@@ -10,7 +10,6 @@ import numpy as np
 from legfem.common.units import FloatArray
 from legfem.data import Instrument, Recording, segment_all
 from legfem.experiments.plane_strain import PlaneStrainSettings
-from legfem.inverse.body_models import Columns
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.errors import error_model
 from legfem.inverse.fit import Identity
@@ -19,6 +18,7 @@ from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
 from legfem.inverse.map_fit import fit
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.predictor import Predictor
+from legfem.inverse.responses import Columns
 from legfem.inverse.stations import Stations
 from legfem.inverse.trial_noise import Noise
 from legfem.legs.finite_element_models import LegVariants, plane_strain_test

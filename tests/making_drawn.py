@@ -16,9 +16,9 @@ from making_pages import specimens, stocking, subject_in
 from making_results import measured_curve, result
 
 from legfem.common.errors import Doubt
+from legfem.inverse.answer import doubted
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import Fit, Goodness, OwnEstimate
-from legfem.inverse.notice import doubted
 from legfem.inverse.parameter import Prior
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.subject import SitedLeg

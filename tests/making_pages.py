@@ -35,11 +35,11 @@ from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.geometry.indenter import Site
 from legfem.geometry.leg_shape import HULL, SKIN
 from legfem.geometry.slices import calf_levels
+from legfem.inverse.answer import Notice
 from legfem.inverse.catalogue import parameter_of
 from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import EXACT, ChannelFit, Cost, Fit, Goodness, Identity
-from legfem.inverse.notice import Notice
 from legfem.inverse.outcome import Outcome
 from legfem.inverse.plan import DesignValue
 from legfem.inverse.trial import SearchLog

@@ -13,11 +13,11 @@ import numpy as np
 from making import press, write_subject
 
 from legfem.data import Instrument, LoadingCurve, mean_loading_curve, segment_all
+from legfem.inverse.answer import Notice
 from legfem.inverse.catalogue import parameter_of
 from legfem.inverse.document import fit_document
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import EXACT, ChannelFit, Cost, Fit, Goodness, Identity
-from legfem.inverse.notice import Notice
 from legfem.inverse.trial import CostMap, FullSolve, Generation, SearchLog
 from legfem.legs.details import AppliedCorrection, LegDetails, SpatialEvidence
 from legfem.legs.identification import as_leg

@@ -20,10 +20,9 @@ from legfem.api.results import Identification
 from legfem.common.command_line import FAULT, command_context
 from legfem.common.errors import ContradictionError, Doubt
 from legfem.data import Instrument
-from legfem.inverse.answer import Finding
+from legfem.inverse.answer import Finding, FitNotice, doubted
 from legfem.inverse.claims import check_diagnosis, check_fits
 from legfem.inverse.fit import Goodness
-from legfem.inverse.notice import FitNotice, doubted
 from legfem.inverse.verdict import answer_of
 from legfem.report.diagnosis_headline import headline
 from legfem.report.diagnosis_numbers import evidence_table

@@ -19,7 +19,7 @@ import legfem as lf
 from legfem.cohort.anomalies import largest_step, missing, suspicions
 from legfem.cohort.rows import Options, Row, Shape
 from legfem.common.errors import PhysicalRange
-from legfem.inverse.notice import FitNotice, Notice, doubted
+from legfem.inverse.answer import FitNotice, Notice, doubted
 from legfem.legs.notices import LegNotice
 from legfem.report.cohort import cohort_web_page
 from legfem.report.notices import kind_of_notice

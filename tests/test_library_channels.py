@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from legfem.inverse.body_models import Columns, PathRequest
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.channel_readings import PlannedChannel
 from legfem.inverse.library import ChannelTables, Library, NuisanceChanges, Table, pair_strength
@@ -15,7 +14,7 @@ from legfem.inverse.library_tasks import Task
 from legfem.inverse.mechanism import Stiffness, Values
 from legfem.inverse.observations import blank_observations
 from legfem.inverse.predictor import Predictor
-from legfem.inverse.responses import SolvedResponses
+from legfem.inverse.responses import Columns, PathRequest, SolvedResponses
 from legfem.mechanisms import TissueMechanism, mechanism_named
 from legfem.solve.protocol import Protocol
 

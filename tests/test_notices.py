@@ -5,7 +5,7 @@ from enum import StrEnum
 from itertools import chain
 from pathlib import Path
 
-from legfem.inverse.notice import FitNotice, Notice
+from legfem.inverse.answer import FitNotice, Notice
 from legfem.legs.notices import LegNotice
 from legfem.report.notices import sentence_of, words
 from legfem.specimens.details import SpecimenNotice

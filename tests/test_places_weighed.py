@@ -19,13 +19,13 @@ from legfem.channels.laid import AS_STATED, WAYS, Laid, laid_course
 from legfem.common.units import FloatArray
 from legfem.data import quality_of, segment_all
 from legfem.data.recording import RecordedChannel
-from legfem.inverse.body_models import channels_of, derivative_of
 from legfem.inverse.catalogue import parameter_of
 from legfem.inverse.emulator import At
 from legfem.inverse.errors import error_model
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.outcome import Outcome
 from legfem.inverse.predictor import Predictor
+from legfem.inverse.responses import channels_of, derivative_of
 from legfem.legs.subject import LegAccuracy, Subject
 from legfem.mechanisms import Stiffness, TissueMechanism, Values
 from legfem.report.further_channels import channel_chapter

@@ -15,7 +15,7 @@ from legfem.common.deadline import NEVER, Deadline, TimeIsUpError
 from legfem.common.errors import InputError
 from legfem.common.progress import Silent, Until
 from legfem.experiments.experiment import Solved
-from legfem.inverse.answer import Finding
+from legfem.inverse.answer import Finding, FitNotice
 from legfem.inverse.averaging import averaged_interval
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.explain import explain
@@ -24,7 +24,6 @@ from legfem.inverse.library import UNTRIED, Detail
 from legfem.inverse.library_build import build_library
 from legfem.inverse.library_tasks import Task, outcomes_of
 from legfem.inverse.linearised import LinearisedFit
-from legfem.inverse.notice import FitNotice
 from legfem.inverse.responses import SolvedResponses
 from legfem.inverse.screening import MATTERS, may_move, moves, rests_on
 from legfem.inverse.verdict import answer_of, solution_notices

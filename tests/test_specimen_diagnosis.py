@@ -16,8 +16,8 @@ from legfem.common.progress import Silent
 from legfem.data import Recording, write_recording
 from legfem.data.recording import RecordedChannel
 from legfem.experiments.bodies import BallOnLayer, CylinderBetweenPlates, CylinderOnBlock, UniaxialSpecimen
-from legfem.inverse.body_models import BodyModels
 from legfem.inverse.catalogue import DEEP_C10
+from legfem.inverse.responses import BodyModels
 from legfem.mechanics.materials import ExponentialStiffening, NeoHookean
 from legfem.mechanisms import Solution
 from legfem.solve.protocol import Protocol

@@ -21,11 +21,11 @@ from legfem.geometry.leg_shape import SKIN
 from legfem.geometry.motion import RigidTransform
 from legfem.geometry.slices import calf_levels
 from legfem.imaging.registration import Registration
+from legfem.inverse.answer import Notice
 from legfem.inverse.document import SCHEMA, fit_document
 from legfem.inverse.elastography import ShearModulus
 from legfem.inverse.fit import Identity
 from legfem.inverse.intervals import ADDS_NOTHING, quantile
-from legfem.inverse.notice import Notice
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.leg_sizes import SolidMeshSettings
 from legfem.report.estimates import interval_text, value_text

@@ -21,9 +21,9 @@ from legfem.common.errors import Doubt
 from legfem.common.numbers import number
 from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.fem.fields import FieldReader, fields_of
+from legfem.inverse.answer import doubted
 from legfem.inverse.averaging import POWER
 from legfem.inverse.catalogue import DEEP_C10
-from legfem.inverse.notice import doubted
 from legfem.inverse.plan import Design, DesignValue
 from legfem.inverse.verdict import TRUSTED, Diagnosis
 from legfem.legs.finite_element_models import plane_strain_test

@@ -15,9 +15,9 @@ from legfem.cohort.members import DESIGN, Member, Members, Task
 from legfem.common.contents import Contents
 from legfem.common.documents import literal
 from legfem.common.progress import duration
+from legfem.inverse.answer import Notice
 from legfem.inverse.catalogue import unit_suffix
 from legfem.inverse.comparison import ErrorSource
-from legfem.inverse.notice import Notice
 from legfem.inverse.stored import StoredExplanation, StoredModel
 from legfem.jobs.store import Store
 

@@ -9,12 +9,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from legfem.common.errors import ContradictionError
-from legfem.inverse.answer import Answer, Finding
+from legfem.inverse.answer import Answer, Finding, Notice, leading
 from legfem.inverse.catalogue import key_of
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import Fit
 from legfem.inverse.intervals import VERDICTS, identifiability
-from legfem.inverse.notice import Notice, leading
 from legfem.inverse.verdict import Diagnosis, answer_of
 
 _NEARLY, _SUM = 1e-6, 1e-3

@@ -16,6 +16,11 @@ from legfem.inverse.trial import CostMap, SearchLog
 SCHEMA = "legfem.identify/3"
 
 
+def members_of(value: Any, *names: str) -> dict[str, Any]:
+    """Return some of a value's attributes as members of their names."""
+    return {name: getattr(value, name) for name in names}
+
+
 def fit_document(fits: Sequence[Fit[Any]]) -> dict[str, Any]:
     """Fits of one problem as JSON types.
 
@@ -30,8 +35,7 @@ def fit_document(fits: Sequence[Fit[Any]]) -> dict[str, Any]:
         "schema": SCHEMA,
         "kind": first.kind,
         "subject": first.subject.id,
-        "title": first.subject.title,
-        "origin": first.subject.origin,
+        **members_of(first.subject, "title", "origin"),
         "answer": (chosen := first.details.chosen(fits)).answer.document(),
         "chosen": chosen.law,
         "laws": {fit.law: _law(fit) for fit in fits},
@@ -50,14 +54,9 @@ def _law(fit: Fit[Any]) -> dict[str, Any]:
         # Of one test its curve stands beside the parameters too.
         **({"curve": tests[0]["curve"]} if len(tests) == 1 else {}),
         **fit.details.members(fit),
-        "converged": log.converged,
-        "forward_solves": log.forward_solves,
+        **members_of(log, "converged", "forward_solves", "failed_solves", "factorisations", "seed", "wall_s"),
         "forward_solves_reused": log.reused_solves,
-        "failed_solves": log.failed_solves,
-        "factorisations": log.factorisations,
         f"emulator_error_{unit}": log.emulator_error,
-        "seed": log.seed,
-        "wall_s": log.wall_s,
         "search": _search(log, fit.cost.unit),
         "settings": dict(fit.settings),
     }
@@ -75,20 +74,17 @@ def fitted_document(fit: Fit[Any], key: Callable[[str], str] = key_of) -> dict[s
     """
     keys = [key(name) for name in fit.estimates]
     return {
-        "law": fit.law,
+        **members_of(fit, "law", "identifiability", "weighting", "neo_hookean_limit"),
         "parameters": dict(zip(keys, map(estimate_document, fit.estimates.values()), strict=True)),
         "correlations": {
             key: dict(zip(keys, map(float, row), strict=True)) for key, row in zip(keys, fit.correlations, strict=True)
         },
-        "identifiability": fit.identifiability,
         "assumed": with_units(fit.assumed),
         "notices": [asdict(one) for one in fit.notices],
         "goodness": asdict(fit.goodness),
         "agreement": {**asdict(fit.agreement), "intervals_widened_by": fit.agreement.birge_ratio},
         "cost": _cost(fit.cost),
         **({"computed": {key: _computed(one) for key, one in fit.computed.items()}} if fit.computed else {}),
-        "weighting": fit.weighting,
-        "neo_hookean_limit": fit.neo_hookean_limit,
         "tests": [_test(fit, number) for number in range(len(fit.tests))],
     }
 
@@ -97,11 +93,9 @@ def _test(fit: Fit[Any], number: int) -> dict[str, Any]:
     one: TestFit = fit.tests[number]
     first, *others = one.channels
     return {
-        "name": one.name,
-        "fitted": one.fitted,
+        **members_of(one, "name", "fitted"),
         f"rms_{unit_suffix(first.channel.unit)}": first.rms,
-        "r_squared": first.r_squared,
-        "farthest_at": first.farthest_at,
+        **members_of(first, "r_squared", "farthest_at"),
         "goodness": asdict(one.goodness),
         "by_itself": {key_of(name): _own(name, own) for name, own in one.by_itself.items()},
         "curve": _curve(first),
@@ -164,13 +158,10 @@ def estimate_document(found: Estimate) -> dict[str, Any]:
     """An estimate in the unit in which people read it."""
     shown = found.shown
     return {
-        "value": shown.value,
-        "unit": shown.unit,
-        "standard_error": shown.standard_error,
+        **members_of(shown, "value", "unit", "standard_error"),
         "ci95": list(shown.ci95),
         "role": found.parameter.role,
-        "at_bound": found.at_bound,
-        "identifiability": found.identifiability,
+        **members_of(found, "at_bound", "identifiability"),
         "share_of_squared_error": dict(found.error_shares),
         **({"share_of_information": dict(found.information_shares)} if found.information_shares else {}),
         "relative_change_if_fat_c10_is_10_percent_higher": found.moves.get("superficial.C10"),
@@ -182,17 +173,11 @@ def estimate_document(found: Estimate) -> dict[str, Any]:
 
 def _cost(cost: Cost) -> dict[str, Any]:
     return {
-        "value": cost.value,
-        "unit": cost.unit,
-        "definition": cost.definition,
-        "points": cost.points,
+        **members_of(cost, "value", "unit", "definition", "points", "r_squared"),
         f"mean_square_{cost.unit}": cost.mean_square,
         **({"per_length_N2_per_mm2": cost.per_length} if cost.unit == "N2" else {}),
         f"rms_{cost.reading_unit}": cost.rms,
-        "r_squared": cost.r_squared,
-        "minimised": cost.minimised,
-        "minimised_value": cost.minimised_value,
-        "minimised_unit": cost.minimised_unit,
+        **members_of(cost, "minimised", "minimised_value", "minimised_unit"),
     }
 
 
@@ -203,11 +188,7 @@ def _search(log: SearchLog, unit: str) -> dict[str, Any]:
             {
                 **_values(solve.values, free),
                 f"cost_{unit}": solve.cost,
-                "stage": solve.stage,
-                "complete": solve.complete,
-                "reason": solve.reason,
-                "factorisations": solve.factorisations,
-                "seconds": solve.seconds,
+                **members_of(solve, "stage", "complete", "reason", "factorisations", "seconds"),
             }
             for solve in log.solves
         ],

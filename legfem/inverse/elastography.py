@@ -12,7 +12,7 @@ from legfem.common.errors import Doubt
 from legfem.common.input_files import FileTable, Positive, Text, trouble
 from legfem.common.units import kpa_to_mpa, mpa_to_kpa
 from legfem.data import ranges
-from legfem.inverse.notice import FitNotice, Notice
+from legfem.inverse.answer import FitNotice, Notice
 from legfem.inverse.parameter import Prior
 
 Waved = Literal["deep", "superficial"]

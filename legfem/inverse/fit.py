@@ -17,12 +17,11 @@ from scipy.stats import chi2, norm
 from legfem.common.documents import versions_of
 from legfem.common.units import FloatArray
 from legfem.data.recording import Origin
-from legfem.inverse.answer import Answer, Finding, Tone, Value
+from legfem.inverse.answer import Answer, Finding, FitNotice, Notice, Tone, Value, leading
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, LawName, Values, model_values
 from legfem.inverse.comparison import Weighting
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.intervals import VERDICTS, Identifiability
-from legfem.inverse.notice import FitNotice, Notice, leading
 from legfem.inverse.readings import READINGS, Channel
 from legfem.inverse.trial import SearchLog
 

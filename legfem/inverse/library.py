@@ -16,10 +16,10 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from legfem.common.units import FloatArray
-from legfem.inverse.body_models import Columns
 from legfem.inverse.emulator import At, Emulator, Kriging
 from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, Values, null_of, prior_of
 from legfem.inverse.observations import Observations
+from legfem.inverse.responses import Columns
 
 _REACH = 1.6
 UNTRIED = "there was no time to solve it"

@@ -9,7 +9,6 @@ from scipy.interpolate import make_smoothing_spline
 from legfem.common.deadline import TimeIsUpError
 from legfem.common.progress import Progress, Silent
 from legfem.common.units import FloatArray
-from legfem.inverse.body_models import Columns, channels_of, derivative_of
 from legfem.inverse.emulator import NUGGET, Emulator, Kriging
 from legfem.inverse.library import (
     NO_CHANNELS,
@@ -25,7 +24,7 @@ from legfem.inverse.library import (
 from legfem.inverse.library_tasks import ONE, Outcome, Task, cross, outcomes_of, stiffness_at, tasks_for, unknowns_of
 from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, prior_of
 from legfem.inverse.observations import Observations
-from legfem.inverse.responses import ELASTIC_DERIVATIVES, SolvedResponses
+from legfem.inverse.responses import ELASTIC_DERIVATIVES, Columns, SolvedResponses, channels_of, derivative_of
 
 _SMOOTH = 3e-3
 """Penalty of the squared second derivative by the logarithm of the way: at 5 mm waves of less than

@@ -12,12 +12,11 @@ from legfem.common.deadline import TimeIsUpError
 from legfem.common.progress import Progress
 from legfem.common.units import mpa_to_kpa
 from legfem.data.phases import LOADING
-from legfem.inverse.body_models import BodyModels, Columns
 from legfem.inverse.catalogue import LawName
 from legfem.inverse.library import Detail, pair_strength
 from legfem.inverse.mechanism import Stiffness, TissueMechanism, Values, null_of
 from legfem.inverse.observations import Observations
-from legfem.inverse.responses import PLAIN, NotKeptError, SolvedResponses
+from legfem.inverse.responses import PLAIN, BodyModels, Columns, NotKeptError, SolvedResponses
 from legfem.inverse.stations import Stations
 from legfem.jobs.pool import Workers
 

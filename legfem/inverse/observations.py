@@ -14,8 +14,8 @@ from legfem.data.contact import Contact, air_is_shown, contact_at_start
 from legfem.data.noise import slowest_error
 from legfem.data.phases import HOLD, LOADING, UNLOADING
 from legfem.data.segmentation import Segmentation
+from legfem.inverse.answer import FitNotice, Notice
 from legfem.inverse.channel_readings import PlannedChannel, StationChannel, channel_readings, planned_readings
-from legfem.inverse.notice import FitNotice, Notice
 from legfem.inverse.readings import Channel, Data
 from legfem.inverse.stations import Stations, group_trials, read_at, stations_along, stations_of
 from legfem.solve.protocol import Protocol

@@ -10,10 +10,9 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BeforeValidator, TypeAdapter
 
 from legfem.common.errors import InputError
-from legfem.inverse.answer import Answer, Number
+from legfem.inverse.answer import Answer, Notice, Number
 from legfem.inverse.document import SCHEMA
 from legfem.inverse.fit import EXACT, UNTESTED, Goodness
-from legfem.inverse.notice import Notice
 
 SCHEMAS = {"result.json": SCHEMA, "diagnosis.json": "legfem.diagnose/7"}
 """Of documents that are read, by their files' names."""

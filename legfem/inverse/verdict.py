@@ -11,7 +11,7 @@ from scipy.special import logsumexp
 
 from legfem.common.numbers import decimals, is_determined
 from legfem.common.units import mpa_to_kpa
-from legfem.inverse.answer import Answer, Finding, LikelyCause, Tone, Value
+from legfem.inverse.answer import Answer, Finding, FitNotice, LikelyCause, Notice, Tone, Value
 from legfem.inverse.averaging import POWER, as_seen, robust_interval
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, LawName
 from legfem.inverse.diagnosed_fit import cost_of_model, fits_of_trials, log_of_solutions
@@ -24,7 +24,6 @@ from legfem.inverse.hidden import HiddenEnd, Limit, profile_of
 from legfem.inverse.library import UNTRIED
 from legfem.inverse.linearised import LinearisedFit
 from legfem.inverse.location import MisfitAssessment, SetAside, runs
-from legfem.inverse.notice import FitNotice, Notice
 from legfem.inverse.observations import Observations
 from legfem.inverse.predictive import HeldOut, Misfit
 from legfem.inverse.predictor import onset_name

@@ -17,6 +17,7 @@ from legfem.common.wording import Argument
 from legfem.data import Recording
 from legfem.geometry.section import CALF, LIMBS
 from legfem.inverse.accuracy import check_measured
+from legfem.inverse.answer import FitNotice, Notice, doubted
 from legfem.inverse.catalogue import DEEP_C10, LAWS, deep_stiffness
 from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.diagnose import DiagnosisInput, Identified, diagnose
@@ -27,7 +28,6 @@ from legfem.inverse.library import UNTRIED, Detail, Library
 from legfem.inverse.library_build import base_library, build_library, geometric_changes
 from legfem.inverse.library_tasks import ROUND, STIFFENING, STIFFENINGS, middle_of, rounded, stiffness_at
 from legfem.inverse.mechanism import shown_mechanisms
-from legfem.inverse.notice import FitNotice, Notice, doubted
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.responses import SolvedResponses
 from legfem.inverse.screening import Complete

@@ -6,11 +6,11 @@ from enum import StrEnum
 
 from legfem.common.errors import Doubt
 from legfem.data import LoadingCurve
+from legfem.inverse.answer import Notice, doubted
 from legfem.inverse.catalogue import DEEP_RATIO
 from legfem.inverse.elastography import FibreRatio, disagreement, elastography_priors
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import Fit, at_limits, far_from_priors, of_compromise, of_failed_solves, of_search
-from legfem.inverse.notice import Notice, doubted
 from legfem.legs.correction_of_leg import why_uncorrected, why_without_fibres
 from legfem.legs.details import AppliedCorrection, LegDetails, SpatialEvidence, SpatialSites
 from legfem.legs.plausibility import doubts_about, doubts_about_stiffness, poisson_ratio

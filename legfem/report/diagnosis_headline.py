@@ -7,13 +7,12 @@ from collections.abc import Sequence
 
 from legfem.common.numbers import number, percent, share
 from legfem.common.units import mpa_to_kpa
-from legfem.inverse.answer import Finding
+from legfem.inverse.answer import Finding, Notice
 from legfem.inverse.averaging import as_seen, robust_interval, widened_by
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.claims import checked_answer
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.mechanism import Mechanism
-from legfem.inverse.notice import Notice
 from legfem.inverse.plan import DesignValue
 from legfem.inverse.verdict import DIFFER, TRUSTED, Diagnosis, ends_of_c10, reported, same_value, wide, widest_error
 from legfem.report import diagnosis_sentences as sentences

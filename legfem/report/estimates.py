@@ -10,14 +10,13 @@ from legfem.common.numbers import NOT_DETERMINED, fit_probability, number, share
 from legfem.common.units import mpa_to_kpa, readable_unit, spaced_unit
 from legfem.data.ranges import PUBLISHED_C10
 from legfem.data.recording import Origin
-from legfem.inverse.answer import Value
+from legfem.inverse.answer import Notice, Value
 from legfem.inverse.catalogue import UNITS, key_of, parameter_of, symbol_of, unit_of
 from legfem.inverse.comparison import ErrorSource
 from legfem.inverse.elastography import ShearModulus
 from legfem.inverse.estimates import DISPLACEMENT, FORCE, Estimate, main_source
 from legfem.inverse.fit import SIGNIFICANT, Fit, Goodness, TestFit, gain_of, misfit_of, value_of
 from legfem.inverse.intervals import WEAKLY_WITHIN
-from legfem.inverse.notice import Notice
 from legfem.legs.subject import Subject
 from legfem.report.page import Block, Known, Provenance, WebTable
 from legfem.report.style import ENERGIES, LAW_NAMES, REGION_NAMES, capital, moduli_text

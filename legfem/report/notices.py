@@ -10,9 +10,9 @@ from legfem.common.errors import DOUBTFUL, Doubt
 from legfem.common.numbers import number
 from legfem.common.units import mpa_to_kpa, mpa_to_mmhg
 from legfem.data.folder import RESOURCES
+from legfem.inverse.answer import FitNotice, Notice
 from legfem.inverse.catalogue import key_of, symbol_of
 from legfem.inverse.fit import Fit
-from legfem.inverse.notice import FitNotice, Notice
 from legfem.report.style import LAW_NAMES, capital
 
 _CONVERSIONS: Mapping[str, Callable[[Any], Any]] = {

@@ -20,7 +20,7 @@ from scipy.stats import norm
 
 from legfem.common.errors import Doubt
 from legfem.common.numbers import number, percent, share
-from legfem.inverse.answer import Answer
+from legfem.inverse.answer import Answer, Notice, doubted
 from legfem.inverse.catalogue import DEEP_C10, key_of, symbol_of
 from legfem.inverse.comparison import ErrorSource
 from legfem.inverse.estimates import Estimate
@@ -38,7 +38,6 @@ from legfem.inverse.fit import (
     r_squared,
 )
 from legfem.inverse.intervals import VERDICTS, identifiability
-from legfem.inverse.notice import Notice, doubted
 from legfem.specimens.course import Course
 from legfem.specimens.folder import FILE, SpecimenFolder
 from legfem.specimens.model_discrepancy import LawMisfit, TestsAgreement

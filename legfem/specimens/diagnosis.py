@@ -15,6 +15,7 @@ from legfem.common.units import mpa_to_kpa
 from legfem.common.wording import Argument
 from legfem.data import Instrument
 from legfem.inverse.accuracy import Accuracy
+from legfem.inverse.answer import FitNotice, Notice, doubted
 from legfem.inverse.catalogue import DEEP_C10, RATIO, LawName
 from legfem.inverse.diagnose import DiagnosisInput, diagnose
 from legfem.inverse.fit import Identity
@@ -22,7 +23,6 @@ from legfem.inverse.library import Detail
 from legfem.inverse.library_build import build_library
 from legfem.inverse.library_tasks import LOGS, STIFFENING, middle_of
 from legfem.inverse.mechanism import shown_mechanisms
-from legfem.inverse.notice import FitNotice, Notice, doubted
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.responses import PLAIN, SolvedResponses
 from legfem.inverse.verdict import Diagnosis

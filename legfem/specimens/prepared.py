@@ -8,7 +8,7 @@ import numpy as np
 
 from legfem.common.errors import Doubt, InputError
 from legfem.common.progress import Progress
-from legfem.inverse.notice import Notice
+from legfem.inverse.answer import Notice
 from legfem.inverse.outcome import Outcome, solve_test
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, finish

@@ -16,12 +16,12 @@ from scipy.special import stdtrit
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.common.wording import Argument
+from legfem.inverse.answer import Notice, doubted
 from legfem.inverse.catalogue import IdentifiedLaw, LawName, Values, model_values
 from legfem.inverse.comparison import total_of
 from legfem.inverse.estimates import Optimum, estimates
 from legfem.inverse.fit import ChannelFit, Fit, Goodness, Identity, least_akaike, versions
 from legfem.inverse.intervals import bound_of, quantile
-from legfem.inverse.notice import Notice, doubted
 from legfem.inverse.outcome import JointForward
 from legfem.inverse.problem import cost_of, fit, goodness_of, log_of, search_settings
 from legfem.inverse.readings import READINGS

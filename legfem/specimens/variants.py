@@ -34,7 +34,7 @@ type _Asked = tuple[str, Protocol, _Numbers, tuple[str, ...]]
 
 @dataclass(eq=False)
 class SpecimenVariants:
-    """A specimen's models, `legfem.inverse.body_models.BodyModels`, made when first asked for.
+    """A specimen's models, `legfem.inverse.responses.BodyModels`, made when first asked for.
 
     Parameters
     ----------

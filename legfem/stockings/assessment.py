@@ -15,12 +15,12 @@ import numpy as np
 from legfem.common.documents import versions_of
 from legfem.common.units import mpa_to_mmhg, spans_of
 from legfem.geometry.slices import CONTOURS
+from legfem.inverse.answer import doubted
 from legfem.inverse.catalogue import LawName
 from legfem.inverse.comparison import Covariances
 from legfem.inverse.estimates import Optimum, estimates
 from legfem.inverse.fit import ChannelFit, Computed, Cost, Fit, Goodness, Identity, TestFit, r_squared
 from legfem.inverse.intervals import quantile
-from legfem.inverse.notice import doubted
 from legfem.inverse.problem import goodness_of
 from legfem.inverse.readings import Channel
 from legfem.inverse.searches import Found

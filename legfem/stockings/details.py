@@ -11,11 +11,10 @@ from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.geometry.leg_shape import fat_thickness_around
 from legfem.geometry.slices import CONTOURS
 from legfem.imaging.registration import Registration
-from legfem.inverse.answer import Answer, Finding, Tone
+from legfem.inverse.answer import Answer, Finding, Notice, Tone
 from legfem.inverse.catalogue import key_of
 from legfem.inverse.elastography import disagreement
 from legfem.inverse.fit import Fit, KindDetails, answer_of, at_limits, of_failed_solves, of_search
-from legfem.inverse.notice import Notice
 from legfem.stockings.contour_distances import ContourMisfit
 from legfem.stockings.discrepancy import ModelDiscrepancy
 from legfem.stockings.equilibrium import Equilibrium, EquilibriumSettings, LegModel3D
