@@ -188,7 +188,7 @@ def about_the_truth(subject: Subject) -> StationTest:
     """Return a leg's recordings with their errors about the model that made them."""
     test, leg = site_test(subject, None), LayeredLeg(depth=DEPTH + 1)
     curve = leg.solve(TRUTH, BOTH).curve
-    noise = estimate_noise(test.observed, subject.instrument, test.observed.slowest)
+    noise = estimate_noise(test.observed, subject.instrument)
     law = law_of("neo-hookean", subject, leg.nominal)
     unknowns = unknowns_at(test, subject, curve, TRUTH, None, law, {})
     return test.about(curve, TRUTH, test.contacts, noise, unknowns)

@@ -142,7 +142,7 @@ def test_where_no_accuracy_is_stated_all_that_repeats_differ_by_is_noise():
     observed, predictor = observations(list(ramps()))
     phase = 2 * np.pi * observed.displacement / 3.0 + 2.0 * observed.trial
     seen = noisy(observed, predictor(BASE, ()) + 0.2 * np.sin(phase), 4)
-    stated, unstated = (estimate_noise(seen, replace(INSTRUMENT, stated=stated), 12.0) for stated in (True, False))
+    stated, unstated = (estimate_noise(seen, replace(INSTRUMENT, stated=stated)) for stated in (True, False))
     assert stated.beyond_force + stated.beyond_way > 0
     assert unstated.beyond_force == unstated.beyond_way == 0
     assert np.hypot(unstated.slow_sd, unstated.wander_sd) > np.hypot(stated.slow_sd, stated.wander_sd)
@@ -151,5 +151,5 @@ def test_where_no_accuracy_is_stated_all_that_repeats_differ_by_is_noise():
 def test_an_instrument_far_better_than_a_leg_is_at_rest_is_no_reason_to_doubt(subject):
     observed, predictor = observations(list(ramps()))
     fine = replace(INSTRUMENT, displacement_sd=5e-4)
-    noise = estimate_noise(rippled(observed, predictor(BASE, ()), 0.03), fine, 12.0)
+    noise = estimate_noise(rippled(observed, predictor(BASE, ()), 0.03), fine)
     assert noise.beyond_way == noise.beyond_force == 0

@@ -102,7 +102,7 @@ def test_slow_errors_are_estimated_from_repeats(slow, wander):
     found = []
     for seed in range(4):
         drawn = errors.draw(1, np.random.default_rng(seed))[0]
-        found.append(estimate_noise(true.with_force(force + drawn), unstated, 12.0))
+        found.append(estimate_noise(true.with_force(force + drawn), unstated))
     middle = np.median([[n.slow_sd, n.wander_sd] for n in found], axis=0)
     larger = 0 if slow > 0.01 else 1
     assert middle[larger] == pytest.approx((slow, wander)[larger], rel=0.5)
@@ -113,10 +113,10 @@ def test_slow_errors_are_estimated_from_repeats(slow, wander):
 def test_gains_and_zeros_of_trials_are_not_taken_for_slow_errors(seen):
     observed, force = seen
     quiet = noisy(observed, force, 3)
-    plain = estimate_noise(quiet, INSTRUMENT, 12.0)
+    plain = estimate_noise(quiet, INSTRUMENT)
     shift = np.array([0.04, -0.05, 0.01])[observed.trial]
     scattered = quiet.with_force(quiet.force * (1 + shift) + 4 * shift)
-    other = estimate_noise(scattered, INSTRUMENT, 12.0)
+    other = estimate_noise(scattered, INSTRUMENT)
     assert other.slow_sd == pytest.approx(plain.slow_sd, rel=0.2)
     assert other.wander_sd == pytest.approx(plain.wander_sd, rel=0.2)
 
@@ -124,27 +124,27 @@ def test_gains_and_zeros_of_trials_are_not_taken_for_slow_errors(seen):
 def test_one_trial_has_the_data_sheet_s_errors():
     observed, predictor = observations(ramps(1))
     observed = observed.with_force(predictor(TRUTH))
-    noise = estimate_noise(observed, INSTRUMENT, 7.0)
-    assert noise.correlation_time == 7.0
+    noise = estimate_noise(observed, INSTRUMENT)
+    assert noise.correlation_time == observed.slowest
     total = noise.white_sd**2 + noise.slow_sd**2
     assert total == pytest.approx(INSTRUMENT.force_sd**2, rel=1e-9)
     doubled = replace(INSTRUMENT, force_sd=2 * INSTRUMENT.force_sd)
-    assert estimate_noise(observed, doubled, 7.0).slow_sd > 1.5 * noise.slow_sd
+    assert estimate_noise(observed, doubled).slow_sd > 1.5 * noise.slow_sd
 
 
 def test_where_errors_are_known_from_is_said():
     alone = recorded(Protocol.ramp(15.0, 0.5))
     twice = recorded(Protocol.ramp(15.0, 0.5), Protocol.ramp(15.0, 0.5))
     unstated = replace(INSTRUMENT, stated=False)
-    assert "no repeats" in estimate_noise(alone, INSTRUMENT, 12.0).source
+    assert "no repeats" in estimate_noise(alone, INSTRUMENT).source
     # A data sheet doesn't know how quiet what was pressed is; repeats would show it.
     best = Instrument(1e-4, 1e-4)
-    quiet, living = (estimate_noise(alone, best, 12.0, at_rest=share).slow_sd for share in (0.0, USUAL_AT_REST))
+    quiet, living = (estimate_noise(alone, best, at_rest=share).slow_sd for share in (0.0, USUAL_AT_REST))
     assert living == pytest.approx(USUAL_AT_REST * np.abs(alone.force).max())
     assert quiet < 0.1 * living
-    assert estimate_noise(twice, INSTRUMENT, 12.0, at_rest=0.5) == estimate_noise(twice, INSTRUMENT, 12.0)
-    assert estimate_noise(twice, INSTRUMENT, 12.0).source == ("the repeats and the instrument's stated accuracy")
-    assert "stated accuracy" not in estimate_noise(twice, unstated, 12.0).source
+    assert estimate_noise(twice, INSTRUMENT, at_rest=0.5) == estimate_noise(twice, INSTRUMENT)
+    assert estimate_noise(twice, INSTRUMENT).source == ("the repeats and the instrument's stated accuracy")
+    assert "stated accuracy" not in estimate_noise(twice, unstated).source
 
 
 def test_a_common_relative_error_does_not_draw_a_fit_below_all_data(monkeypatch):

@@ -43,9 +43,12 @@ def test_a_tilt_that_misses_the_bone_moves_it_as_the_other_tilt_does() -> None:
         {"": columns(0.1, **{FAT: 0.02})},
         {"": columns(-0.1, **{FAT: -0.01, MUSCLE: 0.3})},
     ]
-    names = _known_channels(list(zip(tasks, outcomes, strict=True)))
+    made = list(zip(tasks, outcomes, strict=True))
+    names = _known_channels(made)
     assert set(names) == {FAT, MUSCLE}
-    elastic, there, here = _filled(tasks, outcomes, names)
+    filled = _filled(made, names)
+    assert [task for task, _ in filled] == tasks
+    elastic, there, here = (outcome for _, outcome in filled)
     assert elastic is outcomes[0] and here is outcomes[2] and there is not None
     np.testing.assert_allclose(there[""][MUSCLE], -2.0 * outcomes[2][""][MUSCLE])
     np.testing.assert_allclose(there[""][FAT], outcomes[1][""][FAT])

@@ -228,7 +228,7 @@ def test_readings_of_one_frame_share_errors_and_the_image_s_place(tmp_path):
     laid = {way: times * np.sin(one.place[:, 0] / 9.0) for way, times in one.accuracy.laid.items()}
     beyond = covariance_of_places(one, one.values, laid)
     assert np.all(beyond[np.not_equal.outer(one.course, one.course)] == 0) and beyond.diagonal().max() > 0.01
-    noise = estimate_noise(observed := observe(leg.trials), leg.instrument, 50.0)
+    noise = estimate_noise(observed := observe(leg.trials), leg.instrument)
     errors = error_model(observed, noise, observed.values, images={one.name: laid})
     span, plain = observed.data.spans[1], error_model(observed, noise, observed.values)
     known = dict(zip(errors.names, errors.known.T, strict=True))

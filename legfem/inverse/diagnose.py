@@ -7,7 +7,6 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from legfem.common.deadline import NEVER, Deadline
 from legfem.common.progress import Progress
@@ -16,7 +15,7 @@ from legfem.inverse.accuracy import Accuracy, measured_strengths
 from legfem.inverse.averaging import unseen_of
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, LawName, deep_stiffness
 from legfem.inverse.correction import TabulatedCorrection
-from legfem.inverse.errors import ErrorModel, NuisanceEffect, error_model
+from legfem.inverse.errors import NuisanceEffect, error_model
 from legfem.inverse.explain import explain
 from legfem.inverse.explanation import Explained, Explanation
 from legfem.inverse.fit import LEAST_CHANCE, Fit, Identity
@@ -24,7 +23,7 @@ from legfem.inverse.hidden import Limit
 from legfem.inverse.least_squares import sandwich
 from legfem.inverse.library import UNTRIED, Library
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, nuisance_effects, variance_degrees
-from legfem.inverse.location import MisfitAssessment, SetAside, score_tests, touched_part
+from legfem.inverse.location import SetAside, score_tests, touched_part
 from legfem.inverse.map_fit import base_about_solution, equally_weighted, fit, ordinary_fit, refitted_about_solutions
 from legfem.inverse.mechanism import Mechanism, Occurrence, shown_mechanisms
 from legfem.inverse.observations import Observations
@@ -180,7 +179,6 @@ def diagnose(
         tuple(held_out(m.fit) for m in models),
         {**library.missing, **untested},
         limits,
-        _located(explained, shown.fit, models, assessment, problem.errors),
         given.ends is not None,
         (solved.solutions if solved is not None else 0) - made,
         error,
@@ -223,8 +221,8 @@ def _begun(
     The fit is what was identified, else one by ordinary least squares about a full solution. The noise is estimated
     anew once the trials' first contacts are fitted.
     """
-    observed, slowest = predictor.observed, predictor.observed.slowest
-    noise = estimate_noise(observed, given.instrument, slowest, at_rest=given.at_rest)
+    observed = predictor.observed
+    noise = estimate_noise(observed, given.instrument, at_rest=given.at_rest)
     problem = LinearisedProblem(predictor, error_model(observed, noise, observed.values))
     error = math.nan
     if given.identified is None:
@@ -233,7 +231,7 @@ def _begun(
     else:
         problem, found, error = _about(given.identified, problem)
     left = found.residual[: len(observed.force)]
-    noise = estimate_noise(observed, given.instrument, slowest, left, given.at_rest)
+    noise = estimate_noise(observed, given.instrument, left, given.at_rest)
     problem = replace(problem, errors=problem.errors_about(noise, found, given.nuisances(found)))
     return base_about_solution(problem, found, solved) if given.identified is None else (problem, found, error)
 
@@ -258,30 +256,6 @@ def _verdict(explained: Explained) -> tuple[Verdict, tuple[Explanation, ...]]:
         return "unexplained", ()
     models = tuple(e for e in listed if e.names)[:SHOWN_MOST]
     return ("named" if len(listed) == 1 else "ambiguous"), models
-
-
-def _located(
-    explained: Explained,
-    base: LinearisedFit,
-    models: tuple[Explanation, ...],
-    assessment: MisfitAssessment,
-    errors: ErrorModel,
-) -> NDArray[np.bool_]:
-    """Return where the base model errs by more than a trial's noise.
-
-    Where a model suits, it tells what the base model misses without the noise; else the windows do.
-    """
-    located = np.zeros(len(base.residual), dtype=bool)
-    forces = slice(len(explained.base.problem.predictor.observed.force))
-    observed = explained.base.problem.predictor.observed
-    elsewhere = observed.channels and not any(window.channel == "force" for window in assessment.windows)
-    if explained.adequacy >= ADEQUATE * explained.share or elsewhere:
-        return located[forces]
-    if models:
-        return np.asarray(np.abs(models[0].fit.prediction - base.prediction) > errors.trial_sd)[forces]
-    for window in assessment.windows:
-        located[list(window.stations)] = True
-    return located[forces]
 
 
 def ordinary_explanation(problem: LinearisedProblem, fitted: LinearisedFit, base: Explanation) -> Explanation:

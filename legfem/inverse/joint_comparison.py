@@ -94,7 +94,7 @@ class JointComparison(Comparison):
     def unseen_in(self, outcome: Outcome) -> tuple[str, ...]:
         """Names of the channels that any test's solve doesn't have."""
         pairs = zip(self.tests, outcome.curves, strict=True)
-        return tuple(dict.fromkeys(name for test, curve in pairs for name in test.unseen_in(curve)))
+        return tuple(dict.fromkeys(name for test, curve in pairs for name in test.station.unseen_in(curve)))
 
     def predict(self, outcome: Outcome, instrument: FloatArray) -> Prediction:
         """Read a complete full solve of all tests."""

@@ -86,9 +86,8 @@ def build_library(
         if begun and (detail != Detail() or "" in begun):
             raise TimeIsUpError
         # What is screened in part says nothing yet.
-        used = [k for k in sorted(found) if (m := tasks[k].mechanism) is None or m.name not in begun]
-        each = [tasks[k] for k in used], [found[k] for k in used]
-        library = replace(_assembled(solved, observed, tissue, *each, middle), detail=detail)
+        used = [(tasks[k], found[k]) for k in sorted(found) if (m := tasks[k].mechanism) is None or m.name not in begun]
+        library = replace(_assembled(solved, observed, tissue, used, middle), detail=detail)
         if begun or library.missing.keys() <= detail.whole:
             return library
         detail |= Detail(frozenset(library.missing))
@@ -115,7 +114,8 @@ def base_library(
     found = outcomes_of(solved, tasks, 1, Silent())
     if found[0] is None:
         return None
-    return replace(_assembled(solved, observed, (), tasks, list(found.values()), middle), beside=NO_CHANNELS)
+    made = [(tasks[place], outcome) for place, outcome in found.items()]
+    return replace(_assembled(solved, observed, (), made, middle), beside=NO_CHANNELS)
 
 
 def geometric_changes(
@@ -140,29 +140,28 @@ def geometric_changes(
     return _nuisances(responses, done, names)
 
 
+type _Made = tuple[Task, Outcome | None]
+"""A task and what came of it."""
+
+
 def _assembled(
-    solved: SolvedResponses,
-    observed: Observations,
-    tissue: Sequence[TissueMechanism],
-    tasks: Sequence[Task],
-    outcomes: Sequence[Outcome | None],
-    middle: float,
+    solved: SolvedResponses, observed: Observations, tissue: Sequence[TissueMechanism], made: list[_Made], middle: float
 ) -> Library:
-    done = [(t, o) for t, o in zip(tasks, outcomes, strict=True) if o is not None]
+    done = [(t, o) for t, o in made if o is not None]
     elastic = [(t.point, o[ONE]) for t, o in done if not (t.mechanism or t.derivatives or t.pair)]
     names = _known_channels(done)
-    outcomes = _filled(tasks, outcomes, names)
+    made = _filled(made, names)
     changes: dict[tuple[str, str], Table] = {}
     beside: dict[tuple[str, str], Table] = {}
     missing: dict[str, str] = {}
     for m in tissue:
         for key in [s.key for s in observed.protocols] if m.along_path else [""]:
-            table, other = _table(m, key, tasks, outcomes), _table(m, key, tasks, outcomes, names)
+            table, other = _table(m, key, made), _table(m, key, made, names)
             if table is None and m.does_without:
                 table = unchanged(m, len(solved.grid))
                 other = unchanged(m, (len(solved.grid) + 1) * len(names))
             if table is None or other is None:
-                tried = any(task.mechanism is m for task in tasks)
+                tried = any(task.mechanism is m for task, _ in made)
                 missing[m.name] = "simulations did not reach the end of the protocol" if tried else UNTRIED
             else:
                 changes[m.name, key], beside[m.name, key] = table, other
@@ -227,23 +226,23 @@ def _known_channels(done: Sequence[tuple[Task, Outcome]]) -> tuple[str, ...]:
     return tuple(name for name in dict.fromkeys(order) if all(name in own for own in known))
 
 
-def _filled(tasks: Sequence[Task], outcomes: Sequence[Outcome | None], names: Sequence[str]) -> list[Outcome | None]:
-    """Return outcomes with every channel: one that a solution hasn't is in proportion to the nearest strength's.
+def _filled(made: Sequence[_Made], names: Sequence[str]) -> list[_Made]:
+    """Return tasks' outcomes with every channel: one that a solution hasn't is in proportion to the nearest strength's.
 
     The line of travel of a tilted cylinder may miss the bone, and the muscle's thickness then isn't there.
     """
-    found = list(outcomes)
-    for place, (task, outcome) in enumerate(zip(tasks, outcomes, strict=True)):
+    found = list(made)
+    for place, (task, outcome) in enumerate(made):
         m = task.mechanism
         missing = [] if m is None or outcome is None else [n for n in names if not _has(outcome, n)]
         if m is None or outcome is None or not missing:
             continue
         if task.node is not None:
-            found[place] = None
+            found[place] = task, None
             continue
         alike = [
             (other, columns)
-            for other, columns in zip(tasks, outcomes, strict=True)
+            for other, columns in made
             if columns is not None and other.mechanism is m and other.node is None and other.stations is task.stations
         ]
         columns = dict(outcome[ONE])
@@ -254,7 +253,7 @@ def _filled(tasks: Sequence[Task], outcomes: Sequence[Outcome | None], names: Se
             )
             share = _departure(task) / _departure(near) if m.strengths else 1.0
             columns[name] = share * has[ONE][name]
-        found[place] = {ONE: columns}
+        found[place] = task, {ONE: columns}
     return found
 
 
@@ -311,16 +310,12 @@ def _as_row(columns: Columns, names: Sequence[str]) -> FloatArray:
 
 
 def _table(
-    mechanism: TissueMechanism,
-    key: str,
-    tasks: Sequence[Task],
-    outcomes: Sequence[Outcome | None],
-    names: Sequence[str] = ("force",),
+    mechanism: TissueMechanism, key: str, made: Sequence[_Made], names: Sequence[str] = ("force",)
 ) -> Table | None:
     ratios = bool(mechanism.strengths) and not mechanism.along_path
     rows: dict[float, list[Outcome | None]] = {}
     strengths: dict[float, None] = {}
-    for task, outcome in zip(tasks, outcomes, strict=True):
+    for task, outcome in made:
         own = "" if task.stations is None else task.stations.key
         if task.mechanism is mechanism and own == key and task.node is None:
             # Where no force is left there is no ratio to tabulate.
@@ -335,7 +330,7 @@ def _table(
     if not whole:
         return None
     values = np.array([np.vstack(changes) for changes in whole.values()])
-    solved = [o for t, o in zip(tasks, outcomes, strict=True) if t.mechanism is mechanism and t.node is not None]
+    solved = [o for t, o in made if t.mechanism is mechanism and t.node is not None]
     if solved:
         missed = _missed_at_nodes(mechanism, [None if o is None else _as_row(o[ONE], names) for o in solved], values[0])
         values = np.concatenate([values, missed[None]], axis=1)

@@ -59,6 +59,11 @@ class Observations:
         force = Channel("force", "N", self.displacement, "displacement_mm", self.force, force_sd)
         return Data((force, *(one.channel for one in self.channels)))
 
+    @cached_property
+    def courses(self) -> tuple[str, ...]:
+        """Names of the courses beside the force."""
+        return tuple(course for one in self.channels for course in one.courses)
+
     @property
     def values(self) -> FloatArray:
         """All readings, (N,), each in its channel's unit."""

@@ -107,7 +107,7 @@ class Predictor:
             return force + self.offset
         if np.isnan(force).any():
             return np.full(len(self.observed.values), np.nan)
-        courses = courses_of(self._names)
+        courses = courses_of(self.observed.courses)
         if self._follows.any():
             courses[:, self._follows] *= factors[:, None]
         places, weights = self._read
@@ -194,11 +194,6 @@ class Predictor:
             return self._courses(names, c10, c20, factor, changed, self._grid.at(pressed)) + along
 
         return force, factors, courses_of
-
-    @cached_property
-    def _names(self) -> tuple[str, ...]:
-        """Names of the channels' courses."""
-        return tuple(course for one in self.observed.channels for course in one.courses)
 
     @cached_property
     def _follows(self) -> NDArray[np.bool_]:

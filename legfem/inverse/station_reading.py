@@ -37,11 +37,6 @@ class StationReading:
     contacts: FloatArray
     grid: FloatArray
 
-    @cached_property
-    def courses(self) -> tuple[str, ...]:
-        """Names of the courses beside the force."""
-        return tuple(course for one in self.observed.channels for course in one.courses)
-
     def unseen_in(self, curve: ForceCurve) -> list[str]:
         """Names of the channels whose courses a solve doesn't have."""
         return [one.name for one in self.observed.channels if not curve.channels.keys() >= set(one.courses)]
@@ -49,7 +44,7 @@ class StationReading:
     @property
     def size(self) -> int:
         """Number m of the model's values."""
-        return len(self.grid) + len(self.courses) * (1 + len(self.grid))
+        return len(self.grid) + len(self.observed.courses) * (1 + len(self.grid))
 
     @cached_property
     def pressed(self) -> FloatArray:
@@ -77,7 +72,7 @@ class StationReading:
             inside = (share > 0) & (share < 1.0) & (half > 0)
             rise = np.divide(0.5, half, out=np.zeros_like(half), where=inside)
             force = np.where(inside, 0.5, 1.0)[:, None] * force + rise[:, None] * self._at(ways)
-        if not self.courses:
+        if not self.observed.courses:
             return force
         after = self.pressed - offset
         change = np.where(after > 0, 1.0, 0.0)[:, None] * self._at(after, derivative)

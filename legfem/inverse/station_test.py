@@ -145,10 +145,6 @@ class StationTest:
         """Whether a solve came to the grid's end; one that stops short says nothing of the greatest forces."""
         return curve.depth >= self.grid[-1] - 1e-9
 
-    def unseen_in(self, curve: ForceCurve) -> list[str]:
-        """Names of the channels whose courses a solve doesn't have."""
-        return self.station.unseen_in(curve)
-
     @cached_property
     def station(self) -> StationReading:
         """What the readings take of a model's courses."""

@@ -65,11 +65,7 @@ class Noise:
 
 
 def estimate_noise(
-    observed: Observations,
-    instrument: Instrument,
-    slowest: float,
-    residual: FloatArray | None = None,
-    at_rest: float = 0.0,
+    observed: Observations, instrument: Instrument, residual: FloatArray | None = None, at_rest: float = 0.0
 ) -> Noise:
     """Estimate the sizes of a trial's errors from repeats and instruments.
 
@@ -82,8 +78,6 @@ def estimate_noise(
         The recordings.
     instrument
         Stated accuracy: what of the load cell's isn't white noise is a slow error.
-    slowest
-        Expected correlation time of the slow error, s.
     residual
         (n,), N: of a fitted model, whose misfit is alike in all trials but whose first contacts
         are each trial's own; the recorded force without it.
@@ -96,7 +90,7 @@ def estimate_noise(
     expected = Noise(
         white_sd=white,
         slow_sd=instrument.slow_force_sd(white),
-        correlation_time=slowest,
+        correlation_time=observed.slowest,
         zero_sd=max(instrument.force_sd, 1e-3 * float(np.abs(observed.force).max())),
         wander_sd=instrument.wander_sd(observed.jitter_sd),
         source=few if observed.repeats < 2 else f"the repeats and {figures}",

@@ -81,8 +81,6 @@ class Diagnosis:
     """Mechanisms that the recordings can't show, and why."""
     limits: tuple[Limit, ...]
     """How strong each mechanism may be unseen, those first that may move C10 most; where the model fits."""
-    located: NDArray[np.bool_]
-    """(n,): forces at which the base model is wrong by more than a trial's noise."""
     with_ends: bool
     """Whether the base model has the cylinder's ends."""
     solutions: int
@@ -183,6 +181,21 @@ class Diagnosis:
     def errors(self) -> ErrorModel:
         """Errors of the observations about the base model."""
         return self.weighted_base.problem.errors
+
+    @cached_property
+    def located(self) -> NDArray[np.bool_]:
+        """Forces (n,) at which the base model is wrong by more than a trial's noise.
+
+        Where a model suits, it tells what the base model misses without the noise; else the windows do.
+        """
+        windows, forces = self.assessment.windows, self.observed.data.spans[0]
+        elsewhere = self.observed.channels and not any(window.channel == "force" for window in windows)
+        if self.explained.adequacy >= ADEQUATE * self.explained.share or elsewhere:
+            return np.zeros(forces.stop, dtype=bool)
+        if self.models:
+            missed = self.models[0].fit.prediction - self.base_model.fit.prediction
+            return np.asarray(np.abs(missed) > self.errors.trial_sd)[forces]
+        return np.isin(np.arange(forces.stop), [place for window in windows for place in window.stations])
 
     @property
     def best(self) -> Explanation:

@@ -101,7 +101,7 @@ class LegProblem:
             subject, observed = self.leg.sites[number], test.observed
             moved = replace(test, correction=own.correction).about(curve, best.values, test.contacts)
             left = observed.force - moved.every_reading(curve, best.values)[: len(observed.force)]
-            noise = estimate_noise(observed, subject.instrument, observed.slowest, left, subject.at_rest)
+            noise = estimate_noise(observed, subject.instrument, left, subject.at_rest)
             changes = self.geometry(number, deep_stiffness(best.values))
             unknowns = unknowns_at(moved, subject, curve, best.values, changes, law, self.own_errors)
             tests.append(moved.about(curve, best.values, test.contacts, noise, unknowns))

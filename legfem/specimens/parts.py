@@ -168,7 +168,7 @@ class Part:
         if self.beside is None:
             return np.zeros((0, 0)), np.zeros((0, 0))
         observed, instrument = self.beside.observed, self.course.instrument
-        found = error_model(observed, estimate_noise(observed, instrument, observed.slowest), observed.values)
+        found = error_model(observed, estimate_noise(observed, instrument), observed.values)
         forces = len(observed.force)
         return found.covariance[forces:, forces:], found.of_model[forces:, forces:]
 

@@ -13,6 +13,7 @@ from legfem.geometry.slices import CONTOURS
 from legfem.imaging.registration import Registration
 from legfem.inverse.answer import Answer, Finding, Notice, Tone
 from legfem.inverse.catalogue import key_of
+from legfem.inverse.document import members_of
 from legfem.inverse.elastography import disagreement
 from legfem.inverse.fit import Fit, KindDetails, answer_of, at_limits, of_failed_solves, of_search
 from legfem.stockings.contour_distances import ContourMisfit
@@ -145,10 +146,8 @@ class StockingDetails(KindDetails):
             "model": {
                 "tetrahedra": self.tetrahedra,
                 "unknowns": model.spaces.unknowns,
-                "formulation": model.settings.formulation,
-                "degree": model.settings.degree,
+                **members_of(model.settings, "formulation", "degree", "ends"),
                 "follower_load": model.settings.follower,
-                "ends": model.settings.ends,
                 "D1_per_MPa": {name: float(law.D1) for name, law in self.leg.tissues.items()},
             },
             "solves": {"equilibria_to_identify": fit.log.forward_solves, "states": self.states},
@@ -231,12 +230,9 @@ def _registration(found: Registration) -> dict[str, Any]:
         "rotation": found.transform.rotation.tolist(),
         "translation_mm": found.transform.translation.tolist(),
         "residual_rms_mm": found.residual,
-        "pairs": found.pairs,
-        "left_out": found.left_out,
+        **members_of(found, "pairs", "left_out", "iterations", "converged"),
         "shift_standard_error_mm": found.standard_error.tolist(),
         "turn_standard_error_deg": found.rotation_error.tolist(),
-        "iterations": found.iterations,
-        "converged": found.converged,
     }
 
 
