@@ -148,12 +148,9 @@ class LinearisedFit:
         if name not in self.free:
             return float("nan")
         k = self.free.index(name)
-        low, high = (self._at(k, side) for side in (-1.0, 1.0))
+        prior, sd = prior_of(self.parameters[k]), float(np.sqrt(self.covariance[k, k]))
+        low, high = (prior.value_at(self.prior_z[k] + side * sd) for side in (-1.0, 1.0))
         return 0.5 * abs(high - low)
-
-    def _at(self, k: int, deviations: float) -> float:
-        sd = float(np.sqrt(self.covariance[k, k]))
-        return prior_of(self.parameters[k]).value_at(self.prior_z[k] + deviations * sd)
 
     @property
     def linearised(self) -> Linearisation:

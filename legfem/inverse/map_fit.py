@@ -264,9 +264,7 @@ def base_about_solution(
     solved
         Full solutions; the fit stands without them.
     """
-    if solved is None:
-        return problem, base, float("nan")
-    offset = _offset(base, solved)
+    offset = None if solved is None else _offset(base, solved)
     if offset is None:
         return problem, base, float("nan")
     problem = problem.corrected(offset)

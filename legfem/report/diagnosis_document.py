@@ -7,7 +7,7 @@ from legfem.common.documents import json_types, versions_of
 from legfem.inverse.averaging import left_open
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, key_of
 from legfem.inverse.claims import checked_answer
-from legfem.inverse.document import estimate_document, fitted_document
+from legfem.inverse.document import estimate_document, fitted_document, members_of
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.fit import Identity
@@ -36,8 +36,7 @@ def document(found: Diagnosis, subject: Recorded, seconds: float) -> dict[str, A
             "units": "N, mm, s and MPa where neither a name nor the entry itself states another",
             "kind": found.kind,
             "subject": subject.id,
-            "title": subject.title,
-            "origin": subject.origin,
+            **members_of(subject, "title", "origin"),
             "answer": checked_answer(found, notices).document(),
             "notices": notices,
             "verdict": found.verdict,
@@ -45,11 +44,9 @@ def document(found: Diagnosis, subject: Recorded, seconds: float) -> dict[str, A
             "base_model": {
                 **fitted_document(found.base, _key),
                 "cylinder_ends": found.with_ends,
-                "p_value": found.assessment.p_value,
-                "lack_of_fit": found.assessment.lack_of_fit,
+                **members_of(found.assessment, "p_value", "lack_of_fit"),
                 "held_out": found.base_held_out,
-                "emulator_error": found.emulator_error,
-                "misfit": found.misfit,
+                **members_of(found, "emulator_error", "misfit"),
             },
             "explanations": [
                 {
@@ -71,17 +68,14 @@ def document(found: Diagnosis, subject: Recorded, seconds: float) -> dict[str, A
             "moved_by_sd": dict(zip(found.errors.names, found.base_model.posterior.effects, strict=True)),
             "channels": channel_misfits(found),
             "measured": subject.measured if isinstance(subject, Subject) else (),
-            "windows": found.assessment.windows,
+            **members_of(found.assessment, "windows", "scores"),
             "places": places_of(found),
-            "scores": found.assessment.scores,
-            "limits": found.limits,
+            **members_of(found, "limits", "untested", "seed"),
             "set_aside": _aside(found.aside),
             "by_phase": {model_name(model): checks_by_phase(model) for model in (found.weighted_base, *found.models)},
-            "untested": found.untested,
             "next_experiment": next_experiments(found),
             "full_solutions": found.solutions,
             "left_open": left_open(found.explained, DEEP_C10),
-            "seed": found.seed,
             "wall_s": seconds,
             "versions": versions(),
         }
@@ -89,7 +83,7 @@ def document(found: Diagnosis, subject: Recorded, seconds: float) -> dict[str, A
 
 
 def _aside(part: SetAside | None) -> dict[str, Any] | None:
-    return None if part is None else {"trial": part.trial, "phases": part.phases, "size_N": part.size_N}
+    return None if part is None else members_of(part, "trial", "phases", "size_N")
 
 
 _LEAST = 1e-4
@@ -101,16 +95,14 @@ def _model(found: Diagnosis, model: Explanation, held: HeldOut) -> dict[str, Any
     return {
         "mechanisms": [
             {
-                "name": mechanism.name,
-                "statement": mechanism.statement,
+                **members_of(mechanism, "name", "statement"),
                 "score": found.assessment.score(mechanism.name),
                 "parameters": {p.name: model.shown(f"{mechanism.name}.{p.name}") for p in mechanism.parameters},
             }
             for mechanism in model.fit.mechanisms
         ],
-        "probability": model.probability,
+        **members_of(model, "probability", "in_part"),
         "log_bayes_factor": model.posterior.log_evidence - found.weighted_base.posterior.log_evidence,
-        "in_part": model.in_part,
         "explained_share_of_misfit": explained_share(found, model),
         "remains": residual_intervals(found, model),
         "held_out": held,
