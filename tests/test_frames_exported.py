@@ -575,6 +575,17 @@ def test_a_film_is_read_as_the_pressures_that_were_there(tmp_path: Path, leg: Su
     np.testing.assert_allclose(found.values, wanted.values, atol=2e-4)
 
 
+def test_a_film_s_sensels_at_their_limit_are_left_out(tmp_path: Path, leg: Subject) -> None:
+    limit = 8.0
+    rows = "\n".join(f"Frame {f}\n{rows_of(np.minimum(grid(f), limit))}" for f in ALL)
+    found = film(tmp_path, leg, {"a.asf": TEKSCAN + rows}, 'file = "a.asf"\n' + FILM)
+    whole = film(tmp_path, leg, {"b.asf": tekscan()}, 'file = "b.asf"\n' + FILM)
+    told = np.array([(grid(f) < limit).all(axis=0) for f in ALL]).ravel()
+    assert 0.3 < told.mean() < 0.9
+    np.testing.assert_allclose(found.values, whole.values[told])
+    np.testing.assert_allclose(found.place, whole.place[told])
+
+
 @pytest.mark.parametrize("name", FILMS_REFUSED)
 def test_a_film_that_can_t_be_read_for_certain_is_refused_in_a_line(tmp_path: Path, leg: Subject, name: str) -> None:
     files, entry, cause = FILMS_REFUSED[name]

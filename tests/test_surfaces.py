@@ -101,6 +101,17 @@ def test_polygons_strips_and_slicer_s_axes_of_polydata_are_read(tmp_path):
     assert found.is_watertight and abs(found.volume) == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize("end", [2_000_000_000, -3])
+def test_a_polygon_that_ends_beyond_its_points_is_refused_at_once(tmp_path, end):
+    path = write_polydata(tmp_path / "s.vtp", surface("tibia"), "ascii")
+    text = path.read_text()
+    ends = text.index('Name="offsets"')
+    first = text.index(">", ends) + 1
+    path.write_text(text[:first] + f"3 {end}" + text[text.index("<", first) :])
+    with pytest.raises(InputError, match="a polygon ends where there are no points"):
+        read_surface(path)
+
+
 def test_outlines_are_cut_at_any_level_also_through_vertices(tmp_path):
     surface = read_surface(_cone(tmp_path / "s.stl", 3, 4, 20, 0.1))
     levels = [1e-3, 50.0, 99.9]

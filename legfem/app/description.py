@@ -12,12 +12,12 @@ import tomlkit
 from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import Item
 
-from legfem.app.workspace import files_of, is_scan, may_be_recording
+from legfem.app.workspace import files_of, is_scan
 from legfem.common.documents import write_atomically
 from legfem.common.errors import InputError
 from legfem.common.input_files import FileTable, checked
 from legfem.data import seen_instrument
-from legfem.data.formats import recording_files
+from legfem.data.formats import may_be_recording, recording_files
 from legfem.data.reader import read_samples, trials_in
 from legfem.data.recording import QUANTITIES, SourceColumns
 from legfem.legs.folder import plain_id, subject_text

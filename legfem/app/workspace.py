@@ -22,7 +22,6 @@ from pathlib import Path
 from legfem.common.documents import legfem_version
 from legfem.common.errors import InputError
 from legfem.common.input_files import LAB, FileTable, read_text
-from legfem.data.formats import READERS
 from legfem.legs.schema import SubjectFile
 from legfem.specimens.schema import SpecimenFile
 from legfem.stockings.schema import LegFile
@@ -263,11 +262,6 @@ def check_within(folder: Path) -> None:
 def is_scan(path: Path) -> bool:
     """Tell whether a file may be a label volume."""
     return path.name.lower().endswith(SCANS)
-
-
-def may_be_recording(path: Path) -> bool:
-    """Tell whether a file is of a kind that instruments write."""
-    return path.suffix.lower() in READERS
 
 
 def _existing(parent: Path, name: str) -> Path:

@@ -116,7 +116,7 @@ def look(
             if small and not specimens:
                 why = f"displacement changes by {np.ptp(recording.displacement):.3g} mm in all: judged as a specimen's"
                 proposal = Proposal(proposal.channels, (*proposal.reasons, why))
-            specimens = specimens or small
+            specimens = specimens or small or bool(recording.sizes)
             scales = Scales.of_specimen(recording) if specimens else LEG
             read.append((proposal, segment(recording, scales=scales)))
             tomls[path] = layout + instrument_file.channels_toml(recording.channels)
@@ -126,7 +126,9 @@ def look(
             remedy = "look at files with the same columns together, and keep each kind in a folder of its own"
             raise InputError(other, "recordings", f"has other columns than {first.name}", remedy)
         trials = among_repeats([trial for _, trial in read])
-        toml = tomls[first] + instrument_file.frames_toml(tables, [one.recording for one in trials], specimens)
+        recordings = [one.recording for one in trials]
+        toml = tomls[first] + instrument_file.frames_toml(tables, recordings, specimens)
+        toml += instrument_file.specimens_toml(recordings)
         doubts = (*(doubt for one in trials for doubt in magnitude_doubts(one)), *trial_doubts(trials))
         seen = [
             instrument_file.Looked(one.recording, how, quality_of(one))

@@ -64,6 +64,8 @@ class RecordedChannelEntry(LaidFrames):
     one a frame (``a-*.csv``)."""
     column: Text | None = None
     """Column of that table, where its name isn't the channel's."""
+    optional: bool = False
+    """Whether trials may be without such a file: these have none of the channel."""
     gain_percent: NotNegative | None = None
     """Standard deviation of the channel's scale."""
     lag_s: NotNegative | None = None
@@ -205,14 +207,32 @@ def with_channels(
             ]
             recordings = [replace(one, channels=tuple(c)) for one, c in zip(recordings, stated, strict=True)]
             continue
-        paths = [_channel_file(toml, entry, one, len(recordings), key, name) for one in recordings]
-        if frames and site is not None:
-            read = _of_frames(paths, frames, site, recordings, entry)
-        else:
-            read = [[Read(key, *read_channel(path, CHANNELS[key], entry.column))] for path in paths]
-        each = zip(paths, read, recordings, strict=True)
-        recordings = [_with_read(toml, path, entry, found, one) for path, found, one in each]
+        recordings = _with_files(toml, key, entry, recordings, site, name)
     return tuple(recordings)
+
+
+def _with_files(
+    toml: Path,
+    key: str,
+    entry: RecordedChannelEntry,
+    recordings: Sequence[Recording],
+    site: Site | Sequence[Face] | None,
+    name: str,
+) -> list[Recording]:
+    """Return recordings with the channels of an entry's files; see `with_channels`."""
+    every = dict(enumerate(_channel_file(toml, entry, one, len(recordings), key, name) for one in recordings))
+    paths = {k: path for k, path in every.items() if files_named(path)} or every
+    lacking = next((k for k in every if k not in paths), None)
+    if lacking is not None and not entry.optional:
+        problem = f"trial {recordings[lacking].trial} has none: there is no {every[lacking].name}"
+        raise InputError(toml, f"channels.{key}.file", problem, "add it, or optional = true if some trials have none")
+    if key in OF_FRAMES and site is not None:
+        faces = site if isinstance(site, Site) else [site[k] for k in paths]
+        read = _of_frames([*paths.values()], OF_FRAMES[key], faces, [recordings[k] for k in paths], entry)
+    else:
+        read = [[Read(key, *read_channel(path, CHANNELS[key], entry.column))] for path in paths.values()]
+    found = {k: _with_read(toml, paths[k], entry, one, recordings[k]) for k, one in zip(paths, read, strict=True)}
+    return [found.get(k, one) for k, one in enumerate(recordings)]
 
 
 def _channel_file(

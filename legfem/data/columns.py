@@ -13,7 +13,7 @@ from legfem.channels.kinds import CHANNELS
 from legfem.common.errors import InputError
 from legfem.common.wording import Argument, Command, Remedy
 from legfem.data.formats.labels import UNIT_OF, Quantity, names_quantity, unit_named
-from legfem.data.formats.refused import refuse_other_kind
+from legfem.data.formats.refused import BENDS, OTHER_KINDS, SWINGS, refuse_other_kind
 from legfem.data.formats.sheet import FEWEST_ROWS, NAMELESS, NOT_CALCULATED, Column, Sheet
 from legfem.data.formats.times import check_no_clock
 from legfem.data.phases import before_tear
@@ -220,8 +220,10 @@ def propose(
             usable.append((sheet, [find_column(path, sheet, q, given.get(q)) for q in QUANTITIES]))
         except InputError as error:
             why = why or (sheet, error)
+    columns = [c for sheet in sheets for c in sheet.columns]
+    names = [c.name for c in columns] + [f"<{c.quantity}>" for c in columns]
     if not given:
-        refuse_other_kind(path, [c.name for sheet in sheets for c in sheet.columns], readable=bool(usable))
+        refuse_other_kind(path, names, (SWINGS, BENDS) if usable else OTHER_KINDS)
     if not usable:
         assert why is not None
         table = next((sheet for sheet in sheets if stretch_and_stress(sheet)), None)
@@ -233,19 +235,30 @@ def propose(
         remedy = first.args[-1] if isinstance(first.args[1], Argument) else remedy_for(path, sheet, given, sheets)
         raise InputError(path, first.args[1], first.problem, remedy)
     if len(usable) > 1:
-        names = ", ".join(f"'{sheet.name}'" for sheet, _ in usable)
+        few = ", ".join(f"'{sheet.name}'" for sheet, _ in usable)
         remedy = Remedy("name one: ", look_command(path, {"sheet": usable[0][0].name}))
-        raise InputError(path, "recordings.sheet", f"{len(usable)} tables contain recordings: {names}", remedy)
+        raise InputError(path, "recordings.sheet", f"{len(usable)} tables contain recordings: {few}", remedy)
     sheet, found = usable[0]
     (time, _), (displacement, _), (force, _) = found
+    _check_not_exchanged(path, displacement, force, given)
     plain = SourceColumns(time, displacement, force, sheet.name if len(sheets) > 1 else named)
-    d_sign, f_sign, reason = _directions(path, recording_of(path, sheets, plain))
+    d_sign, f_sign, reason = _directions(path, recording_of(path, sheets, plain), () if given else names)
     signed = replace(plain, displacement=replace(displacement, sign=d_sign), force=replace(force, sign=f_sign))
     return Proposal(signed, (*sheet.remarks, *(reason for _, reason in found), reason))
 
 
-def _directions(path: Path, recording: Recording) -> tuple[int, int, str]:
-    """Return the signs with which displacement and force grow in the first press, and why."""
+def _check_not_exchanged(
+    path: Path, displacement: SourceColumn, force: SourceColumn, given: Mapping[Quantity, str]
+) -> None:
+    """Refuse names of displacement and force that contradict their units."""
+    own, other = names_quantity(force.column, "force"), names_quantity(force.column, "displacement")
+    if names_quantity(displacement.column, "force") and other and not own and not given:
+        problem = f"'{displacement.column}' is in {displacement.unit}, and '{force.column}' in {force.unit}"
+        raise InputError(path, "columns", problem, "correct the names or the units")
+
+
+def _directions(path: Path, recording: Recording, names: Sequence[str]) -> tuple[int, int, str]:
+    """Return the signs with which displacement and force grow in the first press, and why; of what is no other test."""
     d, f = recording.displacement, recording.force
     if len(d) < FEWEST_ROWS:
         raise InputError(path, "rows", f"{len(d)} samples are not a whole press", f"record at least {FEWEST_ROWS}")
@@ -254,10 +267,12 @@ def _directions(path: Path, recording: Recording) -> tuple[int, int, str]:
     change = f - np.median(f[:few])
     turned = int(np.argmax(np.abs(away) > 0.9 * np.abs(away).max())) + 1
     if turned < 5 or np.ptp(away[:turned]) == 0 or np.ptp(change[:turned]) == 0:
+        refuse_other_kind(path, names)
         raise InputError(path, "recordings", "displacement or force doesn't change", "record a whole press")
     turned = min(turned, max(5, before_tear(recording.time, np.abs(away), f)))
     together = float(np.corrcoef(away[:turned], change[:turned])[0, 1])
     if abs(together) < _LEAST_CORRELATION:
+        refuse_other_kind(path, names)
         raise InputError(
             path,
             "recordings.force",
@@ -292,6 +307,10 @@ def refuse_other_table(path: Path, sheets: Sequence[Sheet]) -> None:
             f"contains strain ('{strained[0].name}') and stress ('{strained[1].name}') over time and no force",
             "export displacement in mm and force in N, which are strain times length and stress times area",
         )
+    strain = next((c.name for c in columns if re.search("strain|dehnung|stretch", c.name, re.IGNORECASE)), None)
+    if strain is not None and has["time"] and has["force"] and not has["displacement"]:
+        problem = f"contains strain ('{strain}') and force over time and no displacement"
+        raise refused(problem, "export displacement in mm, which is strain times length")
     pressures = [c for c in columns if c.quantity == "pressure"]
     if pressures and has["time"] and has["displacement"] and not has["force"]:
         raise refused(

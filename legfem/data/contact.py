@@ -265,9 +265,16 @@ def _freedom(near: _Near) -> int:
     return max(len(near.x) - 4, 1)
 
 
+_LEAST_FELT = 0.1
+"""Share of the force that a cubic curve would have had where a recording starts, at least."""
+
+
 def _at_start(d: FloatArray, force: FloatArray, noise: float, displacement_sd: float) -> Contact:
     start, few = float(d[0]), max(1, min(5, len(force)))
-    loaded = float(np.mean(force[:few])) > 5.0 * noise
+    felt = float(np.mean(force[:few]))
+    # What is pressed at once as far as displacement says from first touch, and not as a gap or a crosshead counts.
+    least = _LEAST_FELT * float(force.max()) * (start / float(d[-1])) ** 3 if 0 < start < d[-1] else np.inf
+    loaded = felt > max(5.0 * noise, least)
     away = abs(start) > max(3.0 * displacement_sd / np.sqrt(few), displacement_sd)
     return Contact(
         displacement=start if away and not loaded else 0.0,

@@ -232,10 +232,10 @@ def _late(press: Press) -> Fault:
         drive, its_error = _branch_begins(since, way, False)
         moves = since < 0 if phases[0] == LOADING else since > 0
         speed = abs(float(np.polyfit(since[moves], way[moves], 1)[0]))
-        late, error = speed * (behind - drive), 2.0 * speed * float(np.hypot(error, its_error))
+        late, error = speed * (behind - drive), 2.0 * np.hypot(speed * np.hypot(error, its_error), trial.recording.step)
         where = f"is {abs(late):.2g} mm ({abs(late) / speed:.2g} s) {'behind' if late > 0 else 'ahead of'}"
         text = f"{where} the displacement where the drive stops or turns: a filter, two clocks, or play in the drive"
-        found.append(Fault(late, error, press.effect(-late * press.slope), text))
+        found.append(Fault(late, float(error), press.effect(-late * press.slope), text))
     # What lags is late in each; play shows only on the way back.
     return max(found, key=lambda one: one.size, default=_UNSEEN)
 

@@ -61,7 +61,7 @@ def seen_instrument(recordings: Sequence[Recording]) -> Instrument:
     of a newton and of a millimetre.
     """
     force = [sample_noise(r.force) ** 2 for r in recordings]
-    displacement = [sample_noise(r.displacement) ** 2 for r in recordings]
+    displacement = [sample_noise(r.displacement) ** 2 + r.step**2 / 12 for r in recordings]
     return Instrument(
         max(0.01, float(np.sqrt(np.mean(force or [0.0])))),
         max(0.01, float(np.sqrt(np.mean(displacement or [0.0])))),

@@ -133,7 +133,9 @@ def loading_doubts(
 def _refuse_jump(trial: Segmentation) -> None:
     d, force = without_outliers(trial.recording.displacement), trial.recording.force
     steps = np.diff(d)
-    far = max(_JUMP * float(np.ptp(d)), _TIMES_STEP * float(np.median(np.abs(steps))), 8.0 * trial.displacement_noise)
+    # A coarse encoder stands still between its steps.
+    step = float(np.median(np.abs(steps[steps != 0]))) if steps.any() else 0.0
+    far = max(_JUMP * float(np.ptp(d)), _TIMES_STEP * step, 8.0 * trial.displacement_noise)
     level = max(_LEVEL_FORCE * float(np.ptp(force)), 5.0 * trial.force_noise)
     # While nothing is pressed a drive may go back at any speed.
     pressed = np.minimum(force[1:], force[:-1]) - force.min() > 3.0 * level

@@ -74,7 +74,7 @@ def quality_of(trial: Segmentation) -> Quality:
     cut = cut_off(d, force) if len(force) else 0.0
     level = int(np.count_nonzero(d >= d[-1] - cut)) if cut else 0
     saturated = max(_at_rail(recording.force, 1.0), _at_rail(recording.force, -1.0), level)
-    found = (_smallest_step(recording.force), _smallest_step(recording.displacement))
+    found = (_smallest_step(recording.force), recording.step or _smallest_step(recording.displacement))
     sudden = np.diff(recording.force) < -max(_DROP_SHARE * span, 8.0 * force_noise)
     drops = tuple(recording.time[1:][sudden & in_loading[1:] & in_loading[:-1]].tolist())
     loading = int(np.count_nonzero(in_loading))
@@ -102,6 +102,8 @@ def quality_of(trial: Segmentation) -> Quality:
         _VERY_COARSE,
         f"the force comes in steps of {found[0]:.2g} N, {100 * found[0] / span:.2g} % of its range",
     )
+    share, told = recording.step / float(np.ptp(recording.displacement)), f"steps of {recording.step:.2g} mm"
+    judge(share, _COARSE, _VERY_COARSE, f"the displacement comes in {told}, {100 * share:.2g} % of its range")
     judge(
         force_noise / span,
         _NOISY,

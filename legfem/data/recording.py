@@ -2,8 +2,8 @@
 
 import math
 import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Literal
@@ -19,6 +19,7 @@ from legfem.common.input_files import read_table
 from legfem.common.units import MPA_PER_KPA, MPA_PER_MMHG, FloatArray, frozen_array
 from legfem.data.formats.labels import UNIT_OF, Quantity, unit_named
 from legfem.data.formats.sheet import Column, Sheet, trial_of
+from legfem.data.smoothing import between_steps
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +54,8 @@ class RecordedChannel:
 
     def __post_init__(self) -> None:
         """Keep read-only copies; raise ValueError if the arrays' shapes differ."""
-        for field in ("time", "values"):
-            object.__setattr__(self, field, frozen_array(getattr(self, field)))
+        for name in ("time", "values"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name)))
         if not (self.time.ndim == 1 and self.time.shape == self.values.shape):
             raise ValueError("time and values must be (k,) arrays of one length")
 
@@ -87,7 +88,7 @@ class Recording(Pictured):
     time : (n,) array
         s, strictly increasing; read-only.
     displacement : (n,) array
-        mm, growing towards the leg; read-only.
+        mm, growing towards the leg, of a coarse counter between its steps; read-only.
     force : (n,) array
         N, positive in compression; read-only.
     trial : str
@@ -104,6 +105,10 @@ class Recording(Pictured):
         Whether the specimen tore at its end: what the file has after that is left out.
     hysteresis : float
         Share of the loading's work that a table's return, which is left out, doesn't give back; NaN without one.
+    step : float
+        mm, of a coarse counter's steps; 0 of any other.
+    sizes : mapping
+        The specimen's, as the file's heading states them (`legfem.data.formats.sheet.Sheet`).
     """
 
     time: FloatArray
@@ -116,6 +121,8 @@ class Recording(Pictured):
     pulled: bool = False
     torn: bool = False
     hysteresis: float = math.nan
+    step: float = 0.0
+    sizes: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Keep read-only copies; raise ValueError if the arrays' shapes differ."""
@@ -227,7 +234,7 @@ def recording_of(path: Path, sheets: Sequence[Sheet], channels: SourceColumns, a
     sheet = named[0]
     values = [_converted(path, sheet, q, getattr(channels, q), area) for q in QUANTITIES]
     remedy = "save each trial in a file of its own, and record time with more digits"
-    time, displacement, force = _readings(path, values, f"'{channels.time.column}'", remedy)
+    time, displacement, force, step = _readings(path, values, f"'{channels.time.column}'", remedy)
     used = {c.name for q in QUANTITIES for c in sheet.named(getattr(channels, q).column)}
     further = [column for column in sheet.columns if column.name not in used]
     seen = {kind.name: column for column in reversed(further) if (kind := channel_of(column))}
@@ -236,8 +243,9 @@ def recording_of(path: Path, sheets: Sequence[Sheet], channels: SourceColumns, a
         for kind in IN_COLUMNS
         if kind.name in seen
     ]
+    found = Recording(time, displacement, force, trial_of(path), path, tuple(read))
     pulled = any(_OF_PULLS.search(getattr(channels, q).column) for q in QUANTITIES)
-    return Recording(time, displacement, force, trial_of(path), path, tuple(read), pulled=pulled)
+    return replace(found, pulled=pulled, step=step, sizes=sheet.sizes)
 
 
 _OF_PULLS = re.compile(r"tensile|(?<!ex)tension|\bzug|traction|tracción|trazione", re.IGNORECASE)
@@ -266,16 +274,19 @@ def _converted(path: Path, sheet: Sheet, quantity: Quantity, channel: SourceColu
 
 def _readings(
     path: Path, values: Sequence[FloatArray], column: str, remedy: str, lines: Sequence[int] | None = None
-) -> list[FloatArray]:
-    """Return time since a trial's start, displacement and force that may be a test's; see `check_increasing`."""
+) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+    """Return time since a trial's start, displacement, force and steps that may be a test's; see `check_increasing`."""
     given = values[0]
     # Some programs write the first sample twice; later ones are no such thing.
     first = int(len(given) > 2 and given[0] == given[1] and (np.diff(given[1:]) > 0).all())
-    time, *others = (one[first:] for one in values)
-    found = [since_start(time), *others]
-    _check_sizes(path, *found)
-    check_increasing(path, found[0], column, remedy, lines if lines is None else lines[first:])
-    return found
+    time, displacement, force = (one[first:] for one in values)
+    if len(time) > _FEW and all(np.isclose(one[-1], one[:-1].sum(), _SUMMED) for one in (time, displacement, force)):
+        raise InputError(path, "rows", "the last is the sum of those above it", "remove it")
+    time = since_start(time)
+    _check_sizes(path, time, displacement, force)
+    check_increasing(path, time, column, remedy, lines if lines is None else lines[first:])
+    displacement, step = between_steps(time, displacement)
+    return time, displacement, force, step
 
 
 _CODES = (999.0, 9999.0, 99999.0, 999.25, 999.99, 9999.99, 32767.0, 32768.0, 65535.0)
@@ -284,6 +295,8 @@ _FAR = 3.0
 """Times all other readings that a code is, at least."""
 
 
+_FEW, _SUMMED = 8, 1e-3
+"""Rows that are no recording; by how much a row of sums may be rounded, relative."""
 _NOTHING = 1e-9
 """s or mm: less is a number that lost its exponent, and no test."""
 
@@ -344,13 +357,13 @@ def read_plain_table(path: Path, area: float | None) -> Recording:
     table = read_table(path, (*HEADER[:2], column, *further), sparse=tuple(further))
     own = [table[name].to_numpy(dtype=np.float64) for name in (*HEADER[:2], column)]
     remedy = "sort the rows by time, remove repeated ones, and save each trial in a file of its own"
-    time, displacement, force = _readings(path, own, "time_s", remedy, table.index)
+    time, displacement, force, step = _readings(path, own, "time_s", remedy, table.index)
     channels = []
     for name, kind in further.items():
         values = table[name].to_numpy(dtype=np.float64)[-len(time) :]
         there = ~np.isnan(values)
         channels.append(RecordedChannel(kind.name, time[there], values[there], kind.usual))
-    return Recording(time, displacement, factor * force, path.stem, path, tuple(channels))
+    return Recording(time, displacement, factor * force, path.stem, path, tuple(channels), step=step)
 
 
 def _first_line(path: Path) -> str:

@@ -89,6 +89,39 @@ def sample_noise(values: FloatArray) -> float:
     return float(1.4826 * np.median(np.abs(second - np.median(second))))
 
 
+_COARSE, _RESTS = 0.01, 3.0
+"""Share of the way that a coarse counter's step is at least; times its neighbours that a rest on a step lasts."""
+_FEWEST_STEPS, _STANDS = 4, 2
+"""Steps, and samples of one reading, that a coarse counter has at least."""
+
+
+def between_steps(time: FloatArray, displacement: FloatArray) -> tuple[FloatArray, float]:
+    """Return the way (n,) of a coarse counter, which stands still between its steps, and the step; 0 of any other's.
+
+    It is half a step on where the counter changes, and on a step where the drive rests.
+    """
+    at = np.flatnonzero(np.diff(displacement))
+    sizes = np.abs(np.diff(displacement)[at])
+    step = float(sizes.min(initial=np.inf))
+    whole = bool(np.allclose(sizes / step, np.round(sizes / step), atol=0.05))
+    coarse = len(at) >= _FEWEST_STEPS and whole and step > _COARSE * np.ptp(displacement)
+    passed = np.diff(np.sign(np.diff(displacement)[at])) == 0
+    if not coarse or not passed.any() or np.median(np.diff(at)[passed]) < _STANDS:
+        return displacement, 0.0
+    when, middle = 0.5 * (time[at] + time[at + 1]), 0.5 * (displacement[at] + displacement[at + 1])
+    usual = np.median(np.diff(when)[passed])
+    # A noisy one goes to and fro before it stays: as if once, in the middle of that.
+    first = np.flatnonzero(np.append(True, (np.diff(middle) != 0) | (np.diff(when) > usual)))
+    last = np.append(first[1:], len(at)) - 1
+    when = np.add.reduceat(when, first) / (last - first + 1)
+    before, after = np.append(np.inf, np.diff(when)), np.append(np.diff(when), np.inf)
+    rests, begins = after > _RESTS * np.maximum(before, usual), before > _RESTS * np.maximum(after, usual)
+    places = np.concatenate([when, (when + 0.5 * before)[rests], (when - 0.5 * after)[begins]])
+    values = np.concatenate([middle[first], displacement[at[last] + 1][rests], displacement[at[first]][begins]])
+    order = np.argsort(places)
+    return np.interp(time, places[order], values[order]), step
+
+
 def without_outliers(values: FloatArray) -> FloatArray:
     """Return a motion whose single readings far off are replaced by their neighbours' middle."""
     middle = median_filter(values, 3, mode="nearest")

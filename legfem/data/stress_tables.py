@@ -24,6 +24,9 @@ _NOMINAL, _TRUE = r"nominal|engineering|piola|pk1|^p$|^p1?1$", r"true|cauchy|sig
 _ORDER = 3
 """Order of the divided differences that noise is seen by: a curve of loading is a parabola over four neighbours."""
 _LEAST_ROWS = 6
+_PERCENT = ("%", "percent", "pct", "prozent")
+_MOST_STRAIN = 15.0
+"""Of the softest rubber: what goes farther is in percent."""
 
 
 class StressTableEntry(FileTable):
@@ -36,13 +39,19 @@ class StressTableEntry(FileTable):
     percent: bool = False
     """Whether the strain is in percent."""
     stress: Text
-    """Column of the stress."""
+    """Column of the stress, or of the force."""
     unit: Text
-    """Unit of the stress."""
+    """Unit of the stress, or of a force on the area that is stated with the test."""
     measure: Literal["nominal", "true"] | None = None
     """Nominal (engineering) stress is the force over the undeformed area; in simple shear both are alike."""
     sheet: Text | None = None
     """Name of the table or sheet in files that have several."""
+
+    @property
+    def of_force(self) -> bool:
+        """Whether the load is a force."""
+        unit = unit_named(self.unit)
+        return unit is not None and unit.quantity == "force"
 
     @model_validator(mode="after")
     def _one_deformation(self) -> Self:
@@ -51,7 +60,10 @@ class StressTableEntry(FileTable):
 
 
 def stretch_and_stress(sheet: Sheet, timed: bool = False) -> tuple[Column, Column] | None:
-    """Return the columns of a table of stretch (or strain) and stress with or without a time; None for any other."""
+    """Return the columns of a table of stretch (or strain) and stress with or without a time; None for any other.
+
+    Without a time a force may be in the stress' place.
+    """
     stretch = [
         c
         for c in sheet.columns
@@ -64,7 +76,9 @@ def stretch_and_stress(sheet: Sheet, timed: bool = False) -> tuple[Column, Colum
         for c in sheet.columns
         if c.quantity == "pressure" or (re.search(_STRESS, c.name, re.IGNORECASE) and not c.quantity)
     ]
-    stress = [c for c in stress if c not in stretch]
+    stress = [c for c in stress if c not in stretch] or [
+        c for c in sheet.columns if c.quantity == "force" and not timed
+    ]
     has_time = any(c.is_time for c in sheet.columns)
     return (stretch[0], stress[0]) if stretch and stress and has_time == timed else None
 
@@ -73,15 +87,18 @@ def table_line(stretch: Column, stress: Column) -> tuple[str, str]:
     """Return what has to be confirmed of a table's columns, and the line of TOML that then reads it."""
     stretched = re.search(_STRETCH, stretch.name, re.IGNORECASE) is not None
     key = "stretch" if stretched else "strain"
-    percent = stretch.unit == "%"
+    by_size = not stretch.unit and float(np.abs(stretch.values).max()) > _MOST_STRAIN
+    percent = not stretched and ((stretch.unit or "").lower() in _PERCENT or by_size)
     is_true = re.search(_TRUE, stress.name, re.IGNORECASE) and not re.search(_NOMINAL, stress.name, re.IGNORECASE)
     measure = "true" if is_true else "nominal"
-    unit = stress.unit if stress.unit and stress.quantity == "pressure" else UNIT_OF["pressure"]
+    forced = stress.quantity == "force"
+    unit = stress.unit if stress.unit and (forced or stress.quantity == "pressure") else UNIT_OF["pressure"]
     words = {"nominal": "engineering stress, force over the undeformed area", "true": "true stress"}
+    load = "the force on the area_mm2 that you state" if forced else words[measure]
     of = " in %" if percent else ""
-    confirm = f"if '{stretch.name}' is a {key}{of} and '{stress.name}' {words[measure]} in {unit}"
+    confirm = f"if '{stretch.name}' is a {key}{of} and '{stress.name}' {load} in {unit}"
     parts = [f'{key} = "{stretch.name}"', *(["percent = true"] if percent else [])]
-    parts += [f'stress = "{stress.name}"', f'unit = "{unit}"', f'measure = "{measure}"']
+    parts += [f'stress = "{stress.name}"', f'unit = "{unit}"', *([] if forced else [f'measure = "{measure}"'])]
     return confirm, f"table = {{ {', '.join(parts)} }}"
 
 
@@ -90,12 +107,14 @@ def refuse_untimed(path: Path, sheet: Sheet) -> InputError:
     stretch, stress = stretch_and_stress(sheet) or sheet.columns[:2]
     unit = f" in {stress.unit}" if stress.unit else ""
     confirm, line = table_line(stretch, stress)
-    problem = f"is a table of stretch and stress ('{stretch.name}' and '{stress.name}'{unit}) without a time"
+    forces = [f"'{c.name}'" for c in sheet.columns if c.quantity == "force"] if stress.quantity == "force" else []
+    load, names = ("force", " or ".join(forces)) if forces else ("stress", f"'{stress.name}'")
+    problem = f"is a table of stretch and {load} ('{stretch.name}' and {names}{unit}) without a time"
     return InputError(path, "columns", problem, f"{confirm}, give in specimen.toml, in the table [recordings]: {line}")
 
 
-def read_stress_table(path: Path, columns: StressTableEntry) -> tuple[FloatArray, FloatArray]:
-    """Read strain (n,) and stress (n,), MPa.
+def read_stress_table(path: Path, columns: StressTableEntry, area: float) -> tuple[FloatArray, FloatArray]:
+    """Read strain (n,) and stress (n,), MPa, which is a force over an area (mm²) where the table has that.
 
     Raises
     ------
@@ -111,13 +130,13 @@ def read_stress_table(path: Path, columns: StressTableEntry) -> tuple[FloatArray
         _column(path, named[0], name) for name in (columns.stretch or columns.strain or "", columns.stress)
     )
     unit, (_, line) = unit_named(columns.unit), table_line(strain, stress)
-    if unit is None or unit.quantity != "pressure":
+    if unit is None or unit.quantity not in ("pressure", "force"):
         remedy = f"give kPa, MPa, Pa, psi or bar, as in: {line}"
         raise InputError(path, "recordings.table.unit", f"'{columns.unit}' is not a unit of stress", remedy)
-    if stress.quantity == "pressure" and stress.known_unit != unit:
+    if stress.quantity in ("pressure", "force") and stress.known_unit != unit:
         problem = f"'{columns.unit}', but the file says '{stress.unit}'"
         raise InputError(path, "recordings.table.unit", problem, f"correct one of them, as in: {line}")
-    values, loads = strain.values, stress.values * unit.factor
+    values, loads = strain.values, stress.values * unit.factor / (area if columns.of_force else 1.0)
     rows = np.isfinite(values) & np.isfinite(loads)
     values, loads = values[rows], loads[rows]
     if columns.stretch is not None:

@@ -4,14 +4,10 @@ Polydata are ``.vtp`` (XML) and ``.vtk`` (legacy), ASCII or binary: Kitware, VTK
 (docs.vtk.org/en/latest/vtk_file_formats).
 """
 
-import base64
-import lzma
 import re
-import zlib
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from base64 import b64encode
+from collections.abc import Mapping, Sequence
 from io import BytesIO
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -74,7 +70,9 @@ def read_surface(path: Path) -> Any:
             legacy = re.search(rb"^DATASET\s+POLYDATA", file.read(1000), re.M | re.I)
         polydata = legacy or path.suffix.lower() == ".vtp"
         surface = trimesh.Trimesh(*_read_polydata(path)) if polydata else trimesh.load(path, force="mesh")
-    except ImportError:  # trimesh looks for the encoding of what it takes for text
+    except ImportError as error:  # trimesh looks for the encoding of what it takes for text
+        if error.name == "meshio":
+            raise
         raise InputError(path, "file", "is neither a whole binary STL nor text", "save it again") from None
     except Exception as error:  # the readers raise all kinds
         said = " ".join(str(error).split())[:120] or type(error).__name__
@@ -187,12 +185,6 @@ _LEGACY = {
     **{"unsigned_char": "u1", "unsigned_short": "u2", "unsigned_int": "u4", "unsigned_long": "u8"},
     "vtktypeint64": "i8",
 }
-_XML = {f"{kind}{8 * size}": f"{kind[0].lower()}{size}" for kind in ("Int", "UInt") for size in (1, 2, 4, 8)}
-_XML |= {"Float32": "f4", "Float64": "f8"}
-_UNPACKED: dict[str, Callable[[bytes], bytes]] = {
-    "vtkZLibDataCompressor": zlib.decompress,
-    "vtkLZMADataCompressor": lzma.decompress,
-}
 _TO_LPS = np.array([-1.0, -1.0, 1.0])
 
 
@@ -218,6 +210,8 @@ def _fans(connectivity: _Numbers, ends: _Numbers) -> _Triangles:
     nodes, stops = connectivity.astype(np.intp), ends.astype(np.intp)
     starts = np.concatenate([[0], stops[:-1]])
     corners = stops - starts
+    if (corners < 0).any() or (len(stops) and stops[-1] > len(nodes)):
+        raise ValueError("a polygon ends where there are no points")
     found = [
         starts[corners == count, None] + np.array([0, j + 1, j + 2])
         for count in np.unique(corners)
@@ -313,82 +307,42 @@ def _legacy_cells(file: _Legacy, version: int, words: Sequence[str]) -> tuple[_N
     return np.delete(flat, heads[:-1]), np.array(heads[1:]) - np.arange(1, count + 1)
 
 
-@dataclass(frozen=True)
-class _Coded:
-    """How an XML file writes its arrays."""
-
-    order: str
-    header: np.dtype[np.generic]
-    unpacked: Callable[[bytes], bytes] | None
-    appended: bytes = b""
-    raw: bool = False
-    """Whether what is appended is in no code."""
-
-    def array(self, element: ElementTree.Element) -> _Numbers:
-        """Return what a ``DataArray`` holds, flat."""
-        kind = np.dtype(self.order + _XML[element.attrib["type"]])
-        written = element.attrib.get("format", "ascii")
-        if written == "ascii":
-            return np.array((element.text or "").split(), dtype=float).astype(kind)
-        if written == "appended":
-            source, raw = self.appended[int(element.attrib["offset"]) :], self.raw
-        else:
-            source, raw = "".join((element.text or "").split()).encode(), False
-        return np.frombuffer(self._bytes(source, raw), kind)
-
-    def _bytes(self, source: bytes, raw: bool) -> bytes:
-        item = self.header.itemsize
-
-        def part(start: int, size: int) -> bytes:
-            """Return bytes, of which a code of its own begins at a place of the source."""
-            if raw:
-                return source[start : start + size]
-            return base64.b64decode(source[start : start + _coded(size)])[:size]
-
-        def numbers(count: int) -> list[int]:
-            return np.frombuffer(part(0, count * item), self.header).astype(int).tolist()
-
-        (first,) = numbers(1)
-        if self.unpacked is None:
-            return part(0, item + first)[item:]
-        sizes = numbers(3 + first)[3:]
-        head = (3 + first) * item
-        packed = part(head if raw else _coded(head), sum(sizes))
-        ends = np.cumsum([0, *sizes])
-        return b"".join(self.unpacked(packed[a:b]) for a, b in pairwise(ends))
-
-
-def _coded(size: int) -> int:
-    """Return how many characters so many bytes have in base64."""
-    return 4 * -(-size // 3)
-
-
 def _of_xml(content: bytes) -> tuple[FloatArray, _Triangles]:
-    appended, raw = b"", False
-    if begun := re.search(rb"<AppendedData([^>]*)>\s*_", content):
+    from meshio.vtu._vtu import VtuReader
+
+    raw = b""
+    if begun := re.search(rb"<AppendedData[^>]*\braw\b[^>]*>\s*_", content):
         end = content.rfind(b"</AppendedData>")
-        appended, raw = content[begun.end() : end], b"raw" in begun[1]
-        content = content[: begun.start()] + content[end + len(b"</AppendedData>") :]
+        raw, content = content[begun.end() : end], content[: begun.start()] + content[end + len(b"</AppendedData>") :]
     root = ElementTree.fromstring(content)
-    grid = root.find("PolyData")
+    grid, appended = root.find("PolyData"), root.findtext("AppendedData", "").strip().removeprefix("_")
     if root.tag != "VTKFile" or grid is None:
         raise ValueError("it contains no PolyData")
-    packer = root.attrib.get("compressor", "")
-    if packer and packer not in _UNPACKED:
-        raise ValueError(f"its compression {packer} is not known")
-    order = ">" if root.attrib.get("byte_order") == "BigEndian" else "<"
-    header = np.dtype(order + _XML[root.attrib.get("header_type", "UInt32")])
-    coded = _Coded(order, header, _UNPACKED.get(packer), appended.rstrip() if not raw else appended, raw)
+    # Its arrays are written as an unstructured grid's, which is all that meshio reads by itself.
+    coded = VtuReader.__new__(VtuReader)
+    coded.compression, coded.byte_order = root.get("compressor"), root.get("byte_order")
+    coded.header_type = root.get("header_type", "UInt32")
+    header = np.dtype((">u" if coded.byte_order == "BigEndian" else "<u") + str(int(coded.header_type[4:]) // 8))
+    there = [one for one in root.iter("DataArray") if one.get("format") == "appended"]
+    starts = sorted(int(one.attrib["offset"]) for one in there)
+    for one in there:
+        start = int(one.attrib["offset"])
+        part = slice(start, next((other for other in starts if other > start), None))
+        block = raw[part]
+        # What says how blocks are packed is in a code of its own.
+        head = header.itemsize * (3 + int(np.frombuffer(block, header, 1)[0])) if raw and coded.compression else 0
+        one.text = (b64encode(block[:head]) + b64encode(block[head:])).decode() if raw else appended[part]
+        one.set("format", "binary")
     points, faces, before = list[FloatArray](), list[_Triangles](), 0
     for piece in grid.iter("Piece"):
         at = piece.find("Points/DataArray")
         if at is None:
             continue
-        points.append(coded.array(at).astype(float).reshape(-1, 3))
+        points.append(coded.read_data(at).astype(float).reshape(-1, 3))
         for tag, triangles in (("Polys", _fans), ("Strips", _strips)):
             named = {one.attrib.get("Name"): one for one in piece.findall(f"{tag}/DataArray")}
             if int(piece.attrib.get(f"NumberOf{tag}", "0")):
-                arrays = (coded.array(named[name]) for name in ("connectivity", "offsets"))
+                arrays = (coded.read_data(named[name]).ravel() for name in ("connectivity", "offsets"))
                 faces.append(before + triangles(*arrays))
         before += len(points[-1])
     return np.concatenate([np.zeros((0, 3)), *points]), _together(faces)

@@ -16,13 +16,16 @@ from legfem.common.documents import markdown_table, versions_of
 from legfem.data import Recording, SourceColumns
 from legfem.data.channel_reader import TRIAL, frames_in
 from legfem.data.columns import Proposal
+from legfem.data.formats import file_of
 from legfem.data.phases import AIR, HOLD, LOADING, UNLOADING
 from legfem.data.quality import GRADES, Quality
 from legfem.data.recording import QUANTITIES, RecordedChannel
 from legfem.inverse.answer import Tone
+from legfem.legs.folder import plain_id
 from legfem.report.curves import Curves, Line
 from legfem.report.page import Bullets, Chapter, Headline, Repeat, Verbatim, WebPage, WebTable
 from legfem.report.style import DATA_COLOUR, FAINT, DataKind, capital, new_figure, panel, save, styled
+from legfem.specimens.sizes import sizes_of_heading
 
 _PHASE_COLOURS = {AIR: "#FFFFFF", LOADING: "#D6E6F4", HOLD: "#F3E9D2", UNLOADING: "#E3E3E3"}
 _MOST_PARTS = 12
@@ -57,6 +60,19 @@ def channels_toml(channels: Sequence[RecordedChannel]) -> str:
         unit, known = one.kind.unit, one.accuracy
         errors = {f"sd_{unit}": known.reading, f"bias_{unit}": known.bias, f"slow_{unit}": known.slow}
         tables.append(_toml(f"channels.{one.name}", errors | {"gain_percent": 100 * known.gain, "lag_s": known.lag}))
+    return "".join(tables)
+
+
+def specimens_toml(recordings: Sequence[Recording]) -> str:
+    """Return a block for each recording with the sizes that its heading states: a cylinder's, or a bar's."""
+    tables = []
+    for one in recordings:
+        keys = ("diameter_mm", "height_mm") if "diameter" in one.sizes else ("length_mm", "area_mm2")
+        sizes = sizes_of_heading(keys, one.sizes)
+        path = one.source or Path(one.trial)
+        file = json.dumps(f"recordings/{path.relative_to(file_of(path).parent).as_posix()}", ensure_ascii=False)
+        stated = _toml("[specimen]", {"name": plain_id(one.trial), **sizes})
+        tables += [f"{stated}recordings = [{file}]\n"] if sizes else []
     return "".join(tables)
 
 

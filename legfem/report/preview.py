@@ -1,8 +1,8 @@
 """What is seen in a folder before anything is solved: of a leg, of specimens, of recordings."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from legfem.common.documents import write_document
 from legfem.common.errors import InputError, doubt_lines
 from legfem.common.input_files import check_printable
 from legfem.common.progress import Progress
-from legfem.data import Scales, Segmentation, SourceColumn, seen_instrument, segment
+from legfem.data import Scales, Segmentation, seen_instrument, segment
 from legfem.data.columns import Proposal, propose
 from legfem.data.contact import LEG
 from legfem.data.formats import Sheet, read_sheets, recording_files
@@ -61,6 +61,8 @@ class SeenRecording:
     columns: tuple[SeenColumn, ...] = ()
     noise: tuple[float, float] | None = None
     """Errors of force (N) and displacement (mm) from sample to sample."""
+    sizes: Mapping[str, float] = field(default_factory=dict)
+    """The specimen's, as the file's heading states them (`legfem.data.Recording`)."""
 
 
 @dataclass(frozen=True)
@@ -272,11 +274,9 @@ def _proposal(path: Path, sheets: Sequence[Sheet], channels: SourceColumns | Non
     try:
         return propose(path, sheets)
     except InputError:
-        own = {c.name: SourceColumn(c.name, c.unit or "") for c in sheets[0].columns}
-        if not used or not {"time", "displacement", "pressure"} <= set(own):
+        if not used:
             raise
-        channels = SourceColumns(own["time"], own["displacement"], own["pressure"])
-        return Proposal(channels, ("time, displacement and pressure, times the area of the cup's opening",))
+        return Proposal(PLAIN_COLUMNS, ("as the folder's test says: pressure times area, or angle and torque",))
 
 
 def _recording(
@@ -310,4 +310,5 @@ def _recording(
         channels=proposal.channels,
         columns=columns,
         noise=(instrument.force_sd, instrument.displacement_sd),
+        sizes=recording.sizes,
     )

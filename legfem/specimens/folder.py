@@ -14,7 +14,7 @@ from legfem.common.units import kpa_to_mpa
 from legfem.common.wording import Argument
 from legfem.data import Instrument, Segmentation, among_repeats
 from legfem.data.channel_reader import is_channel_file, with_channels
-from legfem.data.formats import READERS, is_litter, read_sheets, recording_files
+from legfem.data.formats import is_litter, read_sheets, recording_files
 from legfem.data.formats.sheet import file_of, trial_of
 from legfem.data.plausibility import refuse_copies, trial_doubts, unread_doubts
 from legfem.data.reader import trials_in
@@ -23,7 +23,15 @@ from legfem.data.stress_tables import refuse_untimed, stretch_and_stress
 from legfem.specimens.course import course_of
 from legfem.specimens.laws import SpecimenTissue, tissues_of
 from legfem.specimens.schema import SIZES, BaseLaw, SeveralTests, SpecimenFile, parse_specimen_file
-from legfem.specimens.sizes import LeftOut, Sizes, SpecimenRecording, size_doubts, sizes_of, stiffness_doubts
+from legfem.specimens.sizes import (
+    LeftOut,
+    Sizes,
+    SpecimenRecording,
+    heading_doubts,
+    size_doubts,
+    sizes_of,
+    stiffness_doubts,
+)
 
 FILE = "specimen.toml"
 
@@ -151,6 +159,7 @@ def load_specimen(directory: Path) -> SpecimenFolder:
             course = course_of(trial, given.tissue.returns)
             source = trial.source
             doubts += sizes[entry].course_doubts(source, course)
+            doubts += heading_doubts(source, sizes[entry], trial.recording.sizes)
             doubts += trial_doubts([trial])
             refuse_copies(trial.recording, [one.recording for one in used])
         except InputError as error:
@@ -384,7 +393,7 @@ def named_recordings(directory: Path, toml: Path, given: SpecimenFile) -> list[t
         names = (entry.name for entry in given.specimen if entry.fibres == way)
         check_distinct(toml, "specimen.name", names, "give every specimen a name of its own")
     own = given.recordings.channels() is None and given.recordings.table is None
-    suffixes = {".csv"} if own else set(READERS)
+    readable = recording_files(directory / "recordings")
     found: list[tuple[int | None, Path]] = []
     asked: list[tuple[int | None, str]] = [
         (k, pattern) for k, entry in enumerate(given.specimen) for pattern in entry.recordings
@@ -392,8 +401,8 @@ def named_recordings(directory: Path, toml: Path, given: SpecimenFile) -> list[t
     for number, pattern in asked or [(None, "recordings/*")]:
         files = _matching(toml, directory, pattern, given.recordings.channels())
         if number is None:
-            files = [path for path in files if path.suffix.lower() in suffixes]
-            files = [path for path in files if not is_channel_file(path, given.channels)]
+            files = [path for path in files if path in readable and not is_channel_file(path, given.channels)]
+            files = [path for path in files if own and path.suffix.lower() == ".csv"] or files
         if not files:
             where = "recordings" if number is None else f"specimen {given.specimen[number].name}"
             raise InputError(

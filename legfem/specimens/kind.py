@@ -279,10 +279,10 @@ class HomogeneousKind[Entry: FileTable, Body: HomogeneousBody](SpecimenKind[Entr
         """Read a recording, or a table."""
         if given.table is None:
             return super().read(path, given, body, errors, name)
-        strain, stress = read_stress_table(path, given.table)
+        strain, stress = read_stress_table(path, given.table, body.area)
         strain, stress = self._in_the_test_s_direction(path, body, strain, stress, given.table.stretch is not None)
         factor = body.nominal_over_true(strain)
-        if given.table.measure is None and not np.allclose(factor, 1.0):
+        if given.table.measure is None and not given.table.of_force and not np.allclose(factor, 1.0):
             raise InputError(
                 path,
                 "recordings.table.measure",

@@ -151,6 +151,10 @@ class SpecimenFile(_Tests):
             if not self.kind.cube:
                 able = ", ".join(f"[{one.table}]" for one in kinds().values() if one.cube)
                 raise input_files.trouble("recordings.table", f"is for the tests {able}", "remove it, or the test")
+            areas = [getattr(one, "area_mm2", None) for one in (self.test, *self.specimen)]
+            if self.recordings.table.of_force and areas[0] is None and not (areas[1:] and all(areas[1:])):
+                problem = f"a force in {self.recordings.table.unit} is one on an area"
+                raise input_files.trouble("recordings.table.unit", problem, "give area_mm2 with the test")
             for key in ("relaxes", "returns"):
                 if getattr(self.tissue, key):
                     problem = "a table has no time, without which a law has one curve"

@@ -3,7 +3,7 @@
 import math
 import re
 import statistics
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -329,6 +329,31 @@ def size_doubts(toml: Path, table: str, entry: FileTable) -> Iterator[Doubt]:
         value = getattr(entry, key, None)
         if value is not None:
             yield from usual.doubts(toml, f"{table}.{key}", value)
+
+
+_ALSO = {"height": ("thickness", "length"), "thickness": ("height",), "length": ("height",)}
+"""What else testing machines may call a size."""
+_STATED = 0.02
+"""Largest relative difference between what a heading and ``specimen.toml`` state."""
+
+
+def sizes_of_heading(keys: Iterable[str], heading: Mapping[str, float]) -> dict[str, float]:
+    """Return by keys of ``specimen.toml`` the sizes that a recording's heading states (`Recording.sizes`)."""
+    round_area = math.pi / 4 * heading.get("diameter", 0.0) ** 2
+    known = {"area": round_area or heading.get("width", 0.0) * heading.get("thickness", 0.0), **heading}
+    names = ((key, key.rpartition("_")[0]) for key in keys)
+    found = {key: [known[one] for one in (name, *_ALSO.get(name, ())) if known.get(one)] for key, name in names}
+    return {key: sizes[0] for key, sizes in found.items() if sizes}
+
+
+def heading_doubts(source: str, sizes: Sizes, heading: Mapping[str, float]) -> Iterator[Doubt]:
+    """Yield a doubt about each size that a recording's heading states otherwise than ``specimen.toml``."""
+    own = sizes.kind.own
+    for key, told in sizes_of_heading(own, heading).items():
+        stated = getattr(sizes.body, own[key]) * (2.0 if own[key].endswith("radius") else 1.0)
+        if abs(told / stated - 1) > _STATED:
+            problem = f"is {told:.4g} in its heading, and {stated:.4g} by specimen.toml"
+            yield Doubt(source, key, problem, "correct the one that is wrong")
 
 
 def stiffness_doubts(source: Path, c10: float, names: Sequence[str], field: str) -> Iterator[Doubt]:

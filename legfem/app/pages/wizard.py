@@ -2,6 +2,7 @@
 
 import tomllib
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,9 +17,10 @@ from nicegui.events import GenericEventArguments
 from legfem.app.description import FASCIA_MM, Setting, Value, contours_in, describe, is_contours, known_tests, scans_in
 from legfem.app.pages.forms import column_fields, first_readable, setting_field, typed_value
 from legfem.app.pages.frame import ASK, ask, dropdown, hinted, refused, tag, wanting
-from legfem.app.workspace import Workspace, files_of, is_scan, may_be_recording, text_of
+from legfem.app.workspace import Workspace, files_of, is_scan, text_of
 from legfem.common.documents import write_atomically
 from legfem.common.errors import MISSING, InputError
+from legfem.data.formats import may_be_recording
 from legfem.data.recording import PLAIN_COLUMNS, QUANTITIES, SourceColumns
 from legfem.geometry.contours import read_contours
 from legfem.geometry.motion import CuttingPlane
@@ -28,6 +30,7 @@ from legfem.legs.schema import SectionEntry
 from legfem.report.render import filled
 from legfem.report.style import BONE_COLOUR, REGION_COLOURS, part_colour
 from legfem.specimens.kinds import kinds
+from legfem.specimens.sizes import sizes_of_heading
 
 _COLOURS = {"fat": REGION_COLOURS["superficial"], "muscle": REGION_COLOURS["deep"], "bone": BONE_COLOUR}
 _KINDS = {
@@ -88,7 +91,7 @@ def describe_page(workspace: Workspace, name: str, found: dict[str, Any]) -> Non
                     case "stocking":
                         forms[kind] = _dressed(scans)
                     case _:
-                        forms[kind] = _tested()
+                        forms[kind] = _tested(first or {})
         with ui.element("div").bind_visibility_from(state, "kind", lambda kind: kind in ("leg", "specimens")):
             columns = _columns(first)
         with ui.element("div").bind_visibility_from(state, "kind", value="leg"):
@@ -301,7 +304,9 @@ def _dressed(scans: list[str]) -> Read:
     }
 
 
-def _tested() -> Read:
+def _tested(looked: Mapping[str, Any]) -> Read:
+    """Put the tests and their sizes, begun with those that the heading of the recording seen first states."""
+    heading = looked.get("sizes") or {}
     tag("h2", "What was done to them?")
     with ui.element("div").classes("fields"):
         first, said = next(iter(_TESTS)), "the kind of test; its sizes are asked for below"
@@ -310,7 +315,11 @@ def _tested() -> Read:
     for test, settings in known_tests().items():
         with ui.element("div").classes("fields") as shown:
             shown.bind_visibility_from(chosen, "value", value=test)
+            sizes = sizes_of_heading(kinds()[test].own, heading)
+            settings = [replace(one, value=sizes.get(one.key[-1])) for one in settings]
             fields[test] = [(one, setting_field(one)) for one in settings]
+    if heading:
+        tag("p", f"Sizes are those that the heading of {looked['file']} states, where it does: check them.", "quiet")
     tag(
         "p",
         "All recordings are taken to be of specimens of this size. If sizes differ, give each specimen its own "

@@ -11,7 +11,7 @@ from importlib import import_module
 from pathlib import Path, PurePath
 
 from legfem.common.errors import InputError
-from legfem.data.formats.refused import refuse_force_curve, refuse_what_holds_no_table
+from legfem.data.formats.refused import is_trios, refuse_force_curve, refuse_what_holds_no_table
 from legfem.data.formats.sheet import MOST_BYTES, Column, Sheet, check_size, file_of
 from legfem.data.formats.text import read_text
 
@@ -33,6 +33,7 @@ def _reader(module: str, name: str) -> Reader:
 _workbook, _old_workbook = _reader("workbook", "read_workbook"), _reader("workbook", "read_old_workbook")
 _open_document = _reader("workbook", "read_open_document")
 _tdms, _lvm = _reader("arrays", "read_tdms"), _reader("arrays", "read_lvm")
+_trios = _reader("trios", "read_trios")
 _matlab, _hdf5 = _reader("arrays", "read_matlab"), _reader("arrays", "read_hdf5")
 
 
@@ -107,7 +108,12 @@ _WORKBOOKS = (".xlsx", ".xlsm", ".xls", ".ods")
 
 def recording_files(folder: Path) -> list[Path]:
     """Return the files in a folder that may be recordings, in order; not what systems leave beside them."""
-    return sorted(f for f in folder.glob("*") if f.suffix.lower() in READERS and not is_litter(f))
+    return sorted(f for f in folder.glob("*") if may_be_recording(f) and not is_litter(f))
+
+
+def may_be_recording(path: Path) -> bool:
+    """Tell whether a file is of a kind that instruments write."""
+    return path.suffix.lower() in READERS or (path.is_file() and is_trios(path))
 
 
 def is_litter(path: Path) -> bool:
@@ -146,6 +152,7 @@ def _read_sheets(path: Path, size: int, changed: int) -> tuple[Sheet, ...]:
     with path.open("rb") as file:
         begin = file.read(32)
     reader = next((reader for mark, reader in _BEGIN.items() if begin.startswith(mark)), None)
+    reader = _trios if is_trios(path) else reader
     # Many programs call text a workbook's name.
     text = ending in _WORKBOOKS and b"\0" not in begin
     reader = reader or (read_text if text else READERS.get(ending))

@@ -35,6 +35,8 @@ _WHOLE = re.compile(r"\s*\d+(?:\s*,\s*\d+)+\s*")
 _COMMAS = re.compile(r",\s*\S+\s*,|^[^\s,]+,\s*[^\s,]+$")
 """Between cells: not behind a space and digits, where they are decimal ones."""
 _WIDEST_DEG = 90.0
+_FEWEST_AT_LIMIT, _GOES_ON = 3, 0.1
+"""Frames with one greatest reading, over which the mean rises by such a share."""
 _BESIDE = 0.1
 """Share of the greatest pressure that sensels may read which can't touch the face."""
 
@@ -87,7 +89,8 @@ def read_film(paths: Sequence[Path], laid: LaidFrames, indenter: Indenter) -> Fl
         raise InputError(path, "unit", f"'{stated.get('unit')}' is none of pressure", "export it calibrated")
     steps = {key: float(stated.get(key, laid.mm_each or 1.0)) for key in counts}
     grids = mpa_to_kpa(unit.factor) * np.array([one if side == "columns" else one.T for _, one in frames])
-    pressure = _along(path, grids, laid, steps["rows" if side == "columns" else "columns"], indenter.length)
+    apart = steps["rows" if side == "columns" else "columns"]
+    pressure = _along(path, grids, laid, apart, indenter.length, _limit(grids))
     angle = np.rad2deg((np.arange(1, counts[side] + 1) - (laid.origin or [0.0])[0]) * steps[side] / indenter.radius)
     beside = np.abs(angle) > _WIDEST_DEG
     if np.nanmax(pressure[:, beside], initial=0.0) > _BESIDE * np.nanmax(pressure[:, ~beside], initial=0.0):
@@ -98,8 +101,17 @@ def read_film(paths: Sequence[Path], laid: LaidFrames, indenter: Indenter) -> Fl
     return np.column_stack([times[frame], signed[sensel], pressure[frame, sensel]])
 
 
-def _along(path: Path, grids: FloatArray, laid: LaidFrames, apart: float, length: float) -> FloatArray:
-    """Return the means (frames, n) of what sensels (frames, m, n) read along a cylinder of a length; NaN of none.
+def _limit(grids: FloatArray) -> float:
+    """Return the reading at which sensels (frames, m, n) are at their limit, while others go on; infinite of none."""
+    top = float(np.nanmax(grids))
+    means = np.nanmean(grids[np.nanmax(grids, axis=(1, 2)) == top], axis=(1, 2))
+    return top if len(means) >= _FEWEST_AT_LIMIT and np.ptp(means) > _GOES_ON * means.max() else np.inf
+
+
+def _along(path: Path, grids: FloatArray, laid: LaidFrames, apart: float, length: float, limit: float) -> FloatArray:
+    """Return the means (frames, n) of what sensels (frames, m, n) read along a cylinder of a length.
+
+    NaN of none, and where one of them is at its limit: the mean was more than it would be.
 
     Raises
     ------
@@ -113,7 +125,8 @@ def _along(path: Path, grids: FloatArray, laid: LaidFrames, apart: float, length
         raise InputError(path, "lines", problem, "give lines = [first, last], those that lie on it, counted from 1")
     taken = grids[:, first - 1 : last]
     there = np.isfinite(taken).sum(axis=1)
-    return np.where(there, np.nansum(taken, axis=1) / np.maximum(there, 1), np.nan)
+    told = (there > 0) & ~(taken >= limit).any(axis=1)
+    return np.where(told, np.nansum(taken, axis=1) / np.maximum(there, 1), np.nan)
 
 
 def _film(path: Path, laid: LaidFrames) -> tuple[dict[str, str], list[tuple[Stated, FloatArray]]]:

@@ -46,7 +46,9 @@ def titles_and_units(
     full = [[text_of(cell_at(row, c)) for c in columns] for row in rows]
     labelled = [sum(map(names_something, cells)) > 1 for cells in full]
     # A clock's, or a count's, unit may be any word.
-    units = next((k for k in reversed(range(len(full))) if _are_units(full[k], half=any(labelled[:k]))), None)
+    # Those of another table, above the names, are none.
+    able = [k for k in reversed(range(len(full))) if k == 0 or not any(labelled[k + 1 :])]
+    units = next((k for k in able if _are_units(full[k], half=any(labelled[:k]))), None)
     # Above the units, or below where nothing stands above; a row of units alone names the columns too.
     first, last = (0, units or len(full)) if units != 0 else (min(1, len(full) - 1), len(full))
     scores = [sum(map(names_something, cells)) for cells in full[first:last]]

@@ -1,16 +1,17 @@
 """What a column's label says: the quantity that it names, and the unit."""
 
+import math
 import re
-from collections.abc import Iterable
-from typing import Literal, NamedTuple
+from collections.abc import Sequence
+from typing import Literal, NamedTuple, get_args
 
 from legfem.common.units import MPA_PER_MMHG
 
-Quantity = Literal["time", "displacement", "force", "pressure"]
+Quantity = Literal["time", "displacement", "force", "pressure", "angle", "torque"]
 
 
 class Unit(NamedTuple):
-    """A unit as a multiple of legfem's own: s, mm, N, MPa; others measure something else."""
+    """A unit as a multiple of legfem's own: s, mm, N, MPa, rad, N mm; others measure something else."""
 
     quantity: Quantity | None
     factor: float
@@ -39,7 +40,7 @@ _UNITS = {
         1e-6: "nm nanometer nanometers nanometre nanometres",
         1e-7: "å angstrom angstroms",
         1e-9: "pm",
-        25.4: "in inch inches",
+        25.4: "in inch inches zoll pouce pouces",
         0.0254: "mil mils thou",
         304.8: "ft foot feet",
     },
@@ -73,10 +74,12 @@ _UNITS = {
         MPA_PER_MMHG: "mmhg torr",
         6.894757293168e-3: "psi",
     },
+    "angle": {1.0: "rad", 1e-3: "mrad", math.pi / 180: "deg ° degree degrees"},
+    "torque": {1.0: "nmm n.mm n·mm mnm mn.m mn·m", 1e3: "n.m n·m n*m", 1e-3: "µnm unm µn.m un.m µn·m", 10.0: "n.cm"},
 }
 _OTHERS = """
-% - v volt volts mv a ma c °c degc k hz deg ° rad mm/s mm/min m/s n/mm kn/mm mm/mm
-n.m n·m n*m kn·mm kn.mm n·mm n.mm µm/s um/s nm/s cycles cycle g kg lb strain
+% percent pct prozent - v volt volts mv a ma c °c degc k hz mm/s mm/min m/s n/mm kn/mm mm/mm
+kn·mm kn.mm µm/s um/s nm/s cycles cycle g kg lb strain
 m/s² m/s^2 m/s2 count counts adc raw lsb bit bits digit digits inc increments steps pulses %fs
 """
 _KNOWN = {
@@ -85,7 +88,7 @@ _KNOWN = {
     for factor, names in factors.items()
     for name in names.split()
 } | {name: Unit(None, 1.0) for name in _OTHERS.split()}
-UNIT_OF: dict[Quantity, str] = {"time": "s", "displacement": "mm", "force": "N", "pressure": "kPa"}
+UNIT_OF: dict[Quantity, str] = dict(zip(get_args(Quantity), ("s", "mm", "N", "kPa", "rad", "N.mm"), strict=True))
 """legfem's unit of each quantity."""
 
 
@@ -105,7 +108,7 @@ def unit_named(name: str) -> Unit | None:
     plain = name.partition(" since ")[0].strip(" ()[]<>").removeprefix("in ").rstrip(".").replace("μ", "µ")
     plain = _WRONG_MICRO.sub("µ", plain)
     if plain in ("Nm", "NM"):
-        return Unit(None, 1.0)
+        return Unit("torque", 1e3)
     return None if plain == "MN" else _KNOWN.get(plain.lower())
 
 
@@ -117,10 +120,12 @@ WORDS: dict[Quantity, str] = {
     r"|deformation|przemieszczenie|перемещение|деформация|μετατόπιση|変位|変形|ストローク|位移|变形|行程|변위|^d$|^z$",
     "force": r"force|load|kraft|(?<![ep])last|fuerza|forza|força|effort|kracht|^charge|carga|carico|siła|síla|kuvvet"
     r"|weight|gewicht|\bpeso\b|\bpoids\b|сила|нагрузка|усилие|δύναμη|荷重|試験力|^力|载荷|负荷|하중|^f[nxyz]?$",
+    "angle": r"angle|angular disp|winkel|twist|rotation|auslenkung|^(?:φ|phi|θ|theta)$",
+    "torque": r"torque|drehmoment|couple|^m$",
 }
 """By which columns are named."""
 _IN_BRACKETS = re.compile(r"^(?P<name>.*?)\s*[(\[<{]\s*(?P<unit>[^)\]>}]*?)\s*[)\]>}]\s*$")
-_AT_THE_END = re.compile(r"^(?P<name>.+?)(?:_|[,;:]\s*|\s*/\s*|\s+-\s+|\s+in\s+|\s+)(?P<unit>[^\W\d_]+\.?)$")
+_AT_THE_END = re.compile(r"^(?P<name>.+?)(?:_|[,;:]\s*|\s*/\s*|\s+-\s+|\s+(?:in|en)\s+|\s+)(?P<unit>[^\W\d_]+\.?|%)$")
 
 _BY_PROGRAMS = re.compile(r"^(?P<name>.+?)(?:\.\.(?P<unit_r>[^\W\d_]+)\.|_(?P<unit>[^\W\d_]+)_)$")
 """``Load..N.`` and ``Load_N_``: R and MATLAB write points and lines for all that can't be in their names."""
@@ -162,17 +167,48 @@ def names_quantity(label: str, quantity: Quantity) -> bool:
     return re.search(WORDS[quantity], label, re.IGNORECASE) is not None
 
 
+_SIZES = {
+    "length": "length|länge|longueur|longitud|lunghezza|l0",
+    "width": "width|breite|largeur|ancho|larghezza|b0",
+    "thickness": "thickness|dicke|[ée]paisseur|espesor|spessore|a0",
+    "diameter": "diameter|durchmesser|diam[èe]tre|diámetro|diametro|d0",
+    "height": "height|höhe|hauteur|altura|altezza|h0",
+    "area": r"(?:cross[ -]?section(?:al)? )?area|querschnitt(?:sfläche)?|section|sección|sezione|s0",
+}
 _SIZE = re.compile(
-    r"(?i)[\w ]{0,12}?\b(?P<name>length|width|thickness|diameter|height|länge|messlänge|breite|dicke|durchmesser|höhe)"
-    r"\W*(?:[(\[](?P<unit>\w+)[)\]])?\W*(?P<value>\d+(?:[.,]\d+)?)\W*(?P<behind>\w+)?\W*"
+    r"(?i)(?:specimen|sample|test ?piece|(?:gau?ge|grip) (?=length)|initial|original|proben(?=\w)|anfangs|ausgangs|mess"
+    rf"|einspann|[\W_])*(?:{'|'.join(f'(?P<{name}>{words})' for name, words in _SIZES.items())})"
+    r"(?:[\W_]|\b(?:[abdhls]0|of|the|de|della?|la|[ld]|specimen|sample|test ?piece|éprouvette|probeta|provino)\b)*"
+)
+"""A specimen's size alone: an indenter's diameter and a cable's length have another word."""
+_LONGEST = 200
+"""Characters of a line that states a size."""
+_VALUED = re.compile(
+    r"(?P<label>[^-]*?[^\W\d][^-]*?)[^\w-]*?(?:[(\[](?P<unit>[^)\]]+)[)\]])?[\s:=;,]*(?<![\w.,])(?P<value>\d+(?:[.,]\d+)?)\W*?"
+    r"(?P<behind>[^\W\d]\S*)?\W*"
 )
 
 
-def sizes_in(lines: Iterable[str]) -> str:
-    """Return a specimen's sizes as lines of a heading state them, as ``Diameter: 12.0 mm``; empty without any."""
-    told = []
-    for found in filter(None, map(_SIZE.fullmatch, lines)):
-        unit = unit_named(found["unit"] or found["behind"] or "")
-        size = float(found["value"].replace(",", ".")) * (unit.factor if unit is not None else 0.0)
-        told += [f"{found['name'].lower()} {size:g} mm"] if size and unit and unit.quantity == "displacement" else []
-    return ", ".join(told)
+def sizes_in(rows: Sequence[Sequence[str | float | None]]) -> dict[str, float]:
+    """Return a specimen's sizes by name (mm, mm²), as a heading states them: ``Diameter: 12.0 mm``, or above a number.
+
+    What has no unit, or several values, isn't there.
+    """
+    found = []
+    for k, row in enumerate(rows):
+        line = _VALUED.fullmatch(" ".join(str(cell).strip() for cell in row if cell not in (None, ""))[:_LONGEST])
+        if line is not None:
+            found.append((line["label"], line["unit"] or line["behind"], float(line["value"].replace(",", "."))))
+        for c, cell in enumerate(row):
+            below = [other[c] for other in rows[k + 1 : k + 4] if c < len(other)]
+            name, unit = name_and_unit(cell[:_LONGEST]) if isinstance(cell, str) else ("", None)
+            units, numbers = [one for one in below[:1] if isinstance(one, str)], [*map(type, below)].count(float)
+            if numbers == 1 and isinstance(number := below[len(units)], float):
+                found.append((name, unit or "".join(units), number))
+    told: dict[str, set[float]] = {}
+    for label, unit, value in found:
+        size = named.lastgroup if (named := _SIZE.fullmatch(label.replace(":", ""))) else None
+        known = unit_named((unit or "").rstrip("²2^") if size == "area" else unit or "")
+        if size and value > 0 and known and known.quantity == "displacement":
+            told.setdefault(size, set()).add(value * known.factor ** (2 if size == "area" else 1))
+    return {size: values.pop() for size, values in told.items() if len(values) == 1}

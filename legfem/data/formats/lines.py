@@ -25,7 +25,7 @@ _LOST = re.compile(rb"([^\0]+)(\0{64,})")
 _WIDE = {code: code - 0xFEE0 for code in range(0xFF01, 0xFF5F)}
 """Full-width letters and figures, as Chinese and Japanese programs write them."""
 _UNSEEN = dict.fromkeys([0x00AD, 0x200B, 0x200E, 0x200F, 0x2060, 0xFEFF, *range(0x202A, 0x202F)])
-_CHARACTERS = {**_WIDE, **_UNSEEN, 0x2212: "-"}
+_CHARACTERS = {**_WIDE, **_UNSEEN, 0x2212: "-", 0x201C: '"', 0x201D: '"'}
 _DASH = re.compile(r"(?<![\w–])–(?=[\d.,])")
 """In a minus sign's place."""
 _FORMULA = re.compile(r'="([^"]*)"')

@@ -6,7 +6,7 @@ nanometres: none of legfem's tests. Read by its columns' names alone it would pa
 
 import re
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from legfem.common.errors import InputError
@@ -97,31 +97,48 @@ def _holds_curves(path: Path) -> bool:
 
 _A_STEP = "export a step, a ramp or a hold: time, displacement or angle, and force or torque"
 _ASKED = "with file = \"its name\" in the folder's .toml: what it doesn't say of place and time is asked for then"
-_BENDS = r"flexural|(three|four|3|4).?point.bend|biege|durchbiegung"
+BENDS = r"flexur|(three|four|3|4).?(point|punkt).?(bend|bieg)|\bbiege|durchbiegung"
 _FIELD = r"^subset_id$|^[uv]_pi?x|^(eps|u|displ?(acement)?)_?[xy]$|^lambda.?1$|^u\nv$"
-_OTHERS = {
-    _BENDS: ("a bending test's, which is none of legfem's", "press, pull or shear the specimen"),
-    r"G''|G″|loss mod|verlustmod": ("an oscillation's (G', G''), which is none of legfem's tests", _A_STEP),
+_LOSES = r"G''|G\"|G″|G´´|loss mod|verlustmod|verlustfaktor|loss factor|tan\W*(?:delta|δ)"
+SWINGS = rf"^(?:oscillation|oszillation)\b|\A(?=(?s:.)*(?:{_LOSES}))(?s:.)*^(?:(?:angular )?freq|f$|omega|ω)"
+OTHER_KINDS = {
+    SWINGS: ("an oscillation's (G', G''), which is none of legfem's tests", _A_STEP),
+    BENDS: ("a bending test's, which is none of legfem's", "press, pull or shear the specimen"),
+    _LOSES: ("an oscillation's (G', G''), which is none of legfem's tests", _A_STEP),
     rf"\A(?!(?s:.)*(force|load|^f_?[xyz]$))(?s:.)*({_FIELD})": (
         "a camera's field of points, no recording's",
         f"give [channels.face_strain], or section_displacement, {_ASKED}",
+    ),
+    r"\A(?=(?s:.)*^<angle>$)(?s:.)*^<torque>$": (
+        "an angle's and a torque's: a cylinder was twisted",
+        "give [torsion] diameter_mm and height_mm in specimen.toml beside recordings/, which then reads them",
     ),
 }
 """By a pattern of columns' names, a line each: what they are, and what to do."""
 _FILM = re.compile(rb'SECONDS_PER_FRAME|^"?SENSELS|^"?Frame:?[ ,]+\d+,*\r?$|\A.*(XSENSOR|pliance|pedar)', re.I | re.M)
 
 
-def refuse_other_kind(path: Path, names: Sequence[str], readable: bool) -> None:
-    """Check that columns' names are those of no other kind of test, nor a field's; of ``readable`` ones of no bending.
+def refuse_other_kind(path: Path, names: Sequence[str], kinds: Iterable[str] = OTHER_KINDS) -> None:
+    """Check that columns, or a heading, are those of no other kind of test, nor a field's.
+
+    Parameters
+    ----------
+    path
+        The file.
+    names
+        Of the columns, and what their units measure in angle brackets; or a heading's lines.
+    kinds
+        Which of `OTHER_KINDS` are looked for.
 
     Raises
     ------
     InputError
         If they are, with what to export.
     """
-    for words, told in _OTHERS.items():
-        if re.search(words, "\n".join(names), re.IGNORECASE | re.MULTILINE) and (words == _BENDS or not readable):
-            raise InputError(path, "columns", f"are {told[0]}", told[1])
+    for words in kinds:
+        if re.search(words, "\n".join(names), re.IGNORECASE | re.MULTILINE):
+            what, remedy = OTHER_KINDS[words]
+            raise InputError(path, "columns", f"are {what}", remedy)
 
 
 _AS_CSV = "export the numbers as CSV from the program that made it"
@@ -155,6 +172,15 @@ _IN_ARCHIVES = {
     "Index/Document.iwa": ("a workbook of Apple's Numbers", "export it as Excel or CSV: File, Export To"),
 }
 _OLD_OFFICE = b"\xd0\xcf\x11\xe0"
+
+
+_TRIOS = b"TRIOSJSONExportSchema"
+
+
+def is_trios(path: Path) -> bool:
+    """Tell whether a file is what TRIOS, a rheometer's program, writes as JSON."""
+    with path.open("rb") as file:
+        return path.suffix.lower() == ".json" and _TRIOS in file.read(_READ_BYTES)
 
 
 def refuse_what_holds_no_table(path: Path) -> None:
@@ -197,7 +223,7 @@ def _marked_up(begin: bytes) -> tuple[str, str] | None:
         return "XML", _AS_CSV
     if text.startswith(b"{") and b"docs.google.com" in text:
         return "a link to a Google document", "download the sheet as .xlsx or CSV"
-    if re.match(rb'\{\s*"|\[\s*[\[{]', text):
+    if re.match(rb'\{\s*"|\[\s*[\[{]', text) and _TRIOS.lower() not in text:
         return "JSON", "save as CSV: time, displacement and force, or angle and torque (an oscillation's G' is no test)"
     return None
 

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import isfinite
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.data.formats import labels
 from legfem.data.formats.headings import Cell, cell_at, names_something, only_block, text_of, titles_and_units, width_of
+from legfem.data.formats.refused import BENDS, refuse_other_kind
 from legfem.data.formats.times import BY_RATE, CLOCK, times_by_rate, with_clock
 
 FEWEST_ROWS = 8
@@ -85,6 +86,8 @@ class Sheet:
     columns: tuple[Column, ...]
     remarks: tuple[str, ...] = ()
     """What was found out about the file rather than read in it."""
+    sizes: Mapping[str, float] = field(default_factory=dict)
+    """A specimen's, as the heading states them, by name: mm, and mm² of an area."""
 
     def named(self, name: str) -> list[Column]:
         """Return the columns of a name; of a heading with its unit, as ``Load (N)``, where none is called so."""
@@ -152,12 +155,13 @@ def sheet_of_rows(
     # A sample with a cell that is no number, before three whole ones, is none of the heading's.
     while (before := [k for k in kept if k < start]) and _mostly_numbers(rows[before[-1]], columns):
         start = before[-1]
-    end = next(k for k in reversed(kept) if _is_sample(rows[k], columns)) + 1
+    end = next(k for k in reversed(kept) if _mostly_numbers(rows[k], columns)) + 1
     where = f"{name}, " if name else ""
     # A page's heading is printed anew on the next.
     heading = {tuple(row) for row in rows[:start] if width_of(row)}
     again = _printed_anew(rows, [k for k in kept if start <= k < end], heading, columns)
     samples = [k for k in kept if start <= k < end and k not in again]
+    refuse_other_kind(path, [" ".join(map(text_of, row)) for row in rows[:start]], (BENDS,))
     titles, units = titles_and_units(rows[:start], columns)
     named = max(width, width_of(titles or ()))
     try:
@@ -209,7 +213,8 @@ def sheet_of_rows(
     found, once = _each_time_once(found)
     passed = {}
     for c in set(range(width)) - set(columns):
-        cell = next((one for row in middle if (one := text_of(cell_at(row, c)))), "")
+        told_in = [one for row in middle if (one := cell_at(row, c)) not in (None, "")]
+        cell = text_of(next((one for one in told_in if isinstance(one, str)), next(iter(told_in), None)))
         if cell:
             passed[text_of(cell_at(titles, c))] = cell
     if any(why_no_number(cell) for cell in passed.values()) or not name:
@@ -218,10 +223,11 @@ def sheet_of_rows(
     told = [f"{len(passed)} columns without numbers are passed over: {', '.join(map(repr, passed))}"] if passed else []
     told += [f"{below} lines below the numbers are passed over"] if below else []
     told += [f"headings among the numbers are passed over ({len(again)} lines)"] if again else []
-    sizes = labels.sizes_in(" ".join(map(text_of, row)) for row in rows[:start])
-    told += [f"its heading states the specimen's {sizes}"] if sizes else []
+    sizes = labels.sizes_in(rows[:start])
+    few = ", ".join(f"{size} {value:g} {'mm²' if size == 'area' else 'mm'}" for size, value in sizes.items())
+    told += [f"its heading states the specimen's {few}"] if sizes else []
     told += [*once, NAMELESS] if nameless else once
-    return Sheet(name, tuple(found), (*remarks, *others, *told))
+    return Sheet(name, tuple(found), (*remarks, *others, *told), sizes)
 
 
 _MOST_DOUBLED = 0.2
@@ -364,20 +370,14 @@ def _has_numbers(row: Sequence[Cell], columns: Sequence[int]) -> bool:
     return any(isinstance(cell_at(row, c), float) for c in columns)
 
 
-def _is_sample(row: Sequence[Cell], columns: Sequence[int]) -> bool:
-    """Tell whether a row has a number and no text in its first column, as ``Max`` stands below a table."""
-    first = cell_at(row, columns[0])
-    return _has_numbers(row, columns) and not (isinstance(first, str) and first[:1].isalpha())
-
-
 def _check_row(path: Path, where: str, row: Sequence[Cell], columns: Sequence[int], width: int | None) -> None:
     """Check that a row has its numbers and, in a file without a grid, no more cells than the others."""
     cells = [cell_at(row, c) for c in columns]
     if len(row) == width and all(type(cell) is float and isfinite(cell) for cell in cells):
         return
-    strange = next((c for c in cells if not isinstance(c, float)), None)
+    strange = next((c for c in cells if not isinstance(c, float)), 0.0)
     if (width is not None and width_of(row) > width) or not all(isinstance(c, float) for c in cells):
-        found = f"'{str(strange)[:40]}'" if strange not in (None, "") else f"{width_of(row)} cells"
+        found = f"'{strange[:40]}'" if isinstance(strange, str) and strange else f"{width_of(row)} cells"
         if strange in (None, "") and (width in (None, width_of(row)) or len(row) > columns[-1]):
             found = "an empty cell"
         problem = f"{found} where {len(columns)} numbers are needed"

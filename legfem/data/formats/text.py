@@ -289,7 +289,7 @@ def _parted(lines: list[str], delimiter: str) -> list[list[str]]:
     try:
         return [[cell.strip() for cell in row] for row in csv.reader(lines, delimiter=delimiter, skipinitialspace=True)]
     except csv.Error:  # a cell of a hundred thousand characters is no number either
-        return [[line] for line in lines]
+        return [row for line in lines for row in _parted([line], delimiter)] if len(lines) > 1 else [lines]
 
 
 def _words(line: str) -> list[str]:

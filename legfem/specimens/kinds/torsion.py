@@ -5,34 +5,32 @@ model alone.
 """
 
 import math
+import re
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from legfem.channels.kinds.normal_force import NORMAL_FORCE
 from legfem.common.errors import Doubt, InputError
-from legfem.common.input_files import FileTable, Positive, read_table
+from legfem.common.input_files import FileTable, Positive
 from legfem.common.units import FloatArray
 from legfem.data import Instrument, Recording, Segmentation
+from legfem.data.columns import find_column
+from legfem.data.formats import read_sheets
+from legfem.data.formats.labels import Quantity
 from legfem.data.recording import RecordedChannel, check_increasing
 from legfem.data.smoothing import sample_noise
 from legfem.experiments.bodies import TwistedCylinder
 from legfem.specimens.course import read_specimen
 from legfem.specimens.kind import Law, ShownAxes, SpecimenKind, SpecimenRecordingsEntry, SpecimenTest
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-_ANGLES = {"angle_rad": 1.0, "angle_deg": math.pi / 180, "angle_mrad": 1e-3}
-_TORQUES = {"torque_Nmm": 1.0, "torque_mNm": 1.0, "torque_uNm": 1e-3, "torque_Nm": 1e3}
-"""Columns, and rad and N mm of their units."""
-_NORMAL = NORMAL_FORCE.column
-"""What the plates are pushed apart by, if that was recorded."""
+_QUANTITIES: tuple[Quantity, ...] = ("time", "angle", "torque")
 _OTHERWISE = 0.3
 """Share of the theoretical rise by which one may be off before it is doubted."""
-_GIVE = f"give time_s, one of {', '.join(_ANGLES)}, one of {', '.join(_TORQUES)}, and {_NORMAL} if you have it"
+_GIVE = "give time_s, angle_rad or angle_deg, torque_mNm or torque_Nm, and normal_force_N if you have it"
 _MOST_SHEAR = 5.0
 """At the rim: no tissue is sheared by more."""
 _LEAST_SHEAR = 1e-4
@@ -91,30 +89,28 @@ class TorsionKind(SpecimenKind[TorsionEntry, TwistedCylinder]):
         if not _LEAST_SHEAR < shear < _MOST_SHEAR:
             problem = f"a twist of {math.degrees(twist):.3g}° shears the rim by {shear:.2g}"
             raise InputError(source, "angle", problem, "check whether the angle is in degrees or rad, and the sizes")
-        pushed = None if recording.source is None else _table(recording.source).get(_NORMAL)
-        if pushed is None or (apart := _pushed_otherwise(recording, body, pushed.to_numpy(dtype=float))) is None:
+        pushed = None if recording.source is None else _readings(recording.source)[0].get("normal_force")
+        if pushed is None or (apart := _pushed_otherwise(recording, body, pushed)) is None:
             return []
         risen, said = apart
         what = f"rises by {risen:.3g} N, where any law of I1 pushes the plates apart by {said:.3g} N: it isn't weighed"
-        return [Doubt(source, _NORMAL, what, "check its sign and zero, whether the gap is kept, and the angle's unit")]
+        remedy = "check its sign and zero, whether the gap is kept, and the angle's unit"
+        return [Doubt(source, NORMAL_FORCE.column, what, remedy)]
 
     def read(
         self, path: Path, given: SpecimenRecordingsEntry, body: TwistedCylinder, errors: Instrument | None, name: str
     ) -> Segmentation:
-        """Read a recording of ``time_s``, an angle and a torque."""
-        table = _table(path)
-        angles, torques = ([one for one in units if one in table] for units in (_ANGLES, _TORQUES))
-        if given.channels() is not None or len(angles) != 1 or len(torques) != 1:
-            what = f"has {len(angles)} columns of an angle and {len(torques)} of a torque"
-            raise InputError(path, "header", what, _GIVE)
-        time, angle, torque = (table[one].to_numpy(dtype=float) for one in ("time_s", angles[0], torques[0]))
+        """Read a recording of a time, an angle and a torque."""
+        read, sizes = _readings(path)
+        time, pushed = read["time"], read.get("normal_force")
         check_increasing(path, time, "time_s")
-        recording = Recording(time, _ANGLES[angles[0]] * angle, _TORQUES[torques[0]] * torque, name, path)
-        if _NORMAL in table:
-            pushed = table[_NORMAL].to_numpy(dtype=float)
-            if _pushed_otherwise(recording, body, pushed) is None:
-                channel = RecordedChannel(NORMAL_FORCE.name, time, pushed, NORMAL_FORCE.usual)
-                recording = replace(recording, channels=(channel,))
+        # A spindle counts from anywhere, and either way round is the same test.
+        angle = read["angle"] - read["angle"][0]
+        way = np.sign(angle[np.argmax(np.abs(angle))]) or 1.0
+        recording = Recording(time, way * angle, way * read["torque"], name, path, sizes=sizes)
+        if pushed is not None and _pushed_otherwise(recording, body, pushed) is None:
+            channel = RecordedChannel(NORMAL_FORCE.name, time, pushed, NORMAL_FORCE.usual)
+            recording = replace(recording, channels=(channel,))
         return read_specimen(recording, errors, given.starts_at_contact, self.onset_power)
 
 
@@ -127,9 +123,17 @@ def _pushed_otherwise(recording: Recording, body: TwistedCylinder, pushed: Float
     return None if abs(risen - said) <= _OTHERWISE * said + 5 * sample_noise(pushed) else (risen, said)
 
 
-def _table(path: Path) -> "pd.DataFrame":
-    every = (*_ANGLES, *_TORQUES, _NORMAL)
+def _readings(path: Path) -> tuple[dict[str, FloatArray], Mapping[str, float]]:
+    """Return time, angle, torque and perhaps the normal force (n,), and the sizes that the file's heading states."""
+    sheets = read_sheets(path)
+    sheet = next((one for one in sheets if any(c.quantity == "torque" for c in one.columns)), sheets[0])
     try:
-        return read_table(path, ("time_s", *every), optional=every)
+        found = {quantity: find_column(path, sheet, quantity, None)[0] for quantity in _QUANTITIES}
     except InputError as error:
-        raise InputError(path, error.field, error.problem, _GIVE if error.field == "header" else error.remedy) from None
+        raise InputError(path, "header", error.problem, _GIVE) from None
+    pushed = [c for c in sheet.columns if c.quantity == "force" and re.search("normal|axial|^f_?n$", c.name, re.I)]
+    columns = {str(q): replace(sheet.named(one.column)[0], unit=one.unit) for q, one in found.items()}
+    columns |= dict(zip(("normal_force",), pushed, strict=False))
+    if not np.isfinite([c.values for c in columns.values()]).all():
+        raise InputError(path, "rows", "have numbers that are not finite", "remove them, or record again")
+    return {name: c.values * c.factor for name, c in columns.items()}, sheet.sizes
