@@ -180,9 +180,5 @@ def _section() -> LegSection:
     def circle(radius: float, y: float = 0.0) -> FloatArray:
         return radius * ring + np.array([0.0, y])
 
-    return LegSection(
-        circle(LEG.radius),
-        circle(LEG.radius - LEG.fat),
-        {"tibia": circle(LEG.bone_radius), "fibula": circle(*FIBULA)},
-        LEG.fascia,
-    )
+    bones = {"tibia": circle(LEG.bone_radius), "fibula": circle(*FIBULA)}
+    return LegSection(circle(LEG.radius), circle(LEG.radius - LEG.fat), bones, LEG.fascia)

@@ -267,8 +267,7 @@ class OtherCode(OtherPressing):
             if name == "deep":
                 factors = in_muscles(self.mesh, self.subject.section, self.case.muscles, self.case.c10)
                 if (lump := self.case.lump) is not None:
-                    middle = self.mesh.points[cells[:, :3]].mean(axis=1)
-                    factors[lump.holds(middle, touch, travel)] = lump.factor
+                    factors[lump.holds(self.mesh.points[cells[:, :3]].mean(axis=1), touch, travel)] = lump.factor
             for factor in np.unique(factors):
                 mesh = fem.Mesh(self.mesh.points, cells[factors == factor], "triangle6")
                 for law, order in self._laws(name, own, factor):
