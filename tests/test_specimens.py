@@ -154,7 +154,7 @@ def test_a_solve_that_makes_it_worse_is_no_sign_of_convergence(bars: Path, monke
         before = min((t.objective for t in search.trials), default=np.inf)
         trials = solve(search, points, stage)
         if stage == "proposal" and len(search.trials) > 4:
-            raised = replace(trials[0], objective=1.01 * before)
+            raised = replace(trials[0], objective=before + 10.0)
             search.trials[-1] = raised
             trials = [raised]
         if stage == "proposal":
@@ -163,7 +163,7 @@ def test_a_solve_that_makes_it_worse_is_no_sign_of_convergence(bars: Path, monke
 
     monkeypatch.setattr(Search, "solve", worse)
     monkeypatch.setattr(Search, "is_stationary", lambda search: False)
-    monkeypatch.setattr(Search, "newton_step", lambda search: 0.01 * search.best.point)
+    monkeypatch.setattr(Search, "newton_step", lambda search, trial=None: 0.01 * (trial or search.best).point)
     monkeypatch.setattr(Search, "_is_settled_at", lambda *_: False)
     found = lf.identify(lf.load_specimen(bars), "reduced-polynomial")["reduced-polynomial"]
     assert any(gained < 0 for gained in gains)
@@ -178,7 +178,7 @@ def test_a_step_that_goes_too_far_is_refuted_and_the_emulators_optimum_stands(
     folder = lf.load_specimen(bars)
     asked = lf.identify(folder, "reduced-polynomial")["reduced-polynomial"]
     monkeypatch.setattr(Search, "is_stationary", lambda search: False)
-    monkeypatch.setattr(Search, "newton_step", lambda search: 0.05 * search.best.point)
+    monkeypatch.setattr(Search, "newton_step", lambda search, trial=None: 0.05 * (trial or search.best).point)
     found = lf.identify(folder, "reduced-polynomial")["reduced-polynomial"]
     assert found.log.converged and found.log.forward_solves > asked.log.forward_solves
     for name, one in found.estimates.items():

@@ -291,7 +291,8 @@ class Search[C: Comparison]:
                     continue
                 self.converged = True
                 return
-            rough = self._gains_nothing(emulated, proposal, _UNTOLD)
+            untold = -gained * self.best.objective < _UNTOLD * self._rise_of_error()
+            rough = untold and self._gains_nothing(emulated, proposal, _UNTOLD)
             short = near and self._is_short(step - self.best.point, _AGREE_OF_ERROR, _AGREE_OF_VALUE)
             if refuted >= _REFUTED and (rough or short or (self._wide and self.is_stationary())):
                 self.converged = True

@@ -281,10 +281,10 @@ def with_correction(
     every: Sequence[Mechanism], correction: TabulatedCorrection | None, bones: Iterable[str] = LIMBS[CALF]
 ) -> list[Mechanism]:
     """Return mechanisms: a leg's bones on springs, and the cylinder's ends with its correction, where there is one."""
-    own: dict[str, Mechanism] = {SupportCompliance.name: SupportCompliance(tuple(bones))}
+    own: dict[type[Mechanism], Mechanism] = {SupportCompliance: SupportCompliance(tuple(bones))}
     if correction is not None:
-        own[EndEffects.name] = EndEffects(correction)
-    return [own.get(one.name, one) for one in every]
+        own[EndEffects] = EndEffects(correction)
+    return [own.get(type(one), one) for one in every]
 
 
 def notices_of(found: Diagnosis, subject: object) -> tuple[Notice, ...]:
