@@ -198,8 +198,8 @@ class Search[C: Comparison]:
     def best(self) -> Trial:
         """The complete solve of the least objective.
 
-        Curves through other steps differ by some 1e-4, and objectives by more than a near optimum's. Of solves between
-        which errors don't tell, the model's own step leaves the best one least.
+        Curves solved in other steps differ by some 1e-4, which objectives near an optimum don't. Of solves that errors
+        can't tell apart, the best is the one from which the model's own step is shortest.
         """
         least = min(self.complete, key=lambda trial: trial.objective)
         limit = least.objective + _UNTOLD * self._rise_of_error(least)
@@ -208,7 +208,7 @@ class Search[C: Comparison]:
 
     def _errors_away(self, trial: Trial) -> float:
         """Return the length of the Gauss-Newton step from a complete solve, in standard errors."""
-        return float(np.max(np.abs(self.newton_step(trial)) / self.standard_error(trial)))
+        return float(np.max(np.abs(self.newton_step(trial)) / np.maximum(self.standard_error(trial), 1e-300)))
 
     def design(self) -> FloatArray:
         """Return what to solve first; (n, p)."""
