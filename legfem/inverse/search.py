@@ -178,6 +178,8 @@ class Search[C: Comparison]:
     """Whether it is enough to come near the optimum: another search goes on from there, by other weights."""
     emulator_error: float = math.nan
     """Largest force error (N) of the emulator at the last accepted point; NaN before there is one."""
+    _found: tuple[int, Trial] | None = field(default=None, init=False)
+    """The best of so many solves."""
 
     @property
     def domain(self) -> Domain:
@@ -201,10 +203,13 @@ class Search[C: Comparison]:
         Curves solved in other steps differ by some 1e-4, which objectives near an optimum don't. Of solves that errors
         can't tell apart, the best is the one from which the model's own step is shortest.
         """
-        least = min(self.complete, key=lambda trial: trial.objective)
-        limit = least.objective + _UNTOLD * self._rise_of_error(least)
-        as_good = [trial for trial in self.complete if trial.objective <= limit]
-        return least if len(as_good) == 1 else min(as_good, key=self._errors_away)
+        if self._found is None or self._found[0] != len(self.trials):
+            least = min(self.complete, key=lambda trial: trial.objective)
+            limit = least.objective + _UNTOLD * self._rise_of_error(least)
+            as_good = [trial for trial in self.complete if trial.objective <= limit]
+            best = least if len(as_good) == 1 else min(as_good, key=self._errors_away)
+            self._found = len(self.trials), best
+        return self._found[1]
 
     def _errors_away(self, trial: Trial) -> float:
         """Return the length of the Gauss-Newton step from a complete solve, in standard errors."""
@@ -277,13 +282,13 @@ class Search[C: Comparison]:
             proposal = self.propose(emulated, attempt)
             # Near the optimum the full model's own derivatives are exact where the emulator isn't.
             near = self._is_short(proposal - self.best.point, _AGREE_OF_ERROR, _AGREE_OF_VALUE)
+            if near and self.ends_near:
+                self.converged = True
+                return
             step = self.domain.inside(self.best.point + self.newton_step())
             # Along a curved valley it goes too far; the emulator knows better once that is solved.
             tried = self._solved(step)
             settled = self.is_stationary() or self._moves_little() or (self._reads and is_settled(gained))
-            if near and self.ends_near:
-                self.converged = True
-                return
             if near and (settled or (tried and self._is_settled_at(step, emulated, proposal))):
                 ends = far_ends(self.linearised(self.best), self.trials)
                 if len(ends) and len(self.trials) + len(ends) <= self.settings.most_solves:

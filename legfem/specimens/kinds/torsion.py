@@ -133,7 +133,8 @@ def _readings(path: Path) -> tuple[dict[str, FloatArray], Mapping[str, float]]:
         raise InputError(path, "header", error.problem, _GIVE) from None
     pushed = [c for c in sheet.columns if c.quantity == "force" and re.search("normal|axial|^f_?n$", c.name, re.I)]
     columns = {str(q): replace(sheet.named(one.column)[0], unit=one.unit) for q, one in found.items()}
-    columns |= dict(zip(("normal_force",), pushed, strict=False))
+    if pushed:
+        columns["normal_force"] = pushed[0]
     if not np.isfinite([c.values for c in columns.values()]).all():
         raise InputError(path, "rows", "have numbers that are not finite", "remove them, or record again")
     return {name: c.values * c.factor for name, c in columns.items()}, sheet.sizes
