@@ -21,7 +21,7 @@ from legfem.app.description import (
 from legfem.app.runs import ACTIONS
 from legfem.common.errors import InputError
 from legfem.common.input_files import checked
-from legfem.data.folder import RESOURCES
+from legfem.common.resources import RESOURCES
 from legfem.data.recording import SourceColumn, SourceColumns
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SubjectFile, subject_entry

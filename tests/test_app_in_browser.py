@@ -14,7 +14,7 @@ from walking import Server, loose_files, walk
 
 from legfem.app.runs import Run, RunState
 from legfem.common.errors import InputError
-from legfem.data.folder import RESOURCES
+from legfem.common.resources import RESOURCES
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import subject_entry
 from legfem.mechanics.materials import ReducedPolynomial

@@ -7,7 +7,7 @@ from starlette.requests import ClientDisconnect
 
 from legfem.app.workspace import plain_name
 from legfem.common.errors import InputError
-from legfem.data.folder import RESOURCES
+from legfem.common.resources import RESOURCES
 
 SUBJECT = RESOURCES / "frauziols" / "subjects" / "3"
 

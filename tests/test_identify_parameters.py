@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 from legfem.commands.identify import app
 from legfem.common.errors import InputError
 from legfem.data import Recording
-from legfem.data.ranges import C10 as PLAUSIBLE
+from legfem.data.ranges import c10_of
 from legfem.inverse import settings as room
 from legfem.inverse.catalogue import parameter_of, stiffness_in_words
 from legfem.inverse.intervals import ADDS_NOTHING
@@ -218,7 +218,7 @@ def test_a_population_is_a_prior_with_its_source() -> None:
         assert prior.centre == pytest.approx(1e-3 * tissue.C10_median_kPa)
         assert prior.sd == tissue.log_sd > tissue.log_sd_of_the_median
         # Such as nobody would doubt in a folder, up to two standard deviations.
-        inside = PLAUSIBLE[name.partition(".")[0]].usual
+        inside = c10_of(name.partition(".")[0]).usual
         assert inside[0] < 1e3 * prior.value_at(-2) < 1e3 * prior.value_at(2) < inside[1]
 
 

@@ -13,8 +13,8 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 import legfem as lf
+from legfem.common.resources import RESOURCES
 from legfem.data import Instrument, Recording, mean_loading_curve, segment
-from legfem.data.folder import RESOURCES
 from legfem.data.instrument_faults import instrument_doubts, presses_of
 from legfem.data.loading_curve import segment_all
 from legfem.legs.loading import load_subject

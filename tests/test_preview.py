@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from legfem.commands.data import app
 from legfem.common.errors import InputError
-from legfem.data.folder import RESOURCES
+from legfem.common.resources import RESOURCES
 from legfem.geometry.section import girth
 from legfem.legs.loading import load_subject
 from legfem.report.preview import preview_of

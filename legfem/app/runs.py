@@ -13,7 +13,6 @@ import shutil
 import signal
 import sys
 import time
-import tomllib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
@@ -28,7 +27,7 @@ from legfem.common.command_line import BAD_INPUT, INTERRUPTED
 from legfem.common.documents import write_document
 from legfem.common.errors import InputError
 from legfem.common.progress import Reached, reached
-from legfem.data.folder import RESOURCES
+from legfem.common.resources import resource
 from legfem.jobs.supervise import started
 
 EVERY = "all legs"
@@ -303,9 +302,7 @@ class Action:
         return [self.folder, str(folder), "--out", str(out), *stated, *typed]
 
 
-ACTIONS = TypeAdapter(dict[str, tuple[Action, ...]]).validate_python(
-    tomllib.loads((RESOURCES / "app" / "actions.toml").read_text(encoding="utf-8"))
-)
+ACTIONS = resource("app/actions", dict[str, tuple[Action, ...]])
 """By the file that says what a folder is."""
 
 

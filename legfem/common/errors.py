@@ -249,9 +249,13 @@ class PhysicalRange:
     possible : tuple of float
         Beyond which it is refused.
     basis : str
-        Where the usual range comes from.
+        Where the usual range comes from, or what was published.
     units : mapping of str to float
         Units that are taken for the right one, and what a value in one has to be multiplied by.
+    published : tuple of float, optional
+        Between which it was published.
+    remedy : str
+        What to do about an unlikely value, beside or without a unit that explains it.
     """
 
     what: str
@@ -260,6 +264,8 @@ class PhysicalRange:
     possible: tuple[float, float]
     basis: str
     units: Mapping[str, float] = field(default_factory=dict)
+    published: tuple[float, float] | None = None
+    remedy: str = ""
 
     def doubts(self, source: str | PathLike[str], name: str, value: float, remedy: str = "") -> Iterator[Doubt]:
         """Yield a doubt if a value is unlikely.
@@ -278,13 +284,16 @@ class PhysicalRange:
         if low <= value <= high:
             return
         unit = f" {self.unit}" if self.unit else ""
-        problem = f"{self.what} of {value:.4g}{unit} where {low:g} to {high:g} is usual ({self.basis})"
+        basis = self.basis
+        if self.published is not None:
+            basis = f"{self.published[0]:g} to {self.published[1]:g}{unit}: {basis}"
+        problem = f"{self.what} of {value:.4g}{unit} where {low:g} to {high:g} is usual ({basis})"
         mend = [
             f"if the value is in {other}, multiply it by {factor:g}"
             for other, factor in self.units.items()
             if low <= value * factor <= high
         ]
-        mended = " or ".join([*mend[:1], remedy] if remedy else mend[:1])
+        mended = " or ".join(filter(None, [*mend[:1], remedy or self.remedy]))
         kind = f"{self.what} of …{unit} where … to … is usual"
         yield Doubt(str(source), name, problem, mended or _CHECK, kind)
 

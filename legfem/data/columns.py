@@ -13,7 +13,7 @@ from legfem.channels.kinds import CHANNELS
 from legfem.common.errors import InputError
 from legfem.common.wording import Argument, Command, Remedy
 from legfem.data.formats.labels import UNIT_OF, Quantity, names_quantity, unit_named
-from legfem.data.formats.refused import BENDS, OTHER_KINDS, SWINGS, refuse_other_kind
+from legfem.data.formats.refused import refuse_other_kind
 from legfem.data.formats.sheet import FEWEST_ROWS, NAMELESS, NOT_CALCULATED, Column, Sheet
 from legfem.data.formats.times import check_no_clock
 from legfem.data.phases import before_tear
@@ -223,7 +223,7 @@ def propose(
     columns = [c for sheet in sheets for c in sheet.columns]
     names = [c.name for c in columns] + [f"<{c.quantity}>" for c in columns]
     if not given:
-        refuse_other_kind(path, names, (SWINGS, BENDS) if usable else OTHER_KINDS)
+        refuse_other_kind(path, names, ("swings", "bends") if usable else ())
     if not usable:
         assert why is not None
         table = next((sheet for sheet in sheets if stretch_and_stress(sheet)), None)

@@ -161,10 +161,6 @@ def with_lab(toml: Path, content: Mapping[str, Any], tables: Collection[str]) ->
     return whole
 
 
-RESOURCES = Path(__file__).resolve().parents[1] / "resources"
-"""What comes with legfem and runs need: subjects, tables of the correction, factors."""
-
-
 @dataclass(frozen=True)
 class Catalogue:
     """Subjects of one kind that come with legfem.

@@ -1,16 +1,15 @@
 """What readings can't have been: a clock that counts rows, a cell at its limit, a spike, an offset, a drift, a copy."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from legfem.common.errors import Doubt, InputError, PhysicalRange
+from legfem.common.errors import Doubt, InputError
 from legfem.common.units import FloatArray, runs_of
 from legfem.data.contact import LEG
 from legfem.data.instrument_faults import instrument_doubts
-from legfem.data.ranges import SPEED
+from legfem.data.ranges import RANGES
 from legfem.data.recording import Recording
 from legfem.data.segmentation import Segmentation
 from legfem.data.smoothing import sample_noise, without_outliers
@@ -42,17 +41,6 @@ _TIMES_STEP = 12.0
 """Times the median step that no drive goes, nor clock leaves out, from one sample to the next."""
 _GAP = 0.1
 """Share of the travel of the loading that may go by unrecorded."""
-
-
-_FORCES = {"mN": 1e-3, "kN": 1e3, "µN": 1e-6}
-_WAYS_OF_LEG = PhysicalRange("a travel", "mm", (2.5, 80.0), (0, np.inf), "presses of limbs", {"µm": 1e-3, "m": 1e3})
-_WAYS = PhysicalRange("a travel", "mm", (1e-4, 300.0), (0, np.inf), "labs' tests", {"µm": 1e-3, "nm": 1e-6, "m": 1e3})
-_SPEEDS = PhysicalRange("a speed", "mm/s", (1e-5, 500.0), (0, np.inf), "testing machines")
-_SPEEDS_OF_LEG = replace(_SPEEDS, usual=SPEED.usual, basis="presses of limbs")
-_STIFFNESS_OF_LEG = PhysicalRange("a force", "N per mm", (0.005, 30.0), (0, np.inf), "presses of limbs", _FORCES)
-_STIFFNESS = PhysicalRange(
-    "a force", "N per mm²", (2e-5, 1e4), (0, np.inf), "travel squared, of brain to rubber", _FORCES
-)
 
 
 def trial_doubts(trials: Sequence[Segmentation]) -> Iterator[Doubt]:
@@ -103,10 +91,10 @@ def magnitude_doubts(trial: Segmentation) -> Iterator[Doubt]:
     if of_leg:
         yield from pull_doubts(trial)
     ways, speeds, stiffness = (
-        (_WAYS_OF_LEG, _SPEEDS_OF_LEG, _STIFFNESS_OF_LEG) if of_leg else (_WAYS, _SPEEDS, _STIFFNESS)
+        RANGES[f"{what}_of_{'leg' if of_leg else 'specimen'}"] for what in ("travel", "drive", "force")
     )
     yield from ways.likely(trial.source, "displacement_mm", travel)
-    yield from speeds.likely(trial.source, "time_s", speed, "check that time is in s (not min or ms)")
+    yield from speeds.likely(trial.source, "time_s", speed)
     other = "; of a specimen, run again with --specimens" if of_leg else ""
     size = rise / travel if of_leg else rise / travel**2
     yield from stiffness.likely(trial.source, "force_N", size, f"check its unit in the file{other}")

@@ -1,10 +1,8 @@
 """The leg's cross-section: closed contours by name, the fascia's thickness; smooth curves through contours' points."""
 
-import tomllib
 from collections.abc import Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,14 +11,12 @@ from shapely import LinearRing, LineString, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from legfem.common.drawing import Pictured, svg
+from legfem.common.resources import resource
 from legfem.common.units import FloatArray, frozen_array
 
 LAYERS = ("skin", "fascia")
 """Parts that every section has; its bones have names of their own."""
-_BONES = Path(__file__).resolve().parents[1] / "resources" / "bones.toml"
-LIMBS: Mapping[str, tuple[str, ...]] = {
-    limb: tuple(bones) for limb, bones in tomllib.loads(_BONES.read_text(encoding="utf-8")).items()
-}
+LIMBS = resource("bones", dict[str, tuple[str, ...]])
 """Bones that a section goes through, by limb, in the order that sections have them in."""
 CALF = "calf"
 

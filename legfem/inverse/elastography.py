@@ -11,7 +11,7 @@ from pydantic import Field
 from legfem.common.errors import Doubt
 from legfem.common.input_files import FileTable, Positive, Text, trouble
 from legfem.common.units import kpa_to_mpa, mpa_to_kpa
-from legfem.data import ranges
+from legfem.data.ranges import RANGES
 from legfem.inverse.answer import FitNotice, Notice
 from legfem.inverse.parameter import Prior
 
@@ -133,7 +133,7 @@ def doubts_about_elastography(toml: Path, moduli: Sequence[ShearModulus]) -> Ite
     for number, one in enumerate(moduli):
         field = f"elastography.{number}"
         value = mpa_to_kpa(one.value)
-        yield from ranges.SHEAR_MODULUS.doubts(toml, f"{field}.shear_modulus_kPa", value)
+        yield from RANGES["shear_modulus"].doubts(toml, f"{field}.shear_modulus_kPa", value)
         if one.sd > one.value:
             yield Doubt(str(toml), f"{field}.sd_kPa", "is larger than the modulus itself", "check the units of both")
     by_plane = {one.plane: one for one in moduli if one.tissue == "deep"}

@@ -13,9 +13,9 @@ from pydantic import BaseModel, PositiveFloat, ValidationError
 
 from legfem.common.errors import InputError
 from legfem.common.input_files import read_text
+from legfem.common.resources import RESOURCES
 from legfem.common.units import kpa_to_mpa
 from legfem.common.wording import Argument, Command, Remedy
-from legfem.data.folder import RESOURCES
 from legfem.inverse.catalogue import key_of
 from legfem.inverse.parameter import Prior
 

@@ -17,7 +17,7 @@ from shapely import Point
 
 from legfem.common.errors import Doubt
 from legfem.common.units import FloatArray, mpa_to_kpa
-from legfem.data import ranges
+from legfem.data.ranges import RANGES, c10_of, doubts_about_size
 from legfem.geometry.section import CALF, LIMBS, first_crossing, girth, way_to_bone
 from legfem.inverse.catalogue import key_of
 from legfem.inverse.elastography import doubts_about_elastography
@@ -52,7 +52,7 @@ def doubts_about(subject: Subject) -> tuple[Doubt, ...]:
     toml = subject.directory / "subject.toml"
     found = [
         *_bones(toml, subject),
-        *ranges.FASCIA_THICKNESS.doubts(toml, "section.fascia_thickness_mm", subject.section.fascia_thickness),
+        *RANGES["fascia_thickness"].doubts(toml, "section.fascia_thickness_mm", subject.section.fascia_thickness),
         *_stretched(toml, subject),
         *(d for part in subject.section.parts for d in _spike(toml, part, subject.section.contour(part))),
         *_landmarks(toml, subject),
@@ -89,7 +89,7 @@ def _bones(toml: Path, subject: Subject) -> Iterator[Doubt]:
     """Yield a doubt about a calf's size, or about a section that lacks a bone which runs beside another."""
     section, field = subject.section, "section.contours"
     if section.limb == CALF:
-        yield from ranges.doubts_about_size(toml, field, girth(section), section.bones[LIMBS[CALF][0]])
+        yield from doubts_about_size(toml, field, girth(section), section.bones[LIMBS[CALF][0]])
         return
     for limb, bones in LIMBS.items():
         missing = [bone for bone in bones if bone not in section.bones]
@@ -145,7 +145,7 @@ def _landmarks(toml: Path, subject: Subject) -> Iterator[Doubt]:
 def _indenter(toml: Path, subject: Subject) -> Iterator[Doubt]:
     indenter = subject.indenter
     diameter = 2 * indenter.radius
-    yield from ranges.DIAMETER.doubts(toml, "indenter.diameter_mm", diameter, "check that it isn't the radius")
+    yield from RANGES["cylinder_diameter"].doubts(toml, "indenter.diameter_mm", diameter)
     if diameter > girth(subject.section) / math.pi:
         raise Doubt(
             str(toml),
@@ -153,9 +153,7 @@ def _indenter(toml: Path, subject: Subject) -> Iterator[Doubt]:
             f"{diameter:g} mm are more than the leg's own",
             "give the cylinder's diameter in mm",
         ).error()
-    yield from ranges.LENGTH.doubts(
-        toml, "indenter.length_mm", indenter.length, "give the contact's length along the leg"
-    )
+    yield from RANGES["cylinder_length"].doubts(toml, "indenter.length_mm", indenter.length)
     angle = indenter.direction_deg
     if abs(angle) < 2 * math.pi + 0.01 and angle != round(angle):
         remedy = f"if it is, give {math.degrees(angle):.4g} degrees"
@@ -184,12 +182,12 @@ def _slant_deg(subject: Subject) -> float:
 
 def _tissue(toml: Path, field: str, tissue: TissueParameters) -> Iterator[Doubt]:
     name = field.rpartition(".")[2]
-    yield from ranges.D1.doubts(toml, f"{field}.D1_per_MPa", tissue.D1)
+    yield from RANGES["D1"].doubts(toml, f"{field}.D1_per_MPa", tissue.D1)
     if tissue.C10 is None:
         return
-    yield from ranges.C10.get(name, ranges.DEEP_C10).doubts(toml, f"{field}.C10_kPa", mpa_to_kpa(tissue.C10))
+    yield from c10_of(name).doubts(toml, f"{field}.C10_kPa", mpa_to_kpa(tissue.C10))
     if tissue.C20 is not None:
-        yield from ranges.STIFFENING.doubts(toml, f"{field}.C20_kPa", tissue.C20 / tissue.C10)
+        yield from RANGES["stiffening"].doubts(toml, f"{field}.C20_kPa", tissue.C20 / tissue.C10)
     ratio = poisson_ratio(tissue)
     # A thin sheet's change of volume moves nothing: the published fascia's ratio is below zero.
     if name != "fascia" and ratio is not None and ratio < 0:
@@ -228,7 +226,7 @@ def doubts_about_stiffness(subject: Subject, parameters: Mapping[str, Estimate])
         doubt
         for name, one in parameters.items()
         if name.endswith(".C10") and key_of(name) not in (*said, *subject.confirmed)
-        for doubt in ranges.C10.get(name.partition(".")[0], ranges.DEEP_C10).likely(
+        for doubt in c10_of(name.partition(".")[0]).likely(
             toml,
             key_of(name),
             mpa_to_kpa(one.value),

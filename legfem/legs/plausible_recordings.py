@@ -11,11 +11,12 @@ from legfem.channels.kind import Impossible, ReadingsAtSite
 from legfem.channels.kinds import FILE_OF
 from legfem.common.errors import Doubt, InputError
 from legfem.common.units import FloatArray, spaced_unit
-from legfem.data import Segmentation, ranges
+from legfem.data import Segmentation
 from legfem.data.channel_reader import LONGEST_LAG_S, files_named
 from legfem.data.formats import recording_files
 from legfem.data.formats.sheet import file_of
 from legfem.data.plausibility import loading_doubts, pull_doubts, refuse_copies, trial_doubts, unread_doubts
+from legfem.data.ranges import RANGES
 from legfem.data.recording import RecordedChannel
 from legfem.geometry.indenter import Indenter, Site
 from legfem.geometry.section import LegSection, depth_to_bone, fat_thickness, girth
@@ -93,8 +94,8 @@ def doubts_about_recordings(subject: Subject, toml: Path, room: float) -> Iterat
         For what can't be.
     """
     if subject.instrument.stated:
-        yield from ranges.FORCE_SD.doubts(toml, "instrument.force_sd_N", subject.instrument.force_sd)
-        yield from ranges.DISPLACEMENT_SD.doubts(
+        yield from RANGES["force_sd"].doubts(toml, "instrument.force_sd_N", subject.instrument.force_sd)
+        yield from RANGES["displacement_sd"].doubts(
             toml, "instrument.displacement_sd_mm", subject.instrument.displacement_sd
         )
     if not subject.recordings:
@@ -123,7 +124,7 @@ def _unread(subject: Subject) -> Iterator[Doubt]:
 
 def _motion(trial: Segmentation, room: float) -> Iterator[Doubt]:
     loading = trial.loading
-    yield from ranges.SPEED.doubts(trial.source, "time_s", loading.speed, "check that time is in s (not min or ms)")
+    yield from RANGES["speed"].doubts(trial.source, "time_s", loading.speed)
     yield from loading_doubts(
         trial.source, trial.recording.time[: len(loading.force)], loading.displacement, loading.force
     )

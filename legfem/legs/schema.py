@@ -9,9 +9,10 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from legfem.common import input_files
 from legfem.common.errors import MISSING, InputError
+from legfem.common.resources import RESOURCES
 from legfem.common.wording import Argument, Command, Remedy
 from legfem.data.channel_reader import ChannelsEntry
-from legfem.data.folder import RESOURCES, AccuracyEntry, Catalogue, InstrumentEntry, RecordingsEntry, with_lab
+from legfem.data.folder import AccuracyEntry, Catalogue, InstrumentEntry, RecordingsEntry, with_lab
 from legfem.geometry.indenter import IndenterShape
 from legfem.imaging.shape_schema import LabelsEntry, ShapeEntry
 from legfem.inverse.elastography import ElastographyEntry, StatedRatio, check_once

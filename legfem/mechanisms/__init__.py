@@ -12,13 +12,13 @@ named where recordings can't show it, but C10's interval counts it (`legfem.inve
 """
 
 import sys
-from collections.abc import Mapping
 from functools import cache
 from itertools import pairwise
 
 import numpy as np
 
 from legfem.common.registry import registered
+from legfem.common.resources import resource
 from legfem.common.units import FloatArray
 from legfem.inverse.mechanism import Mechanism, Occurrence, Solution, Stiffness, TissueMechanism, Values, shape
 from legfem.inverse.observations import Observations
@@ -103,51 +103,4 @@ def moments(observed: Observations) -> list[tuple[float, float]]:
     return [(float(0.5 * (a + b)), float(b - a)) for a, b in pairwise(ends)]
 
 
-OCCURRENCES: Mapping[str, Occurrence] = {
-    "uneven-muscle": Occurrence(
-        0.25,
-        10.0,
-        0.5,
-        "a slack tendon's shear modulus is some 80 kPa (9.1 m/s in 182 Achilles tendons, BMC Musculoskelet. Disord. 19 "
-        "(2018), doi 10.1186/s12891-018-2056-0) and aponeuroses run through the calf (Slane et al., Eur. Radiol. 27 "
-        "(2017) 474): more than ten times a relaxed muscle's; from there on a lump is as good as rigid. Softer: fat or "
-        "fluid within the muscle",
-    ),
-    "superficial-stiffness": Occurrence(
-        0.1,
-        5.0,
-        0.25,
-        "0.2 to 10 kPa, over the 2 kPa that is usual: shear moduli of 0.5 kPa (Sims et al., Biomech. Model. "
-        "Mechanobiol. 9 (2010) 703) and 0.75 kPa at rest (ten buttocks by magnetic resonance, J. Mech. Behav. Biomed. "
-        "Mater. 2023); Young's modulus of 26 ± 19 kPa under load (J. Phys. Ther. Sci. 34 (2022) 777)",
-    ),
-    "fascia-stiffness": Occurrence(0.05, 50.0, 0.0, "crural fascia is reported from 0.1 to 100 MPa"),
-    "compressibility": Occurrence(0.1, 60.0, 0.0, "reported bulk moduli of muscle differ a hundredfold"),
-    "fat-sliding": Occurrence(0.0, 1.0, 0.0, "between fat that is grown to the fascia and fat without friction on it"),
-    "viscoelasticity": Occurrence(
-        0.0,
-        40.0,
-        0.0,
-        "living legs lose 0.029 to 0.277 of their force as they are held, so that relaxing over lasting stress is 0.03 "
-        "to 0.38 (eight people, four sites, three postures: Zheng and Mak, J. Biomech. Eng. 121 (1999) 330); a living "
-        "rat's bare muscle 0.55 (Bosboom et al., J. Biomech. 34 (2001) 1365)",
-        (0.03, 0.38),
-    ),
-    "muscle-fibres": Occurrence(
-        1.0,
-        5.0,
-        1.0,
-        "relaxed, by shear waves along and across: 1.30, 1.28 and 1.18 in gastrocnemius, soleus and tibialis anterior "
-        "of ten people (Green et al., NMR Biomed. 2013, doi 10.1002/nbm.2964), 1.44 and 1.25 in the first two (Hirsch "
-        "et al., Magn. Reson. Med. 75 (2016) 1537); 3.0, to 17 and 21 %, in a vastus lateralis (PMC8754054)",
-        (1.2, 3.0),
-    ),
-    "poroelastic-drainage": Occurrence(0.0, 3000.0),
-    "dermis": Occurrence(0.0, 2.0, 0.0, "Diridollou 2000, Hendriks 2006 and Tran 2007: 0.04 to 2 N/mm"),
-    "indenter-tilt": Occurrence(-12.0, 12.0, 0.0),
-    "contact-slip": Occurrence(0.0, 1.0, 0.0, "between a skin that sticks and one without friction"),
-    "support-compliance": Occurrence(0.0, 1.0, 0.0),
-    "leg-movement": Occurrence(-4.0, 4.0, 0.0),
-    "muscle-contraction": Occurrence(0.0, 1.0, 0.0),
-    "preconditioning": Occurrence(-0.3, 0.6, 0.0),
-}
+OCCURRENCES = resource("people/occurrences", dict[str, Occurrence])

@@ -8,7 +8,7 @@ import numpy as np
 
 from legfem.common.numbers import NOT_DETERMINED, fit_probability, number, share, span
 from legfem.common.units import mpa_to_kpa, readable_unit, spaced_unit
-from legfem.data.ranges import PUBLISHED_C10
+from legfem.data.ranges import RANGES
 from legfem.data.recording import Origin
 from legfem.inverse.answer import Notice, Value
 from legfem.inverse.catalogue import UNITS, key_of, parameter_of, symbol_of, unit_of
@@ -290,23 +290,24 @@ def high_or_low(
     notices
         What is said beside it, doubts whether people have it so among it.
     """
-    known = PUBLISHED_C10.get(tissue)
-    if known is None:
+    known = RANGES.get(f"C10.{tissue}")
+    if known is None or known.published is None:
         return []
+    least, most = known.published
     high = low if high is None else high
-    beyond = high < known.low or low > known.high
+    beyond = high < least or low > most
     if beyond:
-        place = "Softer than" if high < known.low else "Stiffer than"
-    elif low < known.low or high > known.high:
+        place = "Softer than" if high < least else "Stiffer than"
+    elif low < least or high > most:
         place = "Partly outside of"
     else:
-        ends = [math.log(v / known.low) / math.log(known.high / known.low) for v in (low, high)]
+        ends = [math.log(v / least) / math.log(most / least) for v in (low, high)]
         soft, stiff = max(ends) < _END, min(ends) > 1 - _END
         place = "At the soft end of" if soft else "At the stiff end of" if stiff else "Within"
     doubted = any(one.parameters.get("field") == key_of(f"{tissue}.C10") for one in notices)
     check = " Few people have it so, as a warning says." if doubted and not beyond else ""
     check = " Check the units of force and displacement first." if beyond else check
-    published = f"{known.low:g} to {known.high:g} {known.unit} ({known.source})"
+    published = f"{least:g} to {most:g} {known.unit} ({known.basis})"
     return [(QUESTION, f"{place} what was published for {_PUBLISHED_FOR[tissue]}: {published}.{check}")]
 
 

@@ -1,6 +1,5 @@
 """Notices in words, which stand in ``resources/notices.toml``: sentences for pages, and kinds for tables of many."""
 
-import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from string import Formatter
@@ -8,8 +7,8 @@ from typing import Any
 
 from legfem.common.errors import DOUBTFUL, Doubt
 from legfem.common.numbers import number
+from legfem.common.resources import resource
 from legfem.common.units import mpa_to_kpa, mpa_to_mmhg
-from legfem.data.folder import RESOURCES
 from legfem.inverse.answer import FitNotice, Notice
 from legfem.inverse.catalogue import key_of, symbol_of
 from legfem.inverse.fit import Fit
@@ -54,7 +53,7 @@ class _Formatter(Formatter):
 @cache
 def words() -> Mapping[str, Mapping[str, Any]]:
     """Return the templates by code."""
-    return tomllib.loads((RESOURCES / "notices.toml").read_text(encoding="utf-8"))
+    return resource("notices", dict[str, dict[str, Any]])
 
 
 def _filled(notice: Notice) -> dict[str, Any]:

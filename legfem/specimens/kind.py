@@ -19,6 +19,7 @@ from legfem.common.input_files import FileTable
 from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.data import Instrument, Recording, Segmentation
 from legfem.data.folder import RecordingsEntry
+from legfem.data.ranges import RANGES
 from legfem.data.reader import read_samples
 from legfem.data.stress_tables import StressTableEntry, read_stress_table
 from legfem.experiments.bodies import HomogeneousBody
@@ -225,13 +226,9 @@ def needed(entry: FileTable, key: str, remedy: str = "give it with the test, or 
     return value
 
 
-LABS = "specimens and indenters of a lab"
-LENGTH_UNITS = {"cm": 10.0, "m": 1e3, "micrometres": 1e-3}
-
-
 def length_range(what: str, low: float, high: float) -> PhysicalRange:
     """Return where a length of a lab usually lies (mm)."""
-    return PhysicalRange(what, "mm", (low, high), (0.02, 1000.0), LABS, LENGTH_UNITS)
+    return replace(RANGES["length_mm"], what=what, usual=(low, high))
 
 
 _OTHER_WAY = 0.02

@@ -1,15 +1,15 @@
 """What a specimen's test may have left out: the diagnosis' mechanisms brought to its sizes, and its rig's own."""
 
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from legfem.channels.kinds.face_strain import FACE_STRAIN
+from legfem.common.resources import resource
 from legfem.common.units import FloatArray
-from legfem.data.folder import RESOURCES
 from legfem.inverse.mechanism import factor, prior_of, strength
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
@@ -76,7 +76,7 @@ def mechanisms_on_a_rig() -> tuple[Mechanism, ...]:
 
 
 _LEG_MM, _LEG_N, _LEG_S, _LEG_C10 = 20.0, 20.0, 100.0, 1e-3
-_TEXTS = tomllib.loads((RESOURCES / "specimens" / "mechanisms.toml").read_text(encoding="utf-8"))
+_TEXTS = resource("specimens/mechanisms", dict[str, dict[str, Any]])
 _TOLD: Mapping[str, Mapping[str, str]] = _TEXTS["told"]
 """What a specimen's diagnosis says of mechanisms in place of what it says of a leg."""
 _NONE: Mapping[str, str] = _TEXTS["none"]

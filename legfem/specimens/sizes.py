@@ -12,15 +12,16 @@ from typing import Any
 import numpy as np
 
 from legfem.channels.kinds.layer_thickness import between_of
-from legfem.common.errors import MISSING, Doubt, InputError, PhysicalRange
+from legfem.common.errors import MISSING, Doubt, InputError
 from legfem.common.input_files import FileTable
 from legfem.common.units import mpa_to_kpa
-from legfem.data import Recording, Segmentation, ranges, segment
+from legfem.data import Recording, Segmentation, segment
 from legfem.data.contact import Contact
 from legfem.data.plausibility import loading_doubts
+from legfem.data.ranges import RANGES
 from legfem.inverse.readings import Channel, Data
 from legfem.specimens.course import Course, course_of
-from legfem.specimens.kind import LABS, LENGTH_UNITS, WORDS, Direction, ShownAxes, SpecimenKind, length_range, needed
+from legfem.specimens.kind import WORDS, Direction, ShownAxes, SpecimenKind, needed
 from legfem.specimens.kinds import kind_of, kinds
 from legfem.specimens.schema import SIZES, SpecimenEntry, SpecimenFile
 
@@ -106,10 +107,10 @@ class Sizes:
     def shape_doubts(self, toml: Path) -> Iterator[Doubt]:
         """Yield doubts where it is so slender that it would buckle, or narrower than what presses it."""
         kind, body = self.kind, self.body
-        for usual, found in ((_COVERED, kind.covers(body)), (_SLENDER, kind.slenderness(body))):
+        for usual, found in (("covered", kind.covers(body)), ("slenderness", kind.slenderness(body))):
             if found is not None:
                 ratio, key = found
-                yield from usual.doubts(toml, key, ratio, "check that both are sizes of the same kind, in mm and mm²")
+                yield from RANGES[usual].doubts(toml, key, ratio)
 
     def course_doubts(self, source: str, course: Course) -> Iterator[Doubt]:
         """Yield what is unlikely in a recording of such a specimen.
@@ -123,8 +124,9 @@ class Sizes:
         extent = kind.extent(body)
         if extent is not None:
             remedy = f"check that {course.depth:.3g} mm are right, and the specimen's sizes"
-            yield from _SHARE[kind.presses(body)].doubts(source, "displacement_mm", course.depth / extent, remedy)
-        yield from _SPEED.doubts(source, "time_s", course.rate, "check that time is in s (not min or ms)")
+            way = "depth" if kind.presses(body) else "elongation"
+            yield from RANGES[f"{way}_of_specimen"].doubts(source, "displacement_mm", course.depth / extent, remedy)
+        yield from RANGES["speed_of_specimen"].doubts(source, "time_s", course.rate)
         loading = course.samples.part(course.samples.time <= course.arrival)
         yield from loading_doubts(source, loading.time, loading.displacement, loading.force, _CUT_OFF)
 
@@ -269,36 +271,7 @@ class LeftOut:
     reason: str
 
 
-_SIZES = {
-    "thickness_mm": length_range("a thickness", 0.5, 150.0),
-    "diameter_mm": length_range("a specimen's diameter", 3.0, 400.0),
-    "height_mm": length_range("a specimen's height", 1.0, 150.0),
-    "width_mm": length_range("a specimen's width", 3.0, 500.0),
-    "length_mm": length_range("a length", 2.0, 300.0),
-    "area_mm2": PhysicalRange("an area", "mm²", (4.0, 2e4), (1e-3, 1e6), LABS, {"cm²": 100.0, "m²": 1e6}),
-}
-"""By key of ``specimen.toml``; a kind of test has ranges of its own keys."""
-_SPEED = PhysicalRange(
-    "a speed of loading", "mm/s", (1e-3, 100.0), (1e-7, 1e5), "testing machines, 0.06 to 6000 mm/min"
-)
-_SHARE = {
-    True: PhysicalRange(
-        "a depth", "of what is pressed", (0.01, 0.8), (1e-5, 1.0), "labs press by 2 to 60 %", LENGTH_UNITS
-    ),
-    False: PhysicalRange(
-        "an elongation", "of the length", (0.01, 2.0), (1e-5, 15.0), "labs pull by 2 to 200 %", LENGTH_UNITS
-    ),
-}
-"""Plausible shares of the thickness or length by which specimens are pressed (True) or pulled."""
-_SLENDER = PhysicalRange("a height", "times the width", (0.0, 3.0), (0.0, 100.0), "what is taller buckles")
-_COVERED = PhysicalRange(
-    "what presses", "times the specimen's width", (0.0, 1.0), (0.0, 20.0), "it presses a part of it"
-)
-_ANYTHING_SOFT = PhysicalRange(
-    "a C10", "kPa", (0.02, 2e3), (1e-5, 1e6), "brain and gels to rubber, E of 0.1 kPa to 12 MPa"
-)
-_STIFFNESS = {"muscle": ranges.C10["deep"], "fat": ranges.C10["superficial"], "adipose": ranges.C10["superficial"]}
-"""Plausible C10 of a tissue by what it is called."""
+_TISSUES = {"muscle": "deep", "fat": "superficial", "adipose": "superficial"}
 _APART, _REPEATS, _LIKE = 5.0, 2.0, 3.0
 """Greatest factors between recordings of one specimen: by any rates, by like ones, and which rates are alike. Rates a
 thousand times apart change tissues by less."""
@@ -322,7 +295,7 @@ def size_doubts(toml: Path, table: str, entry: FileTable) -> Iterator[Doubt]:
     InputError
         For what no lab has.
     """
-    every = dict(_SIZES)
+    every = dict(RANGES)
     for kind in kinds().values():
         every |= kind.ranges
     for key, usual in every.items():
@@ -371,8 +344,8 @@ def stiffness_doubts(source: Path, c10: float, names: Sequence[str], field: str)
         ``force_N``, ``pressure``, or where it is stated.
     """
     words = set(re.findall(r"[a-z]+", " ".join(names).lower()))
-    known = [one for name, one in _STIFFNESS.items() if {name, f"{name}s"} & words]
-    found, usual = mpa_to_kpa(c10), known[0] if len(known) == 1 else _ANYTHING_SOFT
+    known = [one for name, one in _TISSUES.items() if {name, f"{name}s"} & words]
+    found, usual = mpa_to_kpa(c10), RANGES[f"C10.{known[0] if len(known) == 1 else 'soft'}"]
     low, high = usual.usual
     units = [unit for unit, by in _UNITS.get(field, {}).items() if low <= by * found <= high]
     first = f"if it is in {' or '.join(units)}, say so; or " if units else ""

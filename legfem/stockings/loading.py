@@ -11,12 +11,13 @@ from pathlib import Path
 import numpy as np
 from shapely import Point, Polygon
 
-from legfem.common.errors import Doubt, InputError, PhysicalRange
+from legfem.common.errors import Doubt, InputError
 from legfem.common.input_files import check_distinct, read_table
 from legfem.common.progress import Progress, Silent
+from legfem.common.resources import RESOURCES
 from legfem.common.units import FloatArray, kpa_to_mpa, mmhg_to_mpa, mpa_to_kpa, mpa_to_mmhg
-from legfem.data import ranges
-from legfem.data.folder import RESOURCES, Catalogue
+from legfem.data.folder import Catalogue
+from legfem.data.ranges import RANGES, c10_of, doubts_about_size
 from legfem.geometry.leg_shape import SKIN, LegShape, perimeter
 from legfem.geometry.motion import rigidly_moved
 from legfem.geometry.section_from_outlines import Clearances
@@ -35,25 +36,6 @@ from legfem.stockings.leg import KINDS, USUAL_DIAMETER, Posture, Sensor, Stockin
 from legfem.stockings.levels import PLACES, MakersLevels
 from legfem.stockings.schema import LegFile, StockingEntry, parse_leg_file
 
-STRETCH = PhysicalRange(
-    "a stretch of the fabric", "%", (5.0, 150.0), (0.0, 300.0), "stockings are worn stretched by some 20 to 120 %"
-)
-PRESSURE = PhysicalRange(
-    "a mean pressure of the stocking",
-    "mmHg",
-    (3.0, 80.0),
-    (0.2, 300.0),
-    "18 to 49 mmHg and more at the ankle: RAL-GZ 387/1",
-    {"N/m": 1e-3, "N/cm": 0.1},
-)
-CONTOUR_SD = PhysicalRange("an error of outlines", "mm", (0.01, 3.0), (1e-4, 10.0), "half a voxel", {"m": 1e3})
-CORRELATION = PhysicalRange(
-    "a length over which outlines err alike", "mm", (0.5, 60.0), (0.01, 300.0), "some voxels, up to 40 mm"
-)
-RELATIVE_SD = PhysicalRange("a relative error", "", (0.0, 0.5), (0.0, 1.0), "a share, 0.1 for 10 %", {"per cent": 0.01})
-HEART = PhysicalRange(
-    "a heart's height above the leg's upper end", "mm", (400.0, 1500.0), (0.0, 2500.0), "some 900 mm, standing"
-)
 _BEYOND_MM = 10.0
 """Length beyond a table's end for which its last perimeter may stand without a word."""
 LEAST_LENGTH_MM = 80.0
@@ -281,7 +263,7 @@ def doubts_about_leg(leg: StockingLeg, toml: Path) -> Iterator[Doubt]:
     bare, accuracy = leg.bare, leg.accuracy
     low, high, around = float(bare.levels[0]), float(bare.levels[-1]), perimeter(bare)
     largest = int(np.argmax(around))
-    yield from ranges.doubts_about_size(toml, "bare", float(around[largest]), bare.contours["tibia"][largest])
+    yield from doubts_about_size(toml, "bare", float(around[largest]), bare.contours["tibia"][largest])
     if bare.length < LEAST_LENGTH_MM - 1e-6:
         yield Doubt(
             str(toml),
@@ -290,23 +272,23 @@ def doubts_about_leg(leg: StockingLeg, toml: Path) -> Iterator[Doubt]:
             f"model {LEAST_LENGTH_MM:g} mm or more: give scans that share as much, and widen from_mm and to_mm",
         )
     for name, law in leg.tissues.items():
-        yield from ranges.D1.doubts(toml, f"tissues.{name}.D1_per_MPa", float(law.D1))
+        yield from RANGES["D1"].doubts(toml, f"tissues.{name}.D1_per_MPa", float(law.D1))
         if leg.known:
-            yield from ranges.C10[name].doubts(toml, f"tissues.{name}.C10_kPa", mpa_to_kpa(float(law.C10)))
+            yield from c10_of(name).doubts(toml, f"tissues.{name}.C10_kPa", mpa_to_kpa(float(law.C10)))
     if leg.compressed is not None:
         yield from doubts_about_second_scan(bare, leg.compressed, toml)
     if leg.registration is not None:
         yield from doubts_about_registration(leg.registration, accuracy.sd, toml)
     yield from _stocking_doubts(bare, leg.stocking, toml)
     for field, spread, value in (
-        ("contour_sd_mm", CONTOUR_SD, accuracy.sd),
-        ("correlation_mm", CORRELATION, accuracy.correlation),
-        ("pressure_relative_sd", RELATIVE_SD, accuracy.pressure_sd),
-        ("tension_relative_sd", RELATIVE_SD, accuracy.tension_sd),
+        ("contour_sd_mm", "contour_sd", accuracy.sd),
+        ("correlation_mm", "correlation_of_contours", accuracy.correlation),
+        ("pressure_relative_sd", "relative_sd", accuracy.pressure_sd),
+        ("tension_relative_sd", "relative_sd", accuracy.tension_sd),
     ):
-        yield from spread.doubts(toml, f"accuracy.{field}", value)
+        yield from RANGES[spread].doubts(toml, f"accuracy.{field}", value)
     if leg.posture is not None:
-        yield from HEART.doubts(toml, "posture.heart_mm", leg.posture.heart - high)
+        yield from RANGES["height_of_heart"].doubts(toml, "posture.heart_mm", leg.posture.heart - high)
     for level, height in leg.makers.heights.items():
         if not low <= height <= high:
             yield Doubt(
@@ -339,15 +321,6 @@ def _stocking_doubts(bare: LegShape, stocking: Stocking, toml: Path) -> Iterator
             f"the fabric is wider than the leg at {len(slack)} of {len(bare.levels)} levels, the first {slack[0]:g} mm",
             "check the perimeters there: whole, unstretched, in mm",
         )
-    yield from STRETCH.doubts(
-        toml,
-        "stocking",
-        100 * float(load.strain.max()),
-        "check the unstretched perimeters (whole, in mm) and the leg's girth",
-    )
-    yield from PRESSURE.doubts(
-        toml,
-        "stocking.stiffness_N_per_mm",
-        mpa_to_mmhg(load.mean_pressure),
-        "give N per mm of height and unit of strain",
-    )
+    yield from RANGES["stretch_of_fabric"].doubts(toml, "stocking", 100 * float(load.strain.max()))
+    pressure = mpa_to_mmhg(load.mean_pressure)
+    yield from RANGES["pressure_of_stocking"].doubts(toml, "stocking.stiffness_N_per_mm", pressure)

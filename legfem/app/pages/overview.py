@@ -10,7 +10,7 @@ from legfem.app.pages.frame import chip, drop_zone, dropdown, framed, page_of, t
 from legfem.app.pages.run import address
 from legfem.app.runs import EVERY, Run, runs_of
 from legfem.app.workspace import Workspace, description_of, files_of
-from legfem.data.folder import RESOURCES
+from legfem.common.resources import RESOURCES
 from legfem.report.render import filled
 
 _KINDS = {

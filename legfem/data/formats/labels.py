@@ -1,11 +1,10 @@
 """What a column's label says: the quantity that it names, and the unit."""
 
-import math
 import re
 from collections.abc import Sequence
-from typing import Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
-from legfem.common.units import MPA_PER_MMHG
+from legfem.common.resources import resource
 
 Quantity = Literal["time", "displacement", "force", "pressure", "angle", "torque"]
 
@@ -17,82 +16,18 @@ class Unit(NamedTuple):
     factor: float
 
 
-_G = 9.80665
-_POUND = 4.4482216152605
-_UNITS = {
-    "time": {
-        1.0: "s sec secs second seconds sek sekunde sekunden seconde secondes segundos secondi с сек 秒 초",
-        1e-3: "ms msec millisec millisecond milliseconds millisekunden millis мс",
-        1e-6: "us µs microsecond microseconds micros",
-        1e-9: "ns",
-        1e3: "ks",
-        60.0: "min mins minute minutes minuten мин",
-        3600.0: "h hr hrs hour hours",
-        86400.0: "day days",
-    },
-    "displacement": {
-        1.0: "mm millimeter millimeters millimetre millimetres millimetri мм 毫米 公釐",
-        10.0: "cm centimeter centimeters centimetre centimetres см",
-        100.0: "dm",
-        1000.0: "m meter meters metre metres",
-        1e6: "km",
-        1e-3: "um µm micron microns micrometer micrometers micrometre micrometres мкм 微米",
-        1e-6: "nm nanometer nanometers nanometre nanometres",
-        1e-7: "å angstrom angstroms",
-        1e-9: "pm",
-        25.4: "in inch inches zoll pouce pouces",
-        0.0254: "mil mils thou",
-        304.8: "ft foot feet",
-    },
-    "force": {
-        1.0: "n newton newtons н 牛 牛顿 牛頓",
-        0.1: "dn",
-        10.0: "dan",
-        100.0: "hn",
-        1e-2: "cn",
-        1e-5: "dyn dyne dynes",
-        1e-3: "mn millinewton millinewtons",
-        1e-6: "µn un",
-        1e-9: "nn",
-        1e-12: "pn",
-        1e3: "kn kilonewton kilonewtons кн",
-        _G: "kgf kp kilogram-force kilograms-force кгс",
-        1e-3 * _G: "gf p гс gram-force grams-force",
-        1e-6 * _G: "mgf",
-        _POUND: "lbf pound-force pounds-force",
-        _POUND / 16: "ozf ounce-force",
-    },
-    "pressure": {
-        1.0: "mpa n/mm² n/mm2 n/mm^2",
-        1e3: "gpa",
-        1e-3: "kpa kn/m² kn/m2",
-        1e-2: "n/cm² n/cm2",
-        1e-4: "mbar hpa",
-        0.1: "bar",
-        1e-6: "pa pascal pascals n/m² n/m2",
-        0.1e-4 * _G: "cmh2o",
-        MPA_PER_MMHG: "mmhg torr",
-        6.894757293168e-3: "psi",
-    },
-    "angle": {1.0: "rad", 1e-3: "mrad", math.pi / 180: "deg ° degree degrees"},
-    "torque": {1.0: "nmm n.mm n·mm mnm mn.m mn·m", 1e3: "n.m n·m n*m", 1e-3: "µnm unm µn.m un.m µn·m", 10.0: "n.cm"},
-}
-_OTHERS = """
-% percent pct prozent - v volt volts mv a ma c °c degc k hz mm/s mm/min m/s n/mm kn/mm mm/mm
-kn·mm kn.mm µm/s um/s nm/s cycles cycle g kg lb strain
-m/s² m/s^2 m/s2 count counts adc raw lsb bit bits digit digits inc increments steps pulses %fs
-"""
+_TABLES = resource("labels", dict[str, Any])
 _KNOWN = {
-    name: Unit(quantity, factor)  # type: ignore[arg-type]
-    for quantity, factors in _UNITS.items()
-    for factor, names in factors.items()
+    name: Unit(quantity, factor)
+    for quantity, factors in _TABLES["units"].items()
+    for names, factor in factors.items()
     for name in names.split()
-} | {name: Unit(None, 1.0) for name in _OTHERS.split()}
+} | {name: Unit(None, 1.0) for name in _TABLES["others"]["names"].split()}
 UNIT_OF: dict[Quantity, str] = dict(zip(get_args(Quantity), ("s", "mm", "N", "kPa", "rad", "N.mm"), strict=True))
 """legfem's unit of each quantity."""
 
 
-FORCE_OF = {"mg": "mgf", "g": "gf", "gram": "gf", "grams": "gf", "kg": "kgf", "lb": "lbf", "lbs": "lbf", "oz": "ozf"}
+FORCE_OF: dict[str, str] = _TABLES["of_force"]
 """What a scale's unit of mass means where a force is measured in it."""
 _WRONG_MICRO = re.compile(r"^(?:Â[µμ]|æ)(?=[mNs]$)")
 """A micro sign of UTF-8 read as cp1252, and one of cp437."""
@@ -112,17 +47,7 @@ def unit_named(name: str) -> Unit | None:
     return None if plain == "MN" else _KNOWN.get(plain.lower())
 
 
-WORDS: dict[Quantity, str] = {
-    "time": r"time|zeit|χρόνος|temps|tiempo|tempo|^t$|x_value|tijd|^tid$|^czas|^čas$|zaman|время|時間|时间|시간",
-    "displacement": r"disp|extension|position|crosshead|travers|weg|stroke|travel|indentation|depth|distance"
-    r"|penetration|\bcourse\b|enfoncement|profondeur|corsa|profondità|carrera|profundidad|tiefe|eindring|\bhub\b"
-    r"|déplacement|deplacement|verschiebung|spostamento|desplazamiento|deslocamento|verplaatsing|förskjutning"
-    r"|deformation|przemieszczenie|перемещение|деформация|μετατόπιση|変位|変形|ストローク|位移|变形|行程|변위|^d$|^z$",
-    "force": r"force|load|kraft|(?<![ep])last|fuerza|forza|força|effort|kracht|^charge|carga|carico|siła|síla|kuvvet"
-    r"|weight|gewicht|\bpeso\b|\bpoids\b|сила|нагрузка|усилие|δύναμη|荷重|試験力|^力|载荷|负荷|하중|^f[nxyz]?$",
-    "angle": r"angle|angular disp|winkel|twist|rotation|auslenkung|^(?:φ|phi|θ|theta)$",
-    "torque": r"torque|drehmoment|couple|^m$",
-}
+WORDS: dict[Quantity, str] = {quantity: "|".join(words) for quantity, words in _TABLES["words"].items()}
 """By which columns are named."""
 _IN_BRACKETS = re.compile(r"^(?P<name>.*?)\s*[(\[<{]\s*(?P<unit>[^)\]>}]*?)\s*[)\]>}]\s*$")
 _AT_THE_END = re.compile(r"^(?P<name>.+?)(?:_|[,;:]\s*|\s*/\s*|\s+-\s+|\s+(?:in|en)\s+|\s+)(?P<unit>[^\W\d_]+\.?|%)$")
@@ -167,17 +92,9 @@ def names_quantity(label: str, quantity: Quantity) -> bool:
     return re.search(WORDS[quantity], label, re.IGNORECASE) is not None
 
 
-_SIZES = {
-    "length": "length|länge|longueur|longitud|lunghezza|l0",
-    "width": "width|breite|largeur|ancho|larghezza|b0",
-    "thickness": "thickness|dicke|[ée]paisseur|espesor|spessore|a0",
-    "diameter": "diameter|durchmesser|diam[èe]tre|diámetro|diametro|d0",
-    "height": "height|höhe|hauteur|altura|altezza|h0",
-    "area": r"(?:cross[ -]?section(?:al)? )?area|querschnitt(?:sfläche)?|section|sección|sezione|s0",
-}
 _SIZE = re.compile(
     r"(?i)(?:specimen|sample|test ?piece|(?:gau?ge|grip) (?=length)|initial|original|proben(?=\w)|anfangs|ausgangs|mess"
-    rf"|einspann|[\W_])*(?:{'|'.join(f'(?P<{name}>{words})' for name, words in _SIZES.items())})"
+    rf"|einspann|[\W_])*(?:{'|'.join(f'(?P<{name}>{words})' for name, words in _TABLES['sizes'].items())})"
     r"(?:[\W_]|\b(?:[abdhls]0|of|the|de|della?|la|[ld]|specimen|sample|test ?piece|éprouvette|probeta|provino)\b)*"
 )
 """A specimen's size alone: an indenter's diameter and a cable's length have another word."""

@@ -6,22 +6,14 @@ nanometres: none of legfem's tests. Read by its columns' names alone it would pa
 
 import re
 import zipfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from legfem.common.errors import InputError
+from legfem.common.resources import resource
 
-_ENDINGS = {
-    ".ibw": "Asylum Research's, by Igor",
-    ".jpk-force": "JPK's",
-    ".jpk-force-map": "JPK's",
-    ".jpk-qi-data": "JPK's",
-    ".jpk-qi-image": "JPK's",
-    ".mdt": "NT-MDT's",
-    ".nid": "Nanosurf's",
-    ".pfc": "Bruker's",
-    ".spm": "Bruker's",
-}
+_TABLES = resource("refused", dict[str, dict[str, Any]])
 _BEGIN = re.compile(rb"\\\*(Force )?[Ff]ile list")
 """Bruker's, whose endings are numbers."""
 _HEADING = re.compile(
@@ -42,7 +34,7 @@ def refuse_force_curve(path: Path) -> None:
     InputError
         If it is, with the program that wrote it, where that is known.
     """
-    whose = _ENDINGS.get(path.suffix.lower())
+    whose = _TABLES["endings"].get(path.suffix.lower())
     with path.open("rb") as file:
         begin = file.read(_READ_BYTES)
     if whose is None and _BEGIN.match(begin):
@@ -95,30 +87,11 @@ def _holds_curves(path: Path) -> bool:
     return _HEADING.search(told.encode()) is not None
 
 
-_A_STEP = "export a step, a ramp or a hold: time, displacement or angle, and force or torque"
 _ASKED = "with file = \"its name\" in the folder's .toml: what it doesn't say of place and time is asked for then"
-BENDS = r"flexur|(three|four|3|4).?(point|punkt).?(bend|bieg)|\bbiege|durchbiegung"
-_FIELD = r"^subset_id$|^[uv]_pi?x|^(eps|u|displ?(acement)?)_?[xy]$|^lambda.?1$|^u\nv$"
-_LOSES = r"G''|G\"|G″|G´´|loss mod|verlustmod|verlustfaktor|loss factor|tan\W*(?:delta|δ)"
-SWINGS = rf"^(?:oscillation|oszillation)\b|\A(?=(?s:.)*(?:{_LOSES}))(?s:.)*^(?:(?:angular )?freq|f$|omega|ω)"
-OTHER_KINDS = {
-    SWINGS: ("an oscillation's (G', G''), which is none of legfem's tests", _A_STEP),
-    BENDS: ("a bending test's, which is none of legfem's", "press, pull or shear the specimen"),
-    _LOSES: ("an oscillation's (G', G''), which is none of legfem's tests", _A_STEP),
-    rf"\A(?!(?s:.)*(force|load|^f_?[xyz]$))(?s:.)*({_FIELD})": (
-        "a camera's field of points, no recording's",
-        f"give [channels.face_strain], or section_displacement, {_ASKED}",
-    ),
-    r"\A(?=(?s:.)*^<angle>$)(?s:.)*^<torque>$": (
-        "an angle's and a torque's: a cylinder was twisted",
-        "give [torsion] diameter_mm and height_mm in specimen.toml beside recordings/, which then reads them",
-    ),
-}
-"""By a pattern of columns' names, a line each: what they are, and what to do."""
 _FILM = re.compile(rb'SECONDS_PER_FRAME|^"?SENSELS|^"?Frame:?[ ,]+\d+,*\r?$|\A.*(XSENSOR|pliance|pedar)', re.I | re.M)
 
 
-def refuse_other_kind(path: Path, names: Sequence[str], kinds: Iterable[str] = OTHER_KINDS) -> None:
+def refuse_other_kind(path: Path, names: Sequence[str], kinds: Sequence[str] = ()) -> None:
     """Check that columns, or a heading, are those of no other kind of test, nor a field's.
 
     Parameters
@@ -128,49 +101,25 @@ def refuse_other_kind(path: Path, names: Sequence[str], kinds: Iterable[str] = O
     names
         Of the columns, and what their units measure in angle brackets; or a heading's lines.
     kinds
-        Which of `OTHER_KINDS` are looked for.
+        Which of those in ``resources/refused.toml`` are looked for; all, unless given.
 
     Raises
     ------
     InputError
         If they are, with what to export.
     """
-    for words in kinds:
-        if re.search(words, "\n".join(names), re.IGNORECASE | re.MULTILINE):
-            what, remedy = OTHER_KINDS[words]
-            raise InputError(path, "columns", f"are {what}", remedy)
+    for kind, known in _TABLES["kinds"].items():
+        asked = not kinds or kind in kinds
+        if asked and re.search(known["columns"], "\n".join(names), re.IGNORECASE | re.MULTILINE):
+            raise InputError(path, "columns", f"are {known['are']}", known["remedy"])
 
 
 _AS_CSV = "export the numbers as CSV from the program that made it"
 _UNPACK = "unpack it, and give the file in it"
-_BEGINS: dict[bytes, tuple[str, str]] = {
-    b"%PDF": ("a PDF", _AS_CSV),
-    b"{\\rtf": ("formatted text (RTF)", "save it as plain text: in TextEdit, Format, Make Plain Text"),
-    b"version https://git-lfs": ("a pointer of Git LFS in place of the file", "fetch the file: git lfs pull"),
-    b"/annex/objects/": ("a pointer of git-annex in place of the file", "fetch the file: git annex get"),
-    b"7z\xbc\xaf": ("an archive (7z)", _UNPACK),
-    b"Rar!": ("an archive (RAR)", _UNPACK),
-    b"\x89PNG": ("a picture (PNG)", _AS_CSV),
-    b"\xff\xd8\xff": ("a picture (JPEG)", _AS_CSV),
-    b"GIF8": ("a picture (GIF)", _AS_CSV),
-    b"II*\0": ("a picture (TIFF)", _AS_CSV),
-    b"MM\0*": ("a picture (TIFF)", _AS_CSV),
-    b"PAR1": ("a Parquet file", "export it as CSV: in pandas, read_parquet and to_csv"),
-    b"SQLite format 3": ("a database (SQLite)", "export the recording's table as CSV"),
-    b"\x93NUMPY": (
-        "a NumPy array, whose columns have no names",
-        "save it as CSV with a line of names above the numbers",
-    ),
-    b"bplist00": ("a property list of macOS, perhaps what iCloud left of a file", "download the file in Finder"),
-    b"\x80\x04\x95": ("a pickle of Python's", "save the table as CSV: in pandas, to_csv"),
-}
-_PACKED = {b"\x1f\x8b": "gz", b"BZh": "bz2", b"\xfd7zXZ": "xz"}
-_IN_ARCHIVES = {
-    "xl/workbook.bin": ("a binary workbook (.xlsb)", "save it as .xlsx"),
-    "word/document.xml": ("a Word document", "save the table in it as CSV"),
-    "ppt/presentation.xml": ("a PowerPoint presentation", _AS_CSV),
-    "Index/Document.iwa": ("a workbook of Apple's Numbers", "export it as Excel or CSV: File, Export To"),
-}
+_BEGINS, _PACKED = (
+    {mark.encode("latin-1"): told for mark, told in _TABLES[name].items()} for name in ("begins", "packed")
+)
+_IN_ARCHIVES: dict[str, tuple[str, str]] = _TABLES["archives"]
 _OLD_OFFICE = b"\xd0\xcf\x11\xe0"
 
 

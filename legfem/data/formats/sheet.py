@@ -12,7 +12,7 @@ from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.data.formats import labels
 from legfem.data.formats.headings import Cell, cell_at, names_something, only_block, text_of, titles_and_units, width_of
-from legfem.data.formats.refused import BENDS, refuse_other_kind
+from legfem.data.formats.refused import refuse_other_kind
 from legfem.data.formats.times import BY_RATE, CLOCK, times_by_rate, with_clock
 
 FEWEST_ROWS = 8
@@ -161,7 +161,7 @@ def sheet_of_rows(
     heading = {tuple(row) for row in rows[:start] if width_of(row)}
     again = _printed_anew(rows, [k for k in kept if start <= k < end], heading, columns)
     samples = [k for k in kept if start <= k < end and k not in again]
-    refuse_other_kind(path, [" ".join(map(text_of, row)) for row in rows[:start]], (BENDS,))
+    refuse_other_kind(path, [" ".join(map(text_of, row)) for row in rows[:start]], ["bends"])
     titles, units = titles_and_units(rows[:start], columns)
     named = max(width, width_of(titles or ()))
     try:

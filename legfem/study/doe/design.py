@@ -11,8 +11,8 @@ from pyDOE3 import ff2n, lhs
 
 from legfem.common.errors import MISSING, InputError
 from legfem.common.input_files import FileTable, Finite, NotNegative, Positive, checked, read_toml, trouble
+from legfem.common.resources import RESOURCES
 from legfem.common.units import FloatArray
-from legfem.data.folder import RESOURCES
 from legfem.report.estimates import words_of
 
 PAPER, IDENTIFIED = (RESOURCES / "frauziols" / name for name in ("doe.toml", "doe-identified.toml"))
