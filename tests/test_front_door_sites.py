@@ -20,7 +20,7 @@ from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.inverse.settings import IdentificationSettings
 from legfem.legs import identification as leg_identification
-from legfem.report.style import LAW_NAMES
+from legfem.report.words import LAW_NAMES
 
 RATIO = ("deep.C10", "deep.fibre_ratio")
 IN_SPACE = "\n[recordings]\nplane_strain = false\n"

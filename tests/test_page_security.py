@@ -38,7 +38,7 @@ from legfem.report.page import (
     WebTable,
 )
 from legfem.report.render import embed, markdown_page, rendered, write_tables
-from legfem.report.style import DataKind
+from legfem.report.words import DataKind
 from legfem.stockings.assessment import assessed
 from legfem.stockings.details import StockingFit
 from legfem.stockings.identification import identify_in_stocking

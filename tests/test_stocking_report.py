@@ -33,7 +33,7 @@ from legfem.report.kinds import page_of
 from legfem.report.notices import sentence_of, sentences_of
 from legfem.report.render import estimates_frame, plain_page, rendered
 from legfem.report.results import write_report
-from legfem.report.style import Directions, angle_round, unwrapped
+from legfem.report.words import Directions, angle_round, unwrapped
 from legfem.stockings import identification
 from legfem.stockings.assessment import assessed, compared, noticed
 from legfem.stockings.contour_distances import ContourAccuracy

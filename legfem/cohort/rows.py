@@ -15,6 +15,7 @@ from legfem.cohort.members import DESIGN, Member, Members, Task
 from legfem.common.contents import Contents
 from legfem.common.documents import literal
 from legfem.common.progress import duration
+from legfem.common.resources import resource
 from legfem.inverse.answer import Notice
 from legfem.inverse.catalogue import unit_suffix
 from legfem.inverse.comparison import ErrorSource
@@ -201,21 +202,8 @@ def measured(rows: Sequence[Row], model: str) -> Iterator[tuple[Row, ModelResult
 
 CSV, UNITS, WORKBOOK, PARQUET = "cohort.csv", "cohort-units.csv", "cohort.xlsx", "cohort.parquet"
 STANDARD_ERROR = "standard error, without what the interval allows for few repeats,"
-_MEANINGS = {
-    "member": "folder of the member, below the cohort's",
-    "subject": "person",
-    "problem": "why there is no result; empty where there is one",
-    "judgement": "sound (the model fits; only a diagnosis can find hidden effects), caution, open or wrong",
-    "verdict": "of a diagnosis",
-    "model": "strain energy that the recordings need, or the model that the numbers belong to",
-    "warnings": "number of warnings on the member's own page",
-    "fat_thickness_mm": "thickness of the fat under the indenter, from the outlines",
-    "girth_mm": "perimeter of the section, from the outlines",
-    "seconds": "wall time that it took",
-    "peak_MB": "most memory of the process that did it",
-    "report": "page, as seen from the folder of results",
-    "origin": "of the recordings",
-}
+_COLUMNS = resource("people/columns", dict[str, tuple[str, str]])
+"""Unit and meaning of those that don't hang on a model."""
 
 
 def cohort_frame(members: Sequence[Member], rows: Sequence[Row]) -> pd.DataFrame:
@@ -272,9 +260,7 @@ def column(model: str, *parts: str) -> str:
 
 def units_frame(frame: pd.DataFrame, rows: Sequence[Row]) -> pd.DataFrame:
     """Return unit and meaning of each of a frame's columns."""
-    units = {"seconds": "s", "peak_MB": "MB", "fat_thickness_mm": "mm", "girth_mm": "mm"}
-    known = {name: (units.get(name, ""), text) for name, text in _MEANINGS.items()}
-    known |= {one.name: (one.unit, one.meaning) for row in rows for one in _columns(row)}
+    known = _COLUMNS | {one.name: (one.unit, one.meaning) for row in rows for one in _columns(row)}
     given = {name: ("", "as in the cohort's table") for name in (*frame, *DESIGN)}
     every = given | {name: told for name, told in known.items() if name not in DESIGN}
     return pd.DataFrame([{"column": name, "unit": every[name][0], "meaning": every[name][1]} for name in frame])

@@ -10,7 +10,7 @@ from legfem.inverse.answer import Answer, Finding, Value
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.report import page as web
 from legfem.report.estimates import held_text, known_text, words_of
-from legfem.report.style import LAW_NAMES, MODULI, capital, moduli_text
+from legfem.report.words import LAW_NAMES, MODULI, capital, moduli_text
 
 
 def headline_of(answer: Answer, answers: Sequence[tuple[str, str]] = ()) -> web.Headline:

@@ -22,14 +22,7 @@ from legfem.report import cohort_statistics
 from legfem.report.curves import Bundle, Cell, Forest, ForestMetric, Group, Grouped, SortableTable
 from legfem.report.notices import kind_of_notice
 from legfem.report.render import plain_page, rendered
-from legfem.report.style import BEYOND_A_FIT, LAW_NAMES, DataKind, capital
-
-_DONE = {
-    "identify": "Stiffness of the deep tissue was identified from indentation recordings of {what} by legfem {legfem}",
-    "diagnose": "Indentation recordings of {what} were compared with a finite-element model, and what it leaves out "
-    "was sought, by legfem {legfem}",
-    "stocking": "Stiffness and pressures of {what} in compression stockings were computed by legfem {legfem}",
-}
+from legfem.report.words import BEYOND_A_FIT, LAW_NAMES, WORDS, DataKind, capital
 
 
 def methods(members: Members, rows: Sequence[Row], task: str, model: str) -> list[str]:
@@ -54,7 +47,7 @@ def methods(members: Members, rows: Sequence[Row], task: str, model: str) -> lis
     versions = {name: " and ".join(sorted(each)) for name, each in used.items()} or versions_of("legfem", "dolfinx")
     what = f"{_size(rows)} of {_people(members.every)}"
     stands = ", ".join(f"{name} {version}" for name, version in versions.items() if name != "legfem")
-    first = _DONE[task].format(what=what, legfem=versions.get("legfem", "unknown")) + f" ({stands})."
+    first = WORDS["done"][task].format(what=what, legfem=versions.get("legfem", "unknown")) + f" ({stands})."
     texts = [first + (f" Results are compared under one law ({LAW_NAMES.get(model, model)})." if model else "")]
     settings = [row.settings for row in done if row.settings]
     if settings:
@@ -88,16 +81,6 @@ def _shown(values: Sequence[Any]) -> str:
 ODD = "Unusual findings, and what is missing"
 """A chapter."""
 PAGE, TEXT = "cohort.html", "cohort.txt"
-_JUDGED: Mapping[str, tuple[str, str, str]] = {
-    "": ("no result", "has no result", "have no result"),
-    "wrong": ("model does not fit", "does not fit the model", "do not fit the model"),
-    "open": ("undecided", "is undecided", "are undecided"),
-    "caution": ("with caution", "needs caution", "need caution"),
-    "sound": ("reliable", "is reliable", "are reliable"),
-}
-"""By the tone of a member's own page, the gravest first: a judgement, the same of one member, and of several."""
-_FITS = ("model fits", "fits the model", "fit the model")
-"""What an identification that shows nothing wrong is called: what looks like another stiffness does not show."""
 _MOST_KINDS = 12
 """Kinds of warnings that have a column of their own."""
 _STATIONS = 25
@@ -135,7 +118,7 @@ def cohort_web_page(
     odd = suspicions(every, rows)
     found, numbers = {row.name: one for row, one in measured(rows, model)}, statistics(every, rows)
     _check(found, numbers)
-    judged = {**_JUDGED, "sound": _FITS} if task == "identify" else _JUDGED
+    judged = WORDS["judged"] | (WORDS["judged_by_fit"] if task == "identify" else {})
     chapters = [
         web.Chapter("Which results can be used", _believed(every, rows, task, judged)),
         web.Chapter("What was found", _numbers(every, rows, model, found)),
@@ -215,7 +198,7 @@ def _headline(
     rows: Sequence[Row],
     odd: Sequence[Suspicion],
     model: str,
-    judged: Mapping[str, tuple[str, str, str]],
+    judged: Mapping[str, Sequence[str]],
     found: Mapping[str, ModelResult],
 ) -> web.Headline:
     counts = Counter(row.judged.tone for row in rows)
@@ -239,7 +222,7 @@ def _headline(
 
 
 def _believed(
-    members: Sequence[Member], rows: Sequence[Row], task: str, judged: Mapping[str, tuple[str, str, str]]
+    members: Sequence[Member], rows: Sequence[Row], task: str, judged: Mapping[str, Sequence[str]]
 ) -> list[web.Block]:
     """A matrix of verdicts and warnings, the gravest first."""
     kinds = {row.name: set(map(kind_of_notice, row.judged.notices)) for row in rows}

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
 from legfem.report import style
+from legfem.report.words import LAW_NAMES
 
 Dash = Literal["solid", "dashed", "dotted", "dotdash"]
 _MOST_ROWS = 25
@@ -40,7 +41,7 @@ class Line:
 
 def law_line(law: str, above: FloatArray, below: FloatArray, dash: Dash = "solid", points: bool = False) -> Line:
     """Return what the model makes of a test with a law, and its difference from the recording."""
-    return Line(f"model, {style.LAW_NAMES[law]}", above, below, style.LAW_COLOURS[law], dash, points)
+    return Line(f"model, {LAW_NAMES[law]}", above, below, style.LAW_COLOURS[law], dash, points)
 
 
 @dataclass(frozen=True, eq=False)

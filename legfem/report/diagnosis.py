@@ -23,7 +23,7 @@ from legfem.report.further_channels import channel_chapter, misfit_in_section
 from legfem.report.notices import sentence_of
 from legfem.report.plan import chance_text
 from legfem.report.pressed_section import still_section
-from legfem.report.style import LAW_NAMES, DataKind, capital
+from legfem.report.words import LAW_NAMES, DataKind, capital
 
 
 def next_blocks(found: Diagnosis, plan: Sequence[DesignValue]) -> list[web.Block]:

@@ -14,7 +14,8 @@ from legfem.inverse.location import Signature, runs
 from legfem.inverse.predictive import nearest_fit
 from legfem.inverse.verdict import Diagnosis
 from legfem.report.curves import Curves, Dash, Line, curves_figure
-from legfem.report.style import DATA_COLOUR, FAINT, LAW_NAMES
+from legfem.report.style import DATA_COLOUR, FAINT
+from legfem.report.words import LAW_NAMES
 
 BASE_COLOUR = "#D55E00"
 REPAIRED_COLOUR = "#0072B2"

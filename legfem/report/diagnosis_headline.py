@@ -21,7 +21,7 @@ from legfem.report.answers import headline_of
 from legfem.report.diagnosis_curves import places_of, relative_change
 from legfem.report.estimates import high_or_low
 from legfem.report.plan import chance_text
-from legfem.report.style import capital
+from legfem.report.words import capital
 
 _MOST_CAUSES = 2
 """That find room on the first screen of a phone."""

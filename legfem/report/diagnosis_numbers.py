@@ -18,7 +18,7 @@ from legfem.report.diagnosis_curves import BASE_NAME, UNKNOWN, Place, model_name
 from legfem.report.diagnosis_document import Recorded
 from legfem.report.estimates import wave_rows
 from legfem.report.page import Bars, Block, Known, LabelledBar, Prose, Provenance, WebTable
-from legfem.report.style import moduli_text
+from legfem.report.words import moduli_text
 
 _WRONG = "DO NOT RELY ON IT: the model does not fit, and the interval does not include what was left out"
 

@@ -12,7 +12,7 @@ from legfem.inverse.mechanism import Mechanism
 from legfem.inverse.verdict import Diagnosis, ends_of_c10, explained_share, residual_intervals, widest_error
 from legfem.mechanisms.time_dependence import needs_time
 from legfem.report.diagnosis_curves import plain
-from legfem.report.style import capital
+from legfem.report.words import capital
 
 _NO_MECHANISM = (
     LabStep("repeat the test on another day and rig"),

@@ -19,7 +19,7 @@ from legfem.inverse.fit import SIGNIFICANT, Fit, Goodness, TestFit, gain_of, mis
 from legfem.inverse.intervals import WEAKLY_WITHIN
 from legfem.legs.subject import Subject
 from legfem.report.page import Block, Known, Provenance, WebTable
-from legfem.report.style import ENERGIES, LAW_NAMES, REGION_NAMES, capital, moduli_text
+from legfem.report.words import LAW_NAMES, REGION_NAMES, WORDS, capital, moduli_text
 
 
 def value_text(found: Estimate) -> str:
@@ -102,7 +102,7 @@ def how_found(results: Sequence[Fit[Any]]) -> list[Block]:
     rows = [
         {
             "law": LAW_NAMES[r.law],
-            "strain energy": ENERGIES[r.law],
+            "strain energy": WORDS["energies"][r.law],
             "full solves": f"{r.log.forward_solves}",
             "failed": f"{r.log.failed_solves}",
             "reused from earlier runs": f"{r.log.reused_solves}",
@@ -186,22 +186,6 @@ def rests_on(parameters: Mapping[str, Estimate], likewise: str) -> list[str]:
     ]
 
 
-_COMES_FROM: Mapping[ErrorSource, str] = {
-    "differences": "differences of the recordings by a factor; test more specimens",
-    "model": "the model itself, and further recordings will not reduce it; state what you already know (--prior)",
-    "misfit": "what the law may miss within the errors; try another one (--law), or use less of the depth",
-    "sizes": "the specimen's sizes; measure them better, and state their errors ([accuracy])",
-    "fibres": "the muscle's fibres; measure them with shear waves along and across the leg ([[elastography]]), or use "
-    "--model 3d",
-    "channels": "the instruments beside the load cell; state their errors under [channels] where they are smaller, or "
-    "record more often",
-    "shape": "the outlines, the aim and the direction; give this leg's own outlines ([section] contours), or state how "
-    "well all three are known ([accuracy])",
-    "assumed": "what is assumed of fat and fascia; measure them with shear waves ([[elastography]])",
-    "priors": "what was stated with --prior; measure that separately, and state the new value",
-}
-
-
 def how_to_narrow(parameters: Mapping[str, Estimate], steps: Sequence[str], ends: str) -> list[str]:
     """Return a sentence for what isn't identifiable, by what rules its interval.
 
@@ -230,7 +214,7 @@ def how_to_narrow(parameters: Mapping[str, Estimate], steps: Sequence[str], ends
     recordings = ", or ".join([*steps, known]) if steps else f"recordings have all that would help much; {known}"
     remedies: Mapping[ErrorSource, str] = {"recordings": recordings, "ends": ends}
     for source, names in groups.items():
-        remedy = remedies.get(source) or f"most of the uncertainty comes from {_COMES_FROM[source]}"
+        remedy = remedies.get(source) or f"most of the uncertainty comes from {WORDS['sources_of_error'][source]}"
         lines.append(f"To know {' and '.join(names)}: {remedy}.")
     return lines
 

@@ -22,7 +22,8 @@ from legfem.report import page as web
 from legfem.report.curves import Curves, Dash, Line, curves_figure, law_line
 from legfem.report.diagnosis_curves import BASE_COLOUR, BASE_NAME, REPAIRED_COLOUR, matched, shown_models
 from legfem.report.pressed_section import still_section
-from legfem.report.style import DATA_COLOUR, LAW_NAMES
+from legfem.report.style import DATA_COLOUR
+from legfem.report.words import LAW_NAMES
 
 SHOWS = "what was recorded beside the force and what the model makes of it, and their difference"
 

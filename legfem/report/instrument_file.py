@@ -24,7 +24,8 @@ from legfem.inverse.answer import Tone
 from legfem.legs.folder import plain_id
 from legfem.report.curves import Curves, Line
 from legfem.report.page import Bullets, Chapter, Headline, Repeat, Verbatim, WebPage, WebTable
-from legfem.report.style import DATA_COLOUR, FAINT, DataKind, capital, new_figure, panel, save, styled
+from legfem.report.style import DATA_COLOUR, FAINT, new_figure, panel, save, styled
+from legfem.report.words import WORDS, DataKind, capital
 from legfem.specimens.sizes import sizes_of_heading
 
 _PHASE_COLOURS = {AIR: "#FFFFFF", LOADING: "#D6E6F4", HOLD: "#F3E9D2", UNLOADING: "#E3E3E3"}
@@ -237,22 +238,7 @@ def draw_look(recording: Recording, quality: Quality, out: Path) -> Path:
 _MOST_POINTS = 4_000
 """Drawn in all: the page opens in a second or two, and is under 2 MB."""
 _LEAST_POINTS = 100
-_DONE: dict[str, tuple[Tone, str]] = {
-    "A": ("sound", "Use them."),
-    "B": ("sound", "Use them; the reasons below say what limits them."),
-    "C": (
-        "caution",
-        "Look at the curves of those graded C, and decide whether they are what was meant to be measured.",
-    ),
-    "D": ("wrong", "Don't use those graded D: record them again, or correct the files."),
-}
-
-_HEADINGS = {
-    "A": "The recordings can be used",
-    "B": "The recordings can be used",
-    "C": "Look at the curves first",
-    "D": "Some recordings cannot be used",
-}
+_TONES: dict[str, Tone] = {"A": "sound", "B": "sound", "C": "caution", "D": "wrong"}
 
 
 class Looked(NamedTuple):
@@ -318,7 +304,7 @@ def look_web_page(seen: Sequence[Looked], toml: str, text: str, command: str = "
 
 
 def _headline(seen: Sequence[Looked], worst: str) -> Headline:
-    tone, do = _DONE[worst]
+    do, heading = WORDS["grades"][worst]
     grades = Counter(one.quality.grade for one in seen)
     told = ", ".join(
         f"{f'{grades[grade]} ' * (len(seen) > 1)}{'has' if grades[grade] == 1 else 'have'} grade {grade} ({words})"
@@ -335,14 +321,14 @@ def _headline(seen: Sequence[Looked], worst: str) -> Headline:
         "did. A grade judges the recording, not what was tested."
     )
     return Headline(
-        tone,
+        _TONES[worst],
         f"Of {len(seen)} recordings, {told}." if len(seen) > 1 else f"This recording {told}.",
         [
             ("What was read", f"{capital(read)}."),
             ("How sure", how_sure),
             ("What to do", f"{do} If columns or directions are wrong, name them (--time, --displacement, --force)."),
         ],
-        "The recording cannot be used" if len(seen) == 1 and worst == "D" else _HEADINGS[worst],
+        "The recording cannot be used" if len(seen) == 1 and worst == "D" else heading,
     )
 
 

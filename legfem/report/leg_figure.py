@@ -16,6 +16,7 @@ from legfem.geometry.slices import CONTOURS, SliceSet
 from legfem.legs.plausibility import room_before
 from legfem.legs.subject import Subject
 from legfem.report import style
+from legfem.report.words import REGION_NAMES
 
 if TYPE_CHECKING:
     from legfem.stockings.leg import StockingLeg
@@ -42,11 +43,7 @@ def placement_figure(subject: Subject, scanned: Mapping[str, Polygon] | None = N
     inner = np.asarray(fascia.buffer(-section.fascia_thickness).exterior.coords)
     for name, ring in (("superficial", section.skin), ("fascia", section.fascia), ("deep", inner)):
         axes.fill(
-            *ring.T,
-            facecolor=style.REGION_COLOURS[name],
-            edgecolor="black",
-            linewidth=0.6,
-            label=style.REGION_NAMES[name],
+            *ring.T, facecolor=style.REGION_COLOURS[name], edgecolor="black", linewidth=0.6, label=REGION_NAMES[name]
         )
     for muscle, contour in section.muscles.items():
         axes.plot(*np.vstack([contour, contour[:1]]).T, color="black", linewidth=0.6)

@@ -12,7 +12,7 @@ from legfem.common.units import mpa_to_kpa, mpa_to_mmhg
 from legfem.inverse.answer import FitNotice, Notice
 from legfem.inverse.catalogue import key_of, symbol_of
 from legfem.inverse.fit import Fit
-from legfem.report.style import LAW_NAMES, capital
+from legfem.report.words import LAW_NAMES, capital
 
 _CONVERSIONS: Mapping[str, Callable[[Any], Any]] = {
     "y": symbol_of,

@@ -12,27 +12,15 @@ from legfem.common.documents import row_cells
 from legfem.inverse.answer import Tone
 from legfem.report.curves import Bundle, Curves, Forest, SortableTable
 from legfem.report.folder import ReportFile
-from legfem.report.style import BONE_COLOUR, ORIGINS, REGION_COLOURS, REGION_NAMES, DataKind
+from legfem.report.style import BONE_COLOUR, REGION_COLOURS
+from legfem.report.words import ORIGINS, REGION_NAMES, WORDS, DataKind
 
 PAGE = "report.html"
 TESTED = "What was tested"
 """A chapter of many pages."""
 Provenance = Literal["measured", "reconstructed", "simulated", "estimated", "computed", "assumed", "prior"]
-TONES: Mapping[Tone, str] = {
-    "sound": "The model fits",
-    "caution": "Read with caution",
-    "open": "Undecided",
-    "wrong": "The model does not fit",
-}
-PROVENANCE: Mapping[Provenance, str] = {
-    "measured": "read from measurements of this leg",
-    "reconstructed": "read from reconstructed data; nothing was measured",
-    "simulated": "read from simulated data; nothing was measured",
-    "estimated": "found here, by fitting the model to what was measured",
-    "computed": "computed here, by the model with the numbers above and below",
-    "assumed": "taken as exact; not checked here",
-    "prior": "known before this test with a stated error, which the intervals include",
-}
+TONES: Mapping[Tone, str] = WORDS["tones"]
+PROVENANCE: Mapping[Provenance, str] = WORDS["provenances"]
 SURFACE_CELLS = 21
 """Along either axis."""
 

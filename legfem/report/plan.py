@@ -19,7 +19,7 @@ from legfem.report import page as web
 from legfem.report.answers import first_lines
 from legfem.report.diagnosis_curves import plain
 from legfem.report.pressed_section import still_section
-from legfem.report.style import LAW_NAMES, DataKind
+from legfem.report.words import LAW_NAMES, NOT_TESTED, DataKind
 
 SCHEMA = 1
 NOTHING = "nothing"
@@ -66,11 +66,6 @@ RANKED, SHOWN = "Tests, the most informative first", "What each test would show"
 """Chapters."""
 _LIKELY, _UNLIKELY = 0.8, 0.2
 """Chances from which an effect is called shown, and below which it is called unseen."""
-_NOT_WEIGHED = (
-    "Effects that legfem does not know: no plan can say which test would show them.",
-    "Two effects at once, and effects weaker or stronger than usual.",
-    "What a test costs in time, and what the person can bear.",
-)
 
 
 def plan_web_page(
@@ -127,7 +122,7 @@ def plan_web_page(
             web.Chapter(SHOWN, [web.Prose(NOTE), chances]),
             web.Chapter("The leg", [still_section(subject)]),
             web.Chapter("What to do next", [web.Bullets(steps)]),
-            web.Chapter("What was not weighed", [web.Bullets(_NOT_WEIGHED)]),
+            web.Chapter("What was not weighed", [web.Bullets(NOT_TESTED["plan"])]),
         ],
         web.Repeat(command, versions, inputs=subject.directory),
         DataKind("simulated data", f"no test has been made yet; section of the leg: {subject.origin}"),

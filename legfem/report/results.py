@@ -29,7 +29,8 @@ from legfem.report.leg_figure import SECTION_SHOWS, placement_figure
 from legfem.report.page import PressedSection
 from legfem.report.pressed_section import Filmed, filmed
 from legfem.report.render import estimates_frame, write_page
-from legfem.report.style import LAW_NAMES, picture
+from legfem.report.style import picture
+from legfem.report.words import LAW_NAMES
 from legfem.solve.settings import NewtonSettings, StepSettings
 
 type LegFits = Sequence[Fit[LegDetails]]

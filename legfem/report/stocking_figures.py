@@ -13,7 +13,8 @@ from matplotlib.patches import Patch
 from legfem.common.units import FloatArray, mmhg_to_mpa, mpa_to_kpa, mpa_to_mmhg
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.section import outward_normals
-from legfem.report.style import BONE_COLOUR, DATA_COLOUR, ROUND, Directions, panel, round_leg, styled, titled, unwrapped
+from legfem.report.style import BONE_COLOUR, DATA_COLOUR, panel, styled, titled
+from legfem.report.words import ROUND, Directions, round_leg, unwrapped
 from legfem.stockings.details import StockingDetails
 from legfem.stockings.pressures import SectionPressures
 

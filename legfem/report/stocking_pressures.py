@@ -12,7 +12,8 @@ from legfem.report.answers import span_of
 from legfem.report.curves import Curves, Dash, Line
 from legfem.report.leg_3d_view import Marked, SkinField, from_none, turned_leg
 from legfem.report.page import Bars, Block, Known, LabelledBar, Prose, Slider, TurnedLeg, View, WebTable
-from legfem.report.style import DATA_COLOUR, FAINT, ROUND, Directions, angle_round, round_leg, unwrapped
+from legfem.report.style import DATA_COLOUR, FAINT
+from legfem.report.words import ROUND, Directions, angle_round, round_leg, unwrapped
 from legfem.stockings.details import StockingDetails
 from legfem.stockings.fabric import CALF_SHARE
 from legfem.stockings.levels import PLACES, rises

@@ -8,7 +8,8 @@ from legfem.report import page as web
 from legfem.report.curves import Curves, Line
 from legfem.report.estimates import held_text, how_found, words_of
 from legfem.report.page import Block, Prose, WebTable
-from legfem.report.style import FAINT, ROUND, Directions, capital, round_leg, unwrapped
+from legfem.report.style import FAINT
+from legfem.report.words import ROUND, Directions, capital, round_leg, unwrapped
 from legfem.stockings.contour_distances import CONTOUR_NAMES
 from legfem.stockings.details import StockingDetails, StockingFit
 from legfem.stockings.discrepancy import ModelDiscrepancy

@@ -11,7 +11,7 @@ import numpy as np
 from legfem.common.documents import Cells, markdown_table
 from legfem.report import page as web
 from legfem.report.render import bullets, fill, markdown_chapters
-from legfem.report.style import ORIGINS
+from legfem.report.words import ORIGINS
 from legfem.study.doe.command import DoeOptions
 from legfem.study.doe.design import Factor
 from legfem.study.doe.figures import RESPONSE

@@ -19,7 +19,7 @@ from legfem.report.answers import headline_of
 from legfem.report.folder import ReportFile
 from legfem.report.notices import sentences_of
 from legfem.report.page import TESTED, Chapter, Known, PressedSection, Repeat, WebPage
-from legfem.report.style import DataKind
+from legfem.report.words import DataKind
 
 
 class ReportKind(ABC):

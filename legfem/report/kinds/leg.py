@@ -26,22 +26,13 @@ from legfem.report.leg_3d_view import pressed_leg
 from legfem.report.leg_figure import SECTION_SHOWS, placement_figure
 from legfem.report.plan import options_of
 from legfem.report.pressed_section import still_section
-from legfem.report.style import BEYOND_A_FIT, DATA_COLOUR, FAINT, LAW_NAMES, picture
+from legfem.report.style import DATA_COLOUR, FAINT, picture
+from legfem.report.words import BEYOND_A_FIT, LAW_NAMES, NOT_TESTED
 
 type LegFit = Fit[LegDetails]
 
 _DASHES: dict[str, Dash] = {"neo-hookean": "dashed", "reduced-polynomial": "solid"}
 _LIKEWISE = "a stated length_mm that is 10 % too low has the same effect as forces that are 10 % too high"
-_NOT_TESTED = (
-    "A constant factor on the force (the load cell's gain, the cylinder's length, its ends in 3D) "
-    "cannot be distinguished from a change of C10, so C10 may be wrong by that factor without any sign of it.",
-    "Which physics is missing if a law does not fit.",
-)
-_OVER_TIME = "How the tissues behave over time: unloading, holds and other speeds were not used."
-_ALIKE = (
-    "An error that is the same at all sites (in the load cell's calibration, the correction for the "
-    "cylinder's ends, the assumed stiffness of the fascia) looks like a change of stiffness."
-)
 
 
 class LegReport(ReportKind):
@@ -109,14 +100,13 @@ class LegReport(ReportKind):
         leg = [] if several else _leg_itself(fits, pressed, note)
         sites = [_site_table(chosen)] if several else []
         rests = estimates.rests_on(chosen.estimates, _LIKEWISE)
-        over_time = [_OVER_TIME] if chosen.weighting == "paper" else []
+        untested = [*rests, *NOT_TESTED["leg"], *(NOT_TESTED["loading"] if chosen.weighting == "paper" else ())]
         return [
             web.Chapter("Recordings and model", [*sites, *_curves(fits, chosen), *drawn(fits)]),
             *([web.Chapter("The leg, pressed", leg)] if leg else []),
             web.Chapter(web.TESTED, [web.Bullets(_tested(fits))]),
             web.Chapter(
-                "What could not be tested",
-                [web.Bullets([*rests, *_NOT_TESTED, *over_time, *((_ALIKE,) if several else ())])],
+                "What could not be tested", [web.Bullets([*untested, *(NOT_TESTED["sites"] if several else ())])]
             ),
             web.Chapter("What to do next", [web.Bullets(_next(chosen))]),
             web.Chapter("How it was done", how_done(fits)),

@@ -19,17 +19,12 @@ from legfem.mechanics.materials import Hyperelastic
 from legfem.report.estimates import estimated, held_of, held_text, how_found, wave_rows, words_of
 from legfem.report.further_channels import channel_name
 from legfem.report.page import Block, Known, Prose, Provenance, WebTable
-from legfem.report.style import LAW_NAMES
+from legfem.report.words import LAW_NAMES, WORDS
 
 type LegFit = Fit[LegDetails]
 
 _AT = (5.0, 15.0, 25.0)
 """Displacements at which a correction is tabled, mm."""
-_WEIGHTINGS = {
-    "paper": "all points have the same weight, as in the paper",
-    "covariance": "readings are weighted by the inverse of their covariance",
-    "equal": "readings of a channel have the same weight, since the law misses them by more than their errors",
-}
 
 
 def known_of(fits: Sequence[LegFit]) -> list[Known]:
@@ -168,11 +163,12 @@ def _procedure(fit: LegFit) -> str:
     minimiser = fit.settings.get("genetic", {}).get("minimiser")
     searcher = "A genetic algorithm (pygad)" if minimiser is None else f"A search of the user's ({minimiser})"
     deep = all(name.startswith("deep.") for name in fit.estimates)
+    weights = WORDS["weightings"][fit.weighting]
     sought = "the deep tissue's parameters" if deep else ", ".join(fit.estimates)
     return (
         f"The recordings ({trials} trial{'s' * (trials > 1)}) are of {pressed}. At stations along {weighed} every "
         f"trial they are compared with the model. {together}{_model(fit)} {searcher} searched for {sought} "
-        f"on an emulator of the model, which full solves refined and confirmed; {_WEIGHTINGS[fit.weighting]}.{own}"
+        f"on an emulator of the model, which full solves refined and confirmed; {weights}.{own}"
     )
 
 

@@ -18,7 +18,8 @@ from legfem.report.curves import Curves, Dash, Line, curves_figure, law_line
 from legfem.report.folder import ReportFile
 from legfem.report.further_channels import SHOWS, channel_lines, channels_figure, drawn
 from legfem.report.kinds import ReportKind
-from legfem.report.style import DATA_COLOUR, LAW_NAMES, DataKind, capital, picture
+from legfem.report.style import DATA_COLOUR, picture
+from legfem.report.words import LAW_NAMES, NOT_TESTED, WORDS, DataKind, capital
 from legfem.specimens.comparison import SHAPE_SD_OF_LAYERS
 from legfem.specimens.course import shows_quickening
 from legfem.specimens.details import RecordingFit, SpecimenDetails, compared, rms_percent
@@ -28,12 +29,6 @@ type SpecimenFit = Fit[SpecimenDetails]
 
 _MOST_CURVES = 6
 _DASHES: tuple[Dash, ...] = ("solid", "dashed", "dotdash", "dotted")
-_NOT_TESTED = (
-    "A constant factor on the force (the load cell's gain, the specimen's size) looks like a "
-    "change of stiffness, and changes the result without any sign of it.",
-    "Whether the tissue is equally stiff in all directions (or across its fibres, where these are stated), "
-    "and whether it is the same in the body.",
-)
 
 
 class SpecimenReport(ReportKind):
@@ -96,7 +91,7 @@ class SpecimenReport(ReportKind):
     def chapters(self, fits: Sequence[SpecimenFit], pressed: web.PressedSection | None, note: str) -> list[web.Chapter]:
         """Return recordings, what was tested and what not, what to do and how it was done."""
         chosen = least_akaike(fits)
-        untested = [*estimates.rests_on(chosen.estimates, followed(chosen)), *_NOT_TESTED]
+        untested = [*estimates.rests_on(chosen.estimates, followed(chosen)), *NOT_TESTED["specimens"]]
         if not chosen.details.folder.returns:
             untested.append("Unloading, and everything after the first return, was not used.")
         return [
@@ -121,21 +116,13 @@ class SpecimenReport(ReportKind):
         return found
 
 
-_RELAXATION_WORDS = {
-    "ratio": "part of the stress that relaxes, relative to the part that stays",
-    "relaxation_time": "middle of the relaxation times",
-    "spread": "spread of the relaxation times (sd of their logarithm)",
-    "quickening": "speed-up of relaxation at the largest strain (logarithm)",
-}
-
-
 def _words(name: str) -> str:
     """Return a parameter's full name in words: the specimen is one tissue."""
     term, _, field = name.rpartition(".")
     if term == "deep":
         words = f"{symbol_of(name)} of the tissue"
     elif name in RELAXATION:
-        words = _RELAXATION_WORDS[field]
+        words = WORDS["relaxation"][field]
     else:
         words = estimates.words_of(name)
     return words.replace(RATIO, "fibre ratio")

@@ -20,7 +20,8 @@ from legfem.report.estimates import held_text, modulus_rows, words_of
 from legfem.report.folder import ReportFile
 from legfem.report.kinds import ReportKind
 from legfem.report.stocking_figures import stocking_pressure_figure, stocking_section_figure
-from legfem.report.style import DataKind, capital, picture
+from legfem.report.style import picture
+from legfem.report.words import NOT_TESTED, DataKind, capital
 from legfem.stockings.assessment import KIND
 from legfem.stockings.details import StockingDetails, StockingFit
 
@@ -105,7 +106,7 @@ class StockingReport(ReportKind):
             web.Chapter(stocking_pressures.PRESSURES, stocking_pressures.pressure_blocks(details)),
             web.Chapter(stocking_stiffness.STIFFNESS, stocking_stiffness.stiffness_blocks(fit)),
             web.Chapter("Where model and scan differ", [*where, *stocking_stiffness.contour_curves(details)]),
-            web.Chapter("What could not be tested", [web.Bullets(_NOT_TESTED)]),
+            web.Chapter("What could not be tested", [web.Bullets(NOT_TESTED["stocking"])]),
             web.Chapter("What to do next", [web.Bullets(_next(fit))]),
             web.Chapter("What was scanned", _scanned(details)),
             web.Chapter("How it was computed", [_computed(fit)]),
@@ -192,14 +193,6 @@ def _stocking(details: StockingDetails) -> list[web.Known]:
         name = "pressure on the skin by the scanned shape"
         rows.append(web.Known(name, mean, details.leg.origin, f"{source}Laplace's law"))
     return rows
-
-
-_NOT_TESTED = (
-    "A fabric whose stiffness or size is wrong: a pressure 10 % higher everywhere makes both "
-    "tissues about 10 % stiffer, and raises every pressure here by about as much.",
-    "Muscle that is tensed, and a leg that stands or walks: the scans are of a leg at rest.",
-    "The veins themselves: pressures are those of tissue without a vein in it.",
-)
 
 
 def _wrong(details: StockingDetails) -> str:

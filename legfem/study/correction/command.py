@@ -17,7 +17,8 @@ from legfem.inverse.correction import DEFINITION
 from legfem.report import page as web
 from legfem.report.curves import Curves, Dash, Line, curves_figure
 from legfem.report.render import brief, rendered
-from legfem.report.style import DataKind, save
+from legfem.report.style import save
+from legfem.report.words import NOT_TESTED, DataKind
 from legfem.study.correction import calibration
 from legfem.study.correction.cases import CaseOutcome, CorrectionCase
 
@@ -204,12 +205,6 @@ _THREE_PARTS = (
     "The error of P has three parts, each a curve over the displacement: that of the mesh (Richardson's estimate), "
     "that of a leg which is shorter or longer, and that of first contact."
 )
-_NOT_TESTED = (
-    "A real leg's shape: the leg here is a straight cylinder with one bone. --legs tabulates other "
-    "girths and depths of the bone.",
-    "A cylinder that isn't pressed square on, or slips.",
-    "Stiffness beyond the table: there P is taken as at its edge.",
-)
 
 
 def correction_web_page(found: calibration.Calibrated, trends: Trend, command: str) -> web.WebPage:
@@ -247,7 +242,7 @@ def correction_web_page(found: calibration.Calibrated, trends: Trend, command: s
                     web.WebTable("P on three meshes, and in the limit", *meshes_cells(found)),
                 ],
             ),
-            web.Chapter("What could not be tested", [web.Bullets(_NOT_TESTED)]),
+            web.Chapter("What could not be tested", [web.Bullets(NOT_TESTED["correction"])]),
             web.Chapter("What to do next", [web.Bullets(_next())]),
         ],
         repeat=web.Repeat(command, documents.versions_of("dolfinx", "python")),

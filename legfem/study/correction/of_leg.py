@@ -24,7 +24,8 @@ from legfem.legs.subject import Subject
 from legfem.report import page as web
 from legfem.report.curves import Curves, Line, curves_figure
 from legfem.report.render import rendered, table
-from legfem.report.style import DataKind, save
+from legfem.report.style import save
+from legfem.report.words import NOT_TESTED, DataKind
 from legfem.solve.path import ForceCurve
 from legfem.study.correction.command import SHOWN, p_curves
 
@@ -32,10 +33,6 @@ DOCUMENT = "leg.json"
 _HOW_SURE = (
     "The mesh's error is Richardson's estimate from larger elements; the length's is what cutting a third of the leg "
     "beyond the cylinder away does; that of first contact is what smoothing takes off the plain ratio of forces."
-)
-_NOT_TESTED = (
-    "Fibres, bones that give way, and a cylinder that slips.",
-    "Other stiffnesses: an identification solves the leg at its own.",
 )
 _LEG_COLOUR, _TABLE_COLOUR = "#0072B2", "#D55E00"
 
@@ -217,7 +214,7 @@ def _page(found: LegAndTable, curves: Curves, cells: Cells) -> web.WebPage:
         chapters=[
             web.Chapter("This leg and the table", [curves, web.WebTable("Forces, P and its errors by depth", *cells)]),
             web.Chapter("How sure", [web.Prose(_HOW_SURE)]),
-            web.Chapter("What could not be tested", [web.Bullets(_NOT_TESTED)]),
+            web.Chapter("What could not be tested", [web.Bullets(NOT_TESTED["correction_of_leg"])]),
         ],
         repeat=web.Repeat(web.command_line(), versions_of("dolfinx", "python")),
         data=DataKind("simulated data", "this leg's shape; nothing was pressed"),

@@ -23,7 +23,8 @@ from legfem.report.curves import Curves, Line
 from legfem.report.folder import REPORT, RESULT, ReportFile
 from legfem.report.plan import errors_of_readings
 from legfem.report.render import write_page
-from legfem.report.style import DATA_COLOUR, FAINT, DataKind
+from legfem.report.style import DATA_COLOUR, FAINT
+from legfem.report.words import NOT_TESTED, DataKind
 from legfem.study.doe import tables
 from legfem.study.doe.design import Definition, in_words, read_definition
 from legfem.study.doe.figures import draw_response
@@ -116,13 +117,6 @@ def _study(options: DoeOptions, definition: Definition, subject: Subject, worksh
     return result
 
 
-_NOT_TESTED = (
-    "Whether a real leg follows the model: every force here is simulated, in plane strain.",
-    "What the tissues do in time, friction, and other physics that the model leaves out: see legfem plan.",
-    "Values beyond the ranges below.",
-)
-
-
 _NO_METRIC = "No metric could be analysed."
 
 
@@ -147,7 +141,7 @@ def study_web_page(result: StudyResult, seed: int, command: str) -> web.WebPage:
         web.Chapter("The response surface", _surface(result)),
         *tables.number_chapters(result),
         web.Chapter("What to measure", [web.Bullets(tables.to_measure(result)), *tables.information_blocks(result)]),
-        web.Chapter("What could not be tested", [web.Bullets(_NOT_TESTED)]),
+        web.Chapter("What could not be tested", [web.Bullets(NOT_TESTED["design"])]),
     ]
     return web.WebPage(
         title="What does a compression test of this leg show?",

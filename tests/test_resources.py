@@ -1,0 +1,51 @@
+"""Tables of values that come with legfem know all that the code asks them for."""
+
+from __future__ import annotations
+
+from typing import get_args
+
+import pytest
+
+from legfem.data.formats import labels
+from legfem.data.quality import GRADES
+from legfem.data.ranges import RANGES
+from legfem.inverse.answer import Tone
+from legfem.inverse.catalogue import LawName
+from legfem.inverse.comparison import ErrorSource, Weighting
+from legfem.inverse.readings import RELAXATION
+from legfem.mechanisms import OCCURRENCES, mechanisms
+from legfem.report import page
+from legfem.report.words import LAW_NAMES, ORIGINS, WORDS
+
+
+@pytest.mark.parametrize("name", RANGES)
+def test_what_is_usual_is_possible(name):
+    one = RANGES[name]
+    assert one.possible[0] <= one.usual[0] < one.usual[1] <= one.possible[1]
+    assert one.published is None or (one.usual[0] <= one.published[0] < one.published[1] <= one.usual[1])
+    assert all(factor > 0 and factor != 1 for factor in one.units.values())
+
+
+def test_every_unit_measures_a_quantity_that_columns_have():
+    assert {one.quantity for one in map(labels.unit_named, labels.UNIT_OF.values()) if one} == set(labels.UNIT_OF)
+    assert {one.quantity for one in labels._KNOWN.values()} == {*labels.UNIT_OF, None}
+    assert set(labels.WORDS) < set(labels.UNIT_OF)
+
+
+def test_what_may_occur_is_a_mechanism_within_its_bounds():
+    first = {one.name: one.parameters[0] for one in mechanisms()}
+    for name, one in OCCURRENCES.items():
+        low, high = first[name].bounds
+        assert low <= one.low < one.high <= high, name
+
+
+def test_every_value_that_a_page_words_has_words():
+    assert set(LAW_NAMES) == set(WORDS["energies"]) == set(get_args(LawName))
+    assert set(page.TONES) == set(get_args(Tone))
+    assert set(page.PROVENANCE) == set(get_args(page.Provenance))
+    assert set(WORDS["sources_of_error"]) == set(get_args(ErrorSource)) - {"recordings", "ends"}
+    assert set(WORDS["weightings"]) == set(get_args(Weighting))
+    assert {name.rpartition(".")[2] for name in RELAXATION} == set(WORDS["relaxation"])
+    assert set(WORDS["grades"]) == set(GRADES)
+    assert set(WORDS["judged"]) == {*get_args(Tone), ""}
+    assert set(ORIGINS) == {"measured", "reconstructed", "simulated"}
