@@ -31,27 +31,18 @@ if TYPE_CHECKING:
 
     __version__: str
 
-__all__ = [
-    "Cohort",
-    "Diagnosed",
-    "DiagnosedFolder",
-    "Identification",
-    "InputError",
-    "PlannedTests",
-    "Readings",
-    "__version__",
-    "cohort",
-    "diagnose",
-    "identify",
-    "load_leg",
-    "load_sites",
-    "load_specimen",
-    "load_subject",
-    "plan",
-    "read_result",
-    "stocking",
-]
-
+HOMES = {
+    "cohorts": ("Cohort", "Readings", "cohort"),
+    "diagnosed": ("Diagnosed",),
+    "diagnosis": ("PlannedTests", "diagnose", "plan"),
+    "identification": ("identify",),
+    "loading": ("load_leg", "load_sites", "load_specimen", "load_subject"),
+    "results": ("Identification", "read_result"),
+    "specimens": ("DiagnosedFolder",),
+    "stockings": ("stocking",),
+}
+"""What the front door leads to, by modules of `legfem.api`."""
+__all__ = sorted(["InputError", "__version__", *(name for names in HOMES.values() for name in names)])
 _SHARED = ("cohort", "diagnose", "identify", "plan", "stocking")
 """Functions with the name of a module, which ``python -m`` and ``from legfem.cohort import ...`` find by that name."""
 

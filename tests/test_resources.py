@@ -16,6 +16,7 @@ from legfem.inverse.readings import RELAXATION
 from legfem.mechanisms import OCCURRENCES, mechanisms
 from legfem.report import page
 from legfem.report.words import LAW_NAMES, ORIGINS, WORDS
+from legfem.stockings.levels import LEVELS
 
 
 @pytest.mark.parametrize("name", RANGES)
@@ -46,6 +47,7 @@ def test_every_value_that_a_page_words_has_words():
     assert set(WORDS["sources_of_error"]) == set(get_args(ErrorSource)) - {"recordings", "ends"}
     assert set(WORDS["weightings"]) == set(get_args(Weighting))
     assert {name.rpartition(".")[2] for name in RELAXATION} == set(WORDS["relaxation"])
+    assert set(WORDS["levels"]) == set(LEVELS)
     assert set(WORDS["grades"]) == set(GRADES)
     assert set(WORDS["judged"]) == {*get_args(Tone), ""}
     assert set(ORIGINS) == {"measured", "reconstructed", "simulated"}

@@ -8,24 +8,13 @@ from importlib import import_module
 from inspect import isfunction
 from typing import Any
 
+from legfem import HOMES
 from legfem.api.loading import front, in_python_words
-
-_HOMES = {
-    "cohorts": ("Cohort", "Readings", "cohort"),
-    "diagnosed": ("Diagnosed",),
-    "diagnosis": ("PlannedTests", "diagnose", "plan"),
-    "identification": ("identify",),
-    "loading": ("load_leg", "load_sites", "load_specimen", "load_subject"),
-    "results": ("Identification", "read_result"),
-    "specimens": ("DiagnosedFolder",),
-    "stockings": ("stocking",),
-}
-"""Names that the door leads to, by the module that they stand in."""
 
 
 def __getattr__(name: str) -> Any:
     """Import a module when a name of its is first asked for: a leg is loaded without the solver and the figures."""
-    home = next((home for home, names in _HOMES.items() if name in names), None)
+    home = next((home for home, names in HOMES.items() if name in names), None)
     if home is None:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     with in_python_words():

@@ -4,7 +4,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 from matplotlib.figure import Figure
@@ -39,31 +39,6 @@ if TYPE_CHECKING:
     from legfem.specimens.folder import SpecimenFolder
 
 
-@overload
-def diagnose(
-    leg: Subject | SitedLeg | loading.Given,
-    *,
-    library: loading.Given | None = None,
-    correction: loading.Given | None = None,
-    seed: int = 0,
-    out: loading.Given | None = None,
-    jobs: int = 1,
-    progress: bool = False,
-    site: str = "",
-    prior: Sequence[str] = (),
-    within: str | Deadline | None = None,
-) -> Diagnosed: ...
-@overload
-def diagnose(
-    leg: "SpecimenFolder",
-    *,
-    library: loading.Given | None = None,
-    seed: int = 0,
-    out: loading.Given | None = None,
-    jobs: int = 1,
-    progress: bool = False,
-    specimens: Sequence[str] = (),
-) -> "DiagnosedFolder": ...
 def diagnose(
     leg: "Subject | SitedLeg | SpecimenFolder | loading.Given",
     *,

@@ -7,23 +7,3 @@ from legfem.data.quality import check_trial, quality_of
 from legfem.data.reader import read_samples
 from legfem.data.recording import Recording, SourceColumn, SourceColumns, write_recording
 from legfem.data.segmentation import Segmentation, segment
-
-__all__ = [
-    "Contact",
-    "Instrument",
-    "LoadingCurve",
-    "Recording",
-    "Scales",
-    "Segmentation",
-    "SourceColumn",
-    "SourceColumns",
-    "among_repeats",
-    "check_trial",
-    "mean_loading_curve",
-    "quality_of",
-    "read_samples",
-    "seen_instrument",
-    "segment",
-    "segment_all",
-    "write_recording",
-]

@@ -227,8 +227,12 @@ def _with_files(
         problem = f"trial {recordings[lacking].trial} has none: there is no {every[lacking].name}"
         raise InputError(toml, f"channels.{key}.file", problem, "add it, or optional = true if some trials have none")
     if key in OF_FRAMES and site is not None:
-        faces = site if isinstance(site, Site) else [site[k] for k in paths]
-        read = _of_frames([*paths.values()], OF_FRAMES[key], faces, [recordings[k] for k in paths], entry)
+        file, faces = OF_FRAMES[key], site if isinstance(site, Site) else [site[k] for k in paths]
+        frames = [_frames(path, file, faces, entry, recordings[k]) for k, path in paths.items()]
+        try:
+            read = file.of_frames(frames, faces)
+        except InputError as error:
+            raise error.at(next(iter(paths.values()))) from None
     else:
         read = [[Read(key, *read_channel(path, CHANNELS[key], entry.column))] for path in paths.values()]
     found = {k: _with_read(toml, paths[k], entry, one, recordings[k]) for k, one in zip(paths, read, strict=True)}
@@ -276,40 +280,25 @@ def _header(path: Path) -> tuple[str, ...]:
         return tuple(name.strip() for name in re.split("[,;\t]", file.readline(_LONGEST_HEADER)))
 
 
-def _of_frames(
-    paths: Sequence[Path],
-    file: FramesFile[Any],
-    site: Site | Sequence[Face],
-    recordings: Sequence[Recording],
-    laid: LaidFrames,
-) -> Sequence[Sequence[Read]]:
-    """Return the channels that every trial's file of frames gives."""
-    frames = []
-    for path, one in zip(paths, recordings, strict=True):
-        table = _frames_table(path, file, site, laid)
-        table = table[np.argsort(table[:, 0], kind="stable")]
-        frames.append(Frames(table[:, 0], table[:, 1:], one.time, one.force))
-    try:
-        return file.of_frames(frames, site)
-    except InputError as error:
-        raise error.at(paths[0]) from None
-
-
-def _frames_table(path: Path, file: FramesFile[Any], site: Site | Sequence[Face], laid: LaidFrames) -> FloatArray:
-    """Return a table of frames: legfem's own, or one that a camera's or a film's software exported."""
+def _frames(
+    path: Path, file: FramesFile[Any], site: Site | Sequence[Face], laid: LaidFrames, recording: Recording
+) -> Frames:
+    """Return a trial's frames in time: of legfem's own table, or one that a camera's or a film's software exported."""
     files = files_named(path)
     foreign = bool(files) and _header(files[0])[0] != "time_s"
     if foreign and file.columns == _POINTS:
         from legfem.data.formats.points import read_points
 
-        return read_points(files, laid)
-    if foreign and file.columns == _SENSELS and isinstance(site, Site):
+        table = read_points(files, laid)
+    elif foreign and file.columns == _SENSELS and isinstance(site, Site):
         from legfem.data.formats.films import read_film
 
-        return read_film(files, laid, site.indenter)
-    table = read_table(path, ("time_s", *file.columns))
-    laid.ask(path, {})
-    return table.to_numpy(dtype=np.float64)
+        table = read_film(files, laid, site.indenter)
+    else:
+        table = read_table(path, ("time_s", *file.columns)).to_numpy(dtype=np.float64)
+        laid.ask(path, {})
+    table = table[np.argsort(table[:, 0], kind="stable")]
+    return Frames(table[:, 0], table[:, 1:], recording.time, recording.force)
 
 
 def _with_read(

@@ -13,10 +13,10 @@ from legfem.report.curves import Curves, Dash, Line
 from legfem.report.leg_3d_view import Marked, SkinField, from_none, turned_leg
 from legfem.report.page import Bars, Block, Known, LabelledBar, Prose, Slider, TurnedLeg, View, WebTable
 from legfem.report.style import DATA_COLOUR, FAINT
-from legfem.report.words import ROUND, Directions, angle_round, round_leg, unwrapped
+from legfem.report.words import ROUND, WORDS, Directions, angle_round, round_leg, unwrapped
 from legfem.stockings.details import StockingDetails
 from legfem.stockings.fabric import CALF_SHARE
-from legfem.stockings.levels import PLACES, rises
+from legfem.stockings.levels import LEVELS, rises
 from legfem.stockings.pressures import TissuePressures, too_low_by
 
 ALONG = "Pressure along the leg"
@@ -210,7 +210,8 @@ def level_blocks(details: StockingDetails) -> list[Block]:
         rows = [
             {
                 "level": one.level,
-                "height": f"{one.height_mm:.0f} mm, {'as stated' if one.height_is_stated else PLACES[one.level]}",
+                "height": f"{one.height_mm:.0f} mm, "
+                + ("as stated" if one.height_is_stated else WORDS["levels"][one.level]),
                 "pressure (mmHg)": f"{one.mean_pressure_mmHg:.1f} ({one.ci95_mmHg[0]:.1f} to {one.ci95_mmHg[1]:.1f})",
                 "share of B's": "–" if one.over_pressure_at_B is None else f"{100 * one.over_pressure_at_B:.0f} %",
                 "limits (mmHg)": span_of(one.limits_mmHg),
@@ -255,7 +256,7 @@ def level_blocks(details: StockingDetails) -> list[Block]:
 def _about_levels(details: StockingDetails) -> Iterator[str]:
     """Yield what is missing at the levels, whether the pressure falls from one to the next, and its gradient."""
     along, makers, leg, levels = details.pressure_along, details.leg.makers, details.leg, details.at_levels
-    if missing := [name for name in PLACES if name not in makers.found(leg.bare)]:
+    if missing := [name for name in LEVELS if name not in makers.found(leg.bare)]:
         yield (
             f"Not shown, because the height isn't known or lies outside the modelled part: {', '.join(missing)}. "
             "State the heights in the table [stocking.levels_mm] of leg.toml, between "

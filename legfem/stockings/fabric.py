@@ -20,7 +20,7 @@ pressure at the ankle in mmHg. Upwards the pressure falls; below the knee the st
 most 70 % of the ankle's.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from legfem.common.errors import AboveZero, Checked, InputError
+from legfem.common.resources import resource
 from legfem.common.units import FloatArray, frozen_array, mmhg_to_mpa
 from legfem.geometry.leg_shape import SKIN, LegShape
 
@@ -230,13 +231,9 @@ CALF_SHARE = 0.7
 
 type CompressionClass = Literal["1", "2", "3", "4"]
 """A class of RAL-GZ 387/1: light, moderate, strong and very strong."""
-ANKLE_MMHG: Mapping[str, tuple[float, float]] = {
-    "1": (18.0, 21.0),
-    "2": (23.0, 32.0),
-    "3": (34.0, 46.0),
-    # 49 mmHg and more: its lower bound is taken for both.
-    "4": (49.0, 49.0),
-}
+type Standard = Literal["RAL-GZ 387", "ENV 12718"]
+ANKLE_LIMITS = resource("stockings", dict[Standard, dict[str, tuple[float, float]]])
+"""Pressure at B by class, mmHg."""
 
 
 def fitted_stocking(shape: LegShape, chosen: CompressionClass, stiffness: float = 0.3) -> Stocking:
@@ -261,7 +258,9 @@ def fitted_stocking(shape: LegShape, chosen: CompressionClass, stiffness: float 
     """
     probe = Stocking(1.0, shape.levels[:1], np.array([1.0]))
     perimeter = stocking_load(shape, probe).perimeter
-    pressure = CALF_SHARE * mmhg_to_mpa(float(np.mean(ANKLE_MMHG[chosen])))
+    least, most = ANKLE_LIMITS["RAL-GZ 387"][chosen]
+    # Of 49 mmHg and more the lower bound is taken.
+    pressure = CALF_SHARE * mmhg_to_mpa(0.5 * (least + (most if np.isfinite(most) else least)))
     strain = pressure * perimeter / (2 * np.pi) / stiffness
     if strain.max() > 2:
         raise InputError(

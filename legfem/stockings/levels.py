@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -11,24 +11,12 @@ from legfem.common.units import FloatArray, mpa_to_mmhg
 from legfem.geometry.leg_shape import LegShape, perimeter
 from legfem.inverse.intervals import quantile
 from legfem.stockings.contour_distances import ContourAccuracy
-from legfem.stockings.fabric import ANKLE_MMHG, StockingLoad
+from legfem.stockings.fabric import ANKLE_LIMITS, Standard, StockingLoad
 
 TISSUES: Mapping[str, str] = {"deep.C10": "muscle", "superficial.C10": "fat"}
 """What people call the tissues whose stiffness is fitted."""
 type Level = Literal["B", "B1", "C", "D"]
-type Standard = Literal["RAL-GZ 387", "ENV 12718"]
-PLACES: Mapping[Level, str] = {
-    "B": "least girth above the ankle",
-    "B1": "where the Achilles tendon passes into the calf's muscles",
-    "C": "greatest girth of the calf",
-    "D": "below the head of the fibula",
-}
-_RAL: Mapping[str, tuple[float, float]] = {**ANKLE_MMHG, "4": (49.0, float("inf"))}
-ANKLE_LIMITS: Mapping[Standard, Mapping[str, tuple[float, float]]] = {
-    "RAL-GZ 387": _RAL,
-    "ENV 12718": {**_RAL, "A": (10.0, 14.0), "1": (15.0, 21.0)},
-}
-"""Pressure at B by class, mmHg."""
+LEVELS: tuple[Level, ...] = get_args(Level.__value__)
 MESH_SHARE = 0.1
 """Error of the mesh over the change of pressure that the leg's giving way makes: a judgement, not measured."""
 _AROUND = 8
@@ -76,7 +64,7 @@ class MakersLevels:
         if narrow:
             heights.setdefault("B", (float(levels[min(narrow, key=lambda k: around[k])]), False))
         return {
-            name: heights[name] for name in PLACES if name in heights and levels[0] <= heights[name][0] <= levels[-1]
+            name: heights[name] for name in LEVELS if name in heights and levels[0] <= heights[name][0] <= levels[-1]
         }
 
 

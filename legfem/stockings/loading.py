@@ -33,7 +33,7 @@ from legfem.mechanics.materials import NeoHookean
 from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.fabric import Stocking, fitted_stocking, stocking_load
 from legfem.stockings.leg import KINDS, USUAL_DIAMETER, Posture, Sensor, StockingLeg, Vein, default_veins, off_skin
-from legfem.stockings.levels import PLACES, MakersLevels
+from legfem.stockings.levels import LEVELS, MakersLevels
 from legfem.stockings.schema import LegFile, StockingEntry, parse_leg_file
 
 _BEYOND_MM = 10.0
@@ -184,8 +184,8 @@ def _fabric(directory: Path, toml: Path, entry: StockingEntry, bare: LegShape) -
 
 
 def _makers(entry: StockingEntry) -> MakersLevels:
-    heights = {name: float(at) for name in PLACES if (at := getattr(entry.levels_mm, name)) is not None}
-    shares = {name: (ends[0], ends[1]) for name in PLACES if (ends := getattr(entry.limits_percent, name, None))}
+    heights = {name: float(at) for name in LEVELS if (at := getattr(entry.levels_mm, name)) is not None}
+    shares = {name: (ends[0], ends[1]) for name in LEVELS if (ends := getattr(entry.limits_percent, name, None))}
     chosen = entry.intended_class or entry.compression_class or ""
     return MakersLevels(entry.standard, chosen, heights, shares, entry.compression_class is not None)
 

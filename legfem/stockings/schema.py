@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from legfem.common import input_files
 from legfem.imaging.shape_schema import LabelsEntry, ShapeEntry
 from legfem.inverse.elastography import ElastographyEntry, check_once
-from legfem.stockings.fabric import CompressionClass
+from legfem.stockings.fabric import CompressionClass, Standard
 from legfem.stockings.leg import KINDS
 
 
@@ -72,7 +72,7 @@ class StockingEntry(input_files.FileTable):
     """CSV file of level_mm,perimeter_mm: the unstretched perimeter at each height."""
     intended_class: Literal["A", "1", "2", "3", "4"] | None = None
     """Class whose limits the pressure at B is compared with; without it, compression_class."""
-    standard: Literal["RAL-GZ 387", "ENV 12718"] = "RAL-GZ 387"
+    standard: Standard = "RAL-GZ 387"
     """Standard that gives the classes' limits."""
     levels_mm: LevelsEntry = LevelsEntry()
     limits_percent: SharesEntry = SharesEntry()

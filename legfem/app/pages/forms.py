@@ -12,27 +12,12 @@ from legfem.app.pages.frame import attempt, dropdown, hinted, refused, tag
 from legfem.app.workspace import DESCRIPTIONS, description_of, text_of
 from legfem.common.documents import write_atomically
 from legfem.common.errors import InputError
+from legfem.common.resources import resource
 from legfem.data.recording import QUANTITIES, SourceColumn, SourceColumns
 from legfem.legs.schema import SUBJECTS
 from legfem.specimens.kinds import kinds
 
-_TABLES = {
-    "": "What it is",
-    "section": "Section",
-    "indenter": "Indenter",
-    "tissues.deep": "Muscle",
-    "tissues.superficial": "Fat",
-    "tissues.fascia": "Fascia",
-    "instrument": "Instrument: give standard deviations, or accuracies and range",
-    "recordings": "Recordings",
-    "accuracy": "How well the leg is known; empty: what is usual",
-    "bare": "Bare leg",
-    "compressed": "Leg in its stocking",
-    "stocking": "Stocking",
-    "segment": "Part that is modelled",
-    "tissue": "Tissue",
-    **{name: f"Test: {kind.words}" for name, kind in kinds().items()},
-}
+_TABLES = resource("app/tables", dict[str, str]) | {name: f"Test: {kind.words}" for name, kind in kinds().items()}
 
 
 def settings_tab(folder: Path) -> None:

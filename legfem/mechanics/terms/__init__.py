@@ -5,30 +5,10 @@ Parameters are named ``<where>.<field>`` for what every leg has (``deep.C10``,
 (``deep.viscoelasticity.ratio``). A mechanism vanishes at its strength's null, the default.
 """
 
-import mpi4py.MPI  # noqa: F401  # first, see legfem.fem
+import mpi4py.MPI  # first, see legfem.fem
 
 from legfem.mechanics.terms.contact import BoneSprings, NormalContact, SkinPressure, TangentialContact
 from legfem.mechanics.terms.membranes import Fascia, Prestress, SlidingFace
 from legfem.mechanics.terms.muscle import Contraction, Fibres, StiffLump, StiffnessGradient, UnevenStiffness
 from legfem.mechanics.terms.time_dependence import Drainage, Viscoelasticity
 from legfem.mechanics.terms.tissue import PressureStabilisation, Tissue, VolumeLoss
-
-__all__ = [
-    "BoneSprings",
-    "Contraction",
-    "Drainage",
-    "Fascia",
-    "Fibres",
-    "NormalContact",
-    "PressureStabilisation",
-    "Prestress",
-    "SkinPressure",
-    "SlidingFace",
-    "StiffLump",
-    "StiffnessGradient",
-    "TangentialContact",
-    "Tissue",
-    "UnevenStiffness",
-    "Viscoelasticity",
-    "VolumeLoss",
-]
