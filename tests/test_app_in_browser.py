@@ -324,16 +324,26 @@ def test_a_study_of_all_legs_is_run_and_its_table_downloaded(served, page):
             trial.unlink()
         page.open(home(address))
         page.sees("Drop a folder here")
-    page.click("All pressed legs as one study")
-    page.until("location.pathname.startsWith('/run/cohort')")
+    page.click("A study of several legs")
+    page.sees("2 legs or visits of 2 people")
+    assert accessible(page)
+    pasted = "folder\tsubject\tside\nexample-leg\tP01\tleft\nexample-leg-2\tP01\t"
+    page.type("table of the study", f"{pasted}rihgt\n")
+    page.sees("side is neither left nor right")
+    page.type("table of the study", f"{pasted}right\n")
+    page.sees("2 legs or visits of 1 person")
+    page.click("Run the study")
+    page.until("location.pathname.startsWith('/run/study')")
     page.until("!!document.querySelector('iframe.report')", 40 * MINUTES)
     table = page.value(
         "fetch([...document.querySelectorAll('a')].find((one) => one.innerText === 'Table as CSV').href)"
         ".then((answer) => answer.text())"
     )
     assert len(table.strip().splitlines()) == 3
-    assert "example-leg-2" in table
+    assert "example-leg-2" in table and "P01" in table
     assert accessible(page)
+    page.click("change the study's table, and go on")
+    page.sees("Go on with this table")
 
 
 def test_an_input_is_renamed_deleted_and_put_back(served, page):

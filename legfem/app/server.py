@@ -12,6 +12,7 @@ from legfem.app.outcomes import answers_of, as_csv, as_xlsx
 from legfem.app.pages.input import input_page
 from legfem.app.pages.overview import compare_page, home_page
 from legfem.app.pages.run import run_page
+from legfem.app.pages.study import study_page
 from legfem.app.pages.wizard import describe_page
 from legfem.app.runs import runs_of
 from legfem.app.workspace import Workspace
@@ -101,6 +102,10 @@ def _add_pages(workspace: Workspace) -> None:
     @ui.page("/")
     def home(deleted: str = "") -> None:
         home_page(workspace, deleted)
+
+    @ui.page("/study")
+    def study(run: str = "") -> None:
+        study_page(workspace, run)
 
     @ui.page("/input/{name}")
     def one_input(name: str) -> None:

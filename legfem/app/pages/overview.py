@@ -8,7 +8,8 @@ from nicegui import ui
 from legfem.app.outcomes import RunResult, answers_of, relative_difference, sentence_of
 from legfem.app.pages.frame import chip, drop_zone, dropdown, framed, page_of, tag, when
 from legfem.app.pages.run import address
-from legfem.app.runs import EVERY, Run, runs_of
+from legfem.app.runs import Run, runs_of
+from legfem.app.study import legs_of
 from legfem.app.workspace import Workspace, description_of, files_of
 from legfem.common.resources import RESOURCES
 from legfem.report.render import filled
@@ -46,9 +47,8 @@ def home_page(workspace: Workspace, deleted: str = "") -> None:
                         ui.link(name, page_of("input", name))
                         kind = _KINDS[description_of(folder)]
                         tag("span", f"{kind}, {count} file{'' if count == 1 else 's'}", "quiet")
-            legs = [name for name in workspace.inputs if description_of(workspace.input(name)) == "subject.toml"]
-            if len(legs) > 1:
-                ui.button("All pressed legs as one study", on_click=lambda: _study(workspace)).props("outline dense")
+            if len(legs_of(workspace)) > 1:
+                ui.button("A study of several legs", on_click=lambda: ui.navigate.to("/study")).props("outline dense")
         if workspace.runs:
             tag("h2", "Runs")
             with ui.element("ul").classes("cards"):
@@ -94,15 +94,6 @@ def _put_back(workspace: Workspace, kind: str, name: str) -> None:
         run = Run(workspace.run(now))
         run.point_to(run.asked.about, workspace.folder / "runs" / name / "results", run.results)
     ui.navigate.to(page_of(kind.removesuffix("s"), now))
-
-
-def _study(workspace: Workspace) -> None:
-    """Identify all legs and put them into one table."""
-    name = workspace.new_run("cohort")
-    run = workspace.run(name)
-    inputs = str(workspace.folder / "inputs")
-    Run.begun(run, "legfem.cohort", [inputs, "--out", str(Run(run).results)], EVERY)
-    ui.navigate.to(page_of("run", name))
 
 
 _COLUMNS = {

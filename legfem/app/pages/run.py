@@ -10,6 +10,7 @@ from nicegui import ui
 from legfem.app.outcomes import files_of_results, sentence_of
 from legfem.app.pages.frame import chip, command, framed, page_after_deletion, page_of, refused, tag
 from legfem.app.runs import EVERY, Run, RunState
+from legfem.app.study import TABLE
 from legfem.app.workspace import Workspace
 from legfem.common.errors import InputError
 from legfem.common.progress import Reached, duration
@@ -31,6 +32,8 @@ def run_page(workspace: Workspace, name: str) -> None:
             tag("span", f"{run.kind} of ")
             if about == EVERY:
                 tag("span", about)
+                if (run.folder / TABLE).is_file():
+                    ui.link("change the study's table, and go on", f"/study?run={quote(name, safe='')}")
             else:
                 ui.link(about, page_of("input", about))
         try:
