@@ -51,6 +51,7 @@ def test_a_table_is_pasted_from_a_spreadsheet(workspace):
         ("P01 left,P01,,1.3.2026", "write 2026-01-31"),
         ("P01 left,P01,,\nP01 left,P01,,", "is in line 3 too"),
         ("../../elsewhere,P01,,", "is no leg of this workspace"),
+        (f"{'x' * 5000},P01,,", "file name too long"),
     ],
 )
 def test_a_row_that_is_wrong_gets_one_line_that_names_the_table_alone(workspace, tmp_path, row, said):

@@ -10,7 +10,7 @@ from legfem.cohort.members import Members, Task, find_members
 from legfem.common.documents import write_atomically
 from legfem.common.errors import InputError
 
-TABLE = "members.csv"
+TABLE = "study.csv"
 """In the run's folder."""
 TASKS: tuple[Task, ...] = get_args(Task.__value__)[:2]
 """What is done with the legs of a study."""

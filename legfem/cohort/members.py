@@ -234,12 +234,16 @@ def _doubts(table: Path, cells: pd.DataFrame, members: Sequence[Member]) -> list
 
 
 def _problem(path: Path, written: str, found: Mapping[str, Path], files: Sequence[str]) -> str:
-    if any((path / file).is_file() for file in files):
-        return ""
+    try:
+        if any((path / file).is_file() for file in files):
+            return ""
+        there_is = path.is_dir()
+    except OSError as error:  # what no path can be called
+        return f"folder '{written[:80]}' can't be looked at ({str(error.strerror).lower()}); check its name"
     there = {name.lower(): name for name in found}
     near = difflib.get_close_matches(written.lower(), there, n=1)
     hint = f"did you mean '{there[near[0]]}'?" if near else "check its name"
-    what = f"contains no {' or '.join(files)}" if path.is_dir() else "is not there"
+    what = f"contains no {' or '.join(files)}" if there_is else "is not there"
     return f"folder '{written}' {what}; {hint}"
 
 

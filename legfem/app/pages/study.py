@@ -40,13 +40,13 @@ def study_page(workspace: Workspace, run: str = "") -> None:
             seen.clear()
             with seen:
                 try:
-                    _shown(members_of(workspace, table.value))
+                    _shown(members_of(workspace, table.value or ""))
                 except InputError as error:
                     refused(str(error))
 
         table.on_value_change(draw)
         draw()
-        start = lambda: page_of("run", begin_study(workspace, table.value, task.value, law.value, run))  # noqa: E731
+        start = lambda: page_of("run", begin_study(workspace, table.value or "", task.value, law.value, run))  # noqa: E731
         ui.button("Go on with this table" if run else "Run the study", on_click=lambda: attempt(start))
         tag("p", "Legs that are done are kept: a changed table, or one more leg, does only what is new.", "quiet")
 
