@@ -128,6 +128,9 @@ class AccuracyEntry(input_files.FileTable):
     """Standard deviation of the direction of travel."""
     assumed_sd_percent: input_files.NotNegative | None = None
     """Standard deviation of what is assumed: stiffness of fat and fascia, compressibility."""
+    contact_sd_mm: input_files.NotNegative | None = None
+    """Standard deviation of first contact, alike in all trials, where ``starts_at_contact`` says that they begin there;
+    without it, the way on which the load cell comes to feel the leg, over the square root of 12."""
 
 
 class LabFile(input_files.FileTable):

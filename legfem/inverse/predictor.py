@@ -43,6 +43,8 @@ AT_TOUCH_SD_MM = 0.05
 """Least standard deviation of first contact where recordings begin at first touch."""
 FELT = 3.0
 """Force over the load cell's white noise at which a touch shows."""
+LATEST_ALIKE_MM = 3.0
+"""Way by which all trials may have been begun too late at most, by one habit."""
 _ONSETS_MM = (-4.0, 4.0)
 
 
@@ -332,10 +334,22 @@ def onset_prior(observed: Observations, trial: int) -> Prior:
     if observed.shows_air:
         return detected_onset(observed, trial)
     # Nobody who begins at first touch sees it better than the load cell shows it, which it does once it feels it.
-    slope = max(float(observed.stiffness[observed.trial == trial][0]), 1e-9)
-    felt = FELT * observed.white_sd / slope
-    sd = max(AT_TOUCH_SD_MM * observed.way, min(observed.contacts[trial].displacement_error, felt))
+    sd = max(AT_TOUCH_SD_MM * observed.way, min(observed.contacts[trial].displacement_error, _felt(observed, trial)))
     return Prior(0.0, sd, "linear", "the recording begins at first touch")
+
+
+def _felt(observed: Observations, trial: int) -> float:
+    """Return the way (mm) on which a load cell comes to feel a touch, before which nobody sees it."""
+    return FELT * observed.white_sd / max(float(observed.stiffness[observed.trial == trial][0]), 1e-9)
+
+
+def contact_sd_alike(observed: Observations) -> float:
+    """Return the standard deviation (mm) of first contact that all trials have alike, where it is stated to be at zero.
+
+    Who states it has put it anywhere on the way on which the load cell comes to feel it.
+    """
+    felt = float(np.mean([_felt(observed, trial) for trial in range(len(observed.trials))]))
+    return min(felt, LATEST_ALIKE_MM * observed.way) / float(np.sqrt(12.0))
 
 
 def onset_name(trial: int) -> str:

@@ -110,7 +110,9 @@ def load_subject(
         starts_at_contact=given.recordings.starts_at_contact,
         plane_strain=given.origin != "measured" if (flat := given.recordings.plane_strain) is None else flat,
         plane_strain_stated=flat is not None,
-        accuracy=LegAccuracy(known.contour_sd_mm, known.aim_sd_mm, known.direction_sd_deg, assumed),
+        accuracy=LegAccuracy(
+            known.contour_sd_mm, known.aim_sd_mm, known.direction_sd_deg, assumed, known.contact_sd_mm
+        ),
         confirmed=tuple(given.confirmed),
         cut_from=place.cut_from,
         landmark_residual=place.landmark_residual,

@@ -45,12 +45,15 @@ class ShapeAccuracy(Accuracy):
         Of its direction (degrees).
     bones
         Names of those whose outlines may be off.
+    contact_sd
+        Of first contact (mm), where it is stated to be at zero; as the load cell feels it without it.
     """
 
     contour_sd: float = CONTOUR_SD_MM
     aim_sd: float = AIM_SD_MM
     direction_sd: float = DIRECTION_SD_DEG
     bones: tuple[str, ...] = LIMBS[CALF]
+    contact_sd: float | None = None
 
     @property
     def shape_errors(self) -> tuple[ShapeError, ...]:

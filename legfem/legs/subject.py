@@ -48,11 +48,13 @@ class LegAccuracy:
     """Standard deviation of its direction, degrees."""
     assumed_sd: float | None = None
     """Relative, of what is assumed: stiffness of fat and fascia, compressibility."""
+    contact_sd: float | None = None
+    """Standard deviation of first contact in all trials alike, mm, where they are stated to begin there."""
 
     @property
     def stated(self) -> bool:
-        """Whether the folder says anything of it."""
-        return self != LegAccuracy()
+        """Whether the folder says anything of the leg itself."""
+        return replace(self, contact_sd=None) != LegAccuracy()
 
 
 TYPICAL_FORCE_SD = 0.06

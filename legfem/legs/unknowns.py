@@ -15,6 +15,7 @@ from legfem.inverse.library_build import geometric_changes
 from legfem.inverse.library_tasks import STIFFENING, rounded, stiffness_at
 from legfem.inverse.linearised import nuisance_effects
 from legfem.inverse.mechanism import Stiffness
+from legfem.inverse.predictor import contact_sd_alike
 from legfem.inverse.readings import GAIN, OFFSET, ZERO
 from legfem.inverse.settings import SearchRequest
 from legfem.inverse.station_test import StationTest
@@ -103,6 +104,10 @@ def unknowns_at(
     )
     force: FloatArray = np.where(np.arange(len(predicted)) < len(test.observed.force), 1.0, 0.0)
     by_instrument = {GAIN: force * predicted, ZERO: force, OFFSET: test.by_displacement}
+    if test.observed.starts_at_contact:
+        late = contact_sd_alike(test.observed) if accuracy.contact_sd is None else accuracy.contact_sd
+        contact = Cause("first contact")
+        found.append(NuisanceEffect(contact.name, late * test.by_displacement, contact, "recordings"))
     for name, sd in own_errors.items():
         found.append(NuisanceEffect(name, sd * by_instrument[name], Cause(name), "recordings"))
     return found
