@@ -90,12 +90,15 @@ class Accuracy:
         Stiffnesses (MPa) by other means, by full name: ``deep.C10``, ``superficial.C10``.
     effects
         How strong effects are that the model may leave out, by other means.
+    contact_sd
+        Of first contact (mm) in all trials alike, where it is stated to be at zero; None as the load cell feels it.
     """
 
     assumed_sd: float | None = None
     size_sd: float = SIZE_LOG_SD
     measured: Mapping[str, Prior] = field(default_factory=dict)
     effects: tuple[MeasuredEffect, ...] = ()
+    contact_sd: float | None = 0.0
 
     @property
     def shape_errors(self) -> tuple[ShapeError, ...]:

@@ -5,7 +5,7 @@ solution with another geometry, or from the exact derivative by an assumed numbe
 error that comes with it.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 
@@ -25,7 +25,7 @@ from legfem.inverse.library import NuisanceChanges
 from legfem.inverse.mechanism import Mechanism, Occurrence, Stiffness, Unseen, prior_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter
-from legfem.inverse.predictor import Predictor
+from legfem.inverse.predictor import Predictor, contact_sd_alike
 from legfem.inverse.trial_noise import Noise
 
 
@@ -288,4 +288,11 @@ def nuisance_effects(
         for mode_name, mode in ends.relative_errors(d, *stiffness).items():
             name = f"3D correction: {mode_name}"
             found.append(NuisanceEffect(name, prediction * observed.following_force(mode), Cause(name)))
-    return found
+    return [*found, *late_touch(observed, accuracy)]
+
+
+def late_touch(observed: Observations, accuracy: Accuracy) -> Iterator[NuisanceEffect]:
+    """Yield what first contact does that is stated to be at zero and is off by a standard deviation in all trials."""
+    if observed.starts_at_contact:
+        sd = contact_sd_alike(observed) if accuracy.contact_sd is None else accuracy.contact_sd
+        yield NuisanceEffect("first contact", sd * observed.by_displacement, Cause("first contact"), "recordings")

@@ -147,6 +147,11 @@ class Observations:
         return self.spread(slopes)
 
     @cached_property
+    def by_displacement(self) -> FloatArray:
+        """Derivative of all N readings by the displacement, per mm, smoothed."""
+        return np.concatenate([self.stiffness, *(one.slope(one.values) for one in self.channels)])
+
+    @cached_property
     def means(self) -> FloatArray:
         """Matrix (m, N) that takes the mean over a protocol's trials at each of its stations, and the rest as it is."""
         rows = []

@@ -123,10 +123,7 @@ class StationTest:
     @cached_property
     def by_displacement(self) -> FloatArray:
         """Derivative (all N readings,) by the displacement, per mm: of a fit, else of the recordings."""
-        if self.slopes is not None:
-            return self.slopes
-        observed = self.observed
-        return np.concatenate([observed.stiffness, *(one.slope(one.values) for one in observed.channels)])
+        return self.observed.by_displacement if self.slopes is None else self.slopes
 
     @property
     def if_deeper(self) -> FloatArray:

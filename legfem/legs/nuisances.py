@@ -45,8 +45,6 @@ class ShapeAccuracy(Accuracy):
         Of its direction (degrees).
     bones
         Names of those whose outlines may be off.
-    contact_sd
-        Of first contact (mm), where it is stated to be at zero; as the load cell feels it without it.
     """
 
     contour_sd: float = CONTOUR_SD_MM

@@ -13,9 +13,8 @@ from legfem.inverse.errors import NuisanceEffect
 from legfem.inverse.library import NuisanceChanges
 from legfem.inverse.library_build import geometric_changes
 from legfem.inverse.library_tasks import STIFFENING, rounded, stiffness_at
-from legfem.inverse.linearised import nuisance_effects
+from legfem.inverse.linearised import late_touch, nuisance_effects
 from legfem.inverse.mechanism import Stiffness
-from legfem.inverse.predictor import contact_sd_alike
 from legfem.inverse.readings import GAIN, OFFSET, ZERO
 from legfem.inverse.settings import SearchRequest
 from legfem.inverse.station_test import StationTest
@@ -98,16 +97,12 @@ def unknowns_at(
             word, effect = word_of(name), sd * every[name] * rates[name]
             found.append(NuisanceEffect(word, effect, Cause(word, MATERIAL_DOF), "assumed", True))
     found += (
-        _of_shape(test, subject, predicted, accuracy)
+        [*_of_shape(test, subject, predicted, accuracy), *late_touch(test.observed, accuracy)]
         if changes is None
         else nuisance_effects(changes, test.observed, predicted, accuracy)
     )
     force: FloatArray = np.where(np.arange(len(predicted)) < len(test.observed.force), 1.0, 0.0)
     by_instrument = {GAIN: force * predicted, ZERO: force, OFFSET: test.by_displacement}
-    if test.observed.starts_at_contact:
-        late = contact_sd_alike(test.observed) if accuracy.contact_sd is None else accuracy.contact_sd
-        contact = Cause("first contact")
-        found.append(NuisanceEffect(contact.name, late * test.by_displacement, contact, "recordings"))
     for name, sd in own_errors.items():
         found.append(NuisanceEffect(name, sd * by_instrument[name], Cause(name), "recordings"))
     return found
