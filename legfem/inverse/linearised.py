@@ -295,4 +295,4 @@ def late_touch(observed: Observations, accuracy: Accuracy) -> Iterator[NuisanceE
     """Yield what first contact does that is stated to be at zero and is off by a standard deviation in all trials."""
     if observed.starts_at_contact:
         sd = contact_sd_alike(observed) if accuracy.contact_sd is None else accuracy.contact_sd
-        yield NuisanceEffect("first contact", sd * observed.by_displacement, Cause("first contact"), "recordings")
+        yield NuisanceEffect("first contact", sd * observed.by_displacement, Cause("first contact"), "contact")

@@ -216,7 +216,7 @@ class LegProblem:
             "numerical_error_relative": NUMERICAL_ERROR,
             "t_quantile": times,
             "interval": f"95 %, profile of the cost, t quantile {times:.2f}, covariance of recordings, numerical "
-            "error, outlines, aim, direction and assumed tissues",
+            "error, first contact, outlines, aim, direction and assumed tissues",
             "identifiable_within_relative_half_width": IDENTIFIABLE_WITHIN,
             "weakly_identifiable_within_relative_half_width": WEAKLY_WITHIN,
         }
