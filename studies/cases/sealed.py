@@ -230,6 +230,7 @@ class Lab:
             recordings=tuple(replace(r, channels=tuple(c for c in r.channels if c.name in kept)) for r in recordings),
             instrument=INSTRUMENT,
             starts_at_contact=programme == "holds",
+            accuracy=replace(leg.accuracy, contact_sd=0.0),
             plane_strain=True,
             plane_strain_stated=True,
         )

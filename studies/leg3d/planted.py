@@ -161,7 +161,7 @@ def folder_of(planted: Planted, curve: ForceCurve, out: Path, seed: int) -> Path
     text = text.replace("fascia_thickness_mm", f"length_mm = {LEG.length}\nfascia_thickness_mm", 1).replace(
         "length_mm = 50.0", f"length_mm = {CYLINDER.length}", 1
     )
-    toml.write_text(with_fibres(text, planted.fibres), encoding="utf-8")
+    toml.write_text(with_fibres(f"{text}\n[accuracy]\ncontact_sd_mm = 0.0\n", planted.fibres), encoding="utf-8")
     return folder
 
 
