@@ -288,11 +288,14 @@ def nuisance_effects(
         for mode_name, mode in ends.relative_errors(d, *stiffness).items():
             name = f"3D correction: {mode_name}"
             found.append(NuisanceEffect(name, prediction * observed.following_force(mode), Cause(name)))
-    return [*found, *late_touch(observed, accuracy)]
+    return [*found, *late_touch(observed.with_values(prediction), accuracy)]
 
 
-def late_touch(observed: Observations, accuracy: Accuracy) -> Iterator[NuisanceEffect]:
-    """Yield what first contact does that is stated to be at zero and is off by a standard deviation in all trials."""
-    if observed.starts_at_contact:
-        sd = contact_sd_alike(observed) if accuracy.contact_sd is None else accuracy.contact_sd
-        yield NuisanceEffect("first contact", sd * observed.by_displacement, Cause("first contact"), "contact")
+def late_touch(predicted: Observations, accuracy: Accuracy) -> Iterator[NuisanceEffect]:
+    """Yield what first contact does that is stated to be at zero and is off by a standard deviation in all trials.
+
+    The readings are a model's, whose slope has no noise.
+    """
+    if predicted.starts_at_contact:
+        sd = contact_sd_alike(predicted) if accuracy.contact_sd is None else accuracy.contact_sd
+        yield NuisanceEffect("first contact", sd * predicted.by_displacement, Cause("first contact"), "contact")

@@ -97,7 +97,7 @@ def unknowns_at(
             word, effect = word_of(name), sd * every[name] * rates[name]
             found.append(NuisanceEffect(word, effect, Cause(word, MATERIAL_DOF), "assumed", True))
     found += (
-        [*_of_shape(test, subject, predicted, accuracy), *late_touch(test.observed, accuracy)]
+        [*_of_shape(test, subject, predicted, accuracy), *late_touch(test.observed.with_values(predicted), accuracy)]
         if changes is None
         else nuisance_effects(changes, test.observed, predicted, accuracy)
     )
