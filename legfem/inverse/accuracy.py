@@ -4,21 +4,18 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from legfem.common.errors import InputError
+from legfem.common.resources import resource
 from legfem.inverse.mechanism import Mechanism, null_of, prior_of
 from legfem.inverse.parameter import Prior
 
-MATERIAL_LOG_SD: Mapping[str, float] = {
-    "superficial.C10": 0.2,
-    "fascia.C10": 0.25,
-    "deep.D1": 0.25,
-    "superficial.D1": 0.25,
-}
-"""Of the logarithms of what is assumed: a factor of 1.5 to 1.65 at two standard deviations. What is
-further off is called a mechanism."""
+_ASSUMED = resource("parameters", dict[str, dict[str, Any]])["assumed"]
+MATERIAL_LOG_SD: Mapping[str, float] = {name: one["log_sd"] for name, one in _ASSUMED.items()}
+"""Of the logarithms of what is assumed."""
 MATERIAL_DOF = 8.0
 """Degrees of freedom of how far what is assumed of tissues is off: known to 25 % (JCGM 100:2008, G.4.2)."""
 GEOMETRY_DOF = 3.0
@@ -29,18 +26,12 @@ SIZE = "size."
 SIZE_LOG_SD = 0.01
 """Of the logarithm of a body's or an indenter's size, by calipers on what gives way."""
 _A_SIZE = "stated size: "
-_WORDS = {
-    "superficial.C10": "stiffness of the fat",
-    "fascia.C10": "stiffness of the fascia",
-    "deep.D1": "compressibility of the deep tissue",
-    "superficial.D1": "compressibility of the fat",
-}
 
 
 def word_of(name: str) -> str:
     """Return what an assumed number is called."""
     size = name.removeprefix(SIZE)
-    return _WORDS[name] if size == name else f"{_A_SIZE}{size.replace('_', ' ')}"
+    return str(_ASSUMED[name]["called"]) if size == name else f"{_A_SIZE}{size.replace('_', ' ')}"
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from legfem.common.errors import InputError
+from legfem.common.resources import resource
 from legfem.common.units import FloatArray, readable_unit
 from legfem.common.wording import Argument
 from legfem.inverse.parameter import Parameter, Priors, Scale
@@ -38,19 +39,7 @@ _INSTRUMENT_BOUNDS = {
     "instrument.zero": (-2.0, 2.0),
     "instrument.contact_offset": (-2.0, 2.0),
 }
-STATEMENTS = {
-    "C10": "stiffness at small strain",
-    "C20": "stiffening",
-    "C30": "late stiffening",
-    "stiffening": "stiffness of the exponential part",
-    "exponent": "exponent of the stiffening",
-    "D1": "compressibility",
-    "D2": "compressibility at large changes of volume",
-    RATIO: "shear modulus along the fibres over that across",
-    "instrument.gain": "factor by which the force is read too great",
-    "instrument.zero": "force that is read where there is none",
-    "instrument.contact_offset": "displacement at which contact truly began",
-}
+STATEMENTS = resource("parameters", dict[str, dict[str, Any]])["statements"]
 """What parameters are, by their key or full name."""
 
 

@@ -20,6 +20,13 @@ Dash = Literal["solid", "dashed", "dotted", "dotdash"]
 _MOST_ROWS = 25
 
 
+class Block:
+    """What stands in a chapter of a page."""
+
+    kind: ClassVar[str]
+    """By which the page's template finds how to show it."""
+
+
 @dataclass(frozen=True, eq=False)
 class Line:
     """One curve in both panels."""
@@ -45,7 +52,7 @@ def law_line(law: str, above: FloatArray, below: FloatArray, dash: Dash = "solid
 
 
 @dataclass(frozen=True, eq=False)
-class Curves:
+class Curves(Block):
     """Two panels over one abscissa, or one."""
 
     kind: ClassVar[str] = "curves"
@@ -260,7 +267,7 @@ class Group:
 
 
 @dataclass(frozen=True)
-class SortableTable:
+class SortableTable(Block):
     """A table that a reader sorts by any column and searches; only rows in view are drawn."""
 
     kind: ClassVar[str] = "sortable"
@@ -312,7 +319,7 @@ class Grouped:
 
 
 @dataclass(frozen=True)
-class Forest:
+class Forest(Block):
     """Values with their intervals, one line a member, sorted."""
 
     kind: ClassVar[str] = "forest"
@@ -327,7 +334,7 @@ class Forest:
 
 
 @dataclass(frozen=True, eq=False)
-class Bundle:
+class Bundle(Block):
     """Curves of all members over one abscissa, coloured by group."""
 
     kind: ClassVar[str] = "bundle"

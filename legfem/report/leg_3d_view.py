@@ -13,6 +13,7 @@ from legfem.legs.details import PressedLeg
 from legfem.report.curves import packed
 from legfem.report.page import Slider, TurnedLeg, View
 from legfem.report.style import BONE_COLOUR, REGION_COLOURS, TOOL_COLOUR
+from legfem.report.words import WORDS
 
 _TOOL = "tool"
 _POINTS = 120
@@ -147,16 +148,6 @@ def _field(field: SkinField, step: int) -> dict[str, object]:
     }
 
 
-_SIDES = (
-    "the cylinder's side",
-    "the cylinder's side and the right",
-    "the right",
-    "behind, and the right",
-    "behind",
-    "behind, and the left",
-    "the left",
-    "the cylinder's side and the left",
-)
 _ROUND = 36
 """Points of a ring of an indenter's grid."""
 
@@ -199,7 +190,7 @@ def pressed_leg(pressed: PressedLeg, caption: str) -> TurnedLeg:
             SkinField("movement of the skin", "mm", movement, "most"),
         ],
         Slider("Press the leg in 3D", tuple(stops), " mm", 0.1, 1, tuple(force)),
-        View(_SIDES, -50.0, exaggerates=False),
+        View(WORDS["sides"], -50.0, exaggerates=False),
         ("displacement (mm)", "force (N)", "highest pressure on the skin (kPa)", "greatest movement of the skin (mm)"),
         rows,
         f"{caption} Its skin is coloured by the pressure on it or by how far it moved; the indenter is drawn "

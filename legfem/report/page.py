@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Literal
 
 from legfem.common.documents import row_cells
 from legfem.inverse.answer import Tone
-from legfem.report.curves import Bundle, Curves, Forest, SortableTable
+from legfem.report.curves import Block as Block  # blocks of other files are made there
 from legfem.report.folder import ReportFile
 from legfem.report.style import BONE_COLOUR, REGION_COLOURS
 from legfem.report.words import ORIGINS, REGION_NAMES, WORDS, DataKind
@@ -91,7 +91,7 @@ class Known:
 
 
 @dataclass(frozen=True)
-class Prose:
+class Prose(Block):
     """A paragraph."""
 
     kind: ClassVar[str] = "prose"
@@ -99,7 +99,7 @@ class Prose:
 
 
 @dataclass(frozen=True)
-class Bullets:
+class Bullets(Block):
     """A list of sentences."""
 
     kind: ClassVar[str] = "bullets"
@@ -107,7 +107,7 @@ class Bullets:
 
 
 @dataclass(frozen=True)
-class WebTable:
+class WebTable(Block):
     """A table; its first column names the rows."""
 
     kind: ClassVar[str] = "table"
@@ -124,7 +124,7 @@ class WebTable:
 
 
 @dataclass(frozen=True)
-class Verbatim:
+class Verbatim(Block):
     """A text as it was printed, folded away."""
 
     kind: ClassVar[str] = "verbatim"
@@ -144,7 +144,7 @@ class LabelledBar:
 
 
 @dataclass(frozen=True)
-class Bars:
+class Bars(Block):
     """Numbers of one unit beside each other."""
 
     kind: ClassVar[str] = "bars"
@@ -177,7 +177,7 @@ class Bars:
 
 
 @dataclass(frozen=True, eq=False)
-class PressedSection:
+class PressedSection(Block):
     """A section's mesh that a reader presses, coloured by a measure or by tissue."""
 
     kind: ClassVar[str] = "pressed"
@@ -227,7 +227,7 @@ class Arrow:
 
 
 @dataclass(frozen=True)
-class StillSection:
+class StillSection(Block):
     """The contours of a section and the indenter where it first touches."""
 
     kind: ClassVar[str] = "still"
@@ -276,7 +276,7 @@ class View:
 
 
 @dataclass(frozen=True)
-class TurnedLeg:
+class TurnedLeg(Block):
     """A leg that is turned, and loaded with a slider."""
 
     kind: ClassVar[str] = "turned"
@@ -313,7 +313,7 @@ class SurfaceMetric:
 
 
 @dataclass(frozen=True, eq=False)
-class ResponseSurface:
+class ResponseSurface(Block):
     """A map of a metric over two factors; the others are set with sliders."""
 
     kind: ClassVar[str] = "response"
@@ -335,23 +335,6 @@ class ResponseSurface:
             "factors": list(map(vars, self.factors)),
             "metrics": list(map(vars, self.metrics)),
         }
-
-
-Block = (
-    Prose
-    | Bullets
-    | WebTable
-    | Verbatim
-    | Bars
-    | Curves
-    | PressedSection
-    | StillSection
-    | ResponseSurface
-    | TurnedLeg
-    | SortableTable
-    | Forest
-    | Bundle
-)
 
 
 @dataclass(frozen=True)

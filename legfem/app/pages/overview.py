@@ -13,6 +13,7 @@ from legfem.app.study import legs_of
 from legfem.app.workspace import Workspace, description_of, files_of
 from legfem.common.resources import RESOURCES
 from legfem.report.render import filled
+from legfem.report.words import WORDS
 
 _KINDS = {
     "subject.toml": "a leg that was pressed",
@@ -96,17 +97,7 @@ def _put_back(workspace: Workspace, kind: str, name: str) -> None:
     ui.navigate.to(page_of(kind.removesuffix("s"), now))
 
 
-_COLUMNS = {
-    "run": "run",
-    "about": "of",
-    "law": "law",
-    "c10_deep": "C10 (95 %)",
-    "c20_deep": "C20 (95 %)",
-    "c10_superficial": "C10 of fat",
-    "verdict": "verdict",
-    "origin": "data",
-    "state": "state",
-}
+_COLUMNS = WORDS["compared"]
 
 
 def compare_page(workspace: Workspace) -> None:

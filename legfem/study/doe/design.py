@@ -11,7 +11,7 @@ from pyDOE3 import ff2n, lhs
 
 from legfem.common.errors import MISSING, InputError
 from legfem.common.input_files import FileTable, Finite, NotNegative, Positive, checked, read_toml, trouble
-from legfem.common.resources import RESOURCES
+from legfem.common.resources import RESOURCES, resource
 from legfem.common.units import FloatArray
 from legfem.report.estimates import words_of
 
@@ -28,18 +28,7 @@ UNITS: Mapping[Kind, Mapping[str, float]] = {
 }
 """Units that a parameter may be given in, and what one of them is in the model's (MPa, 1/MPa)."""
 
-PARAMETERS: Mapping[str, Kind] = {
-    "deep.C10": "stiffness",
-    "deep.C20": "stiffness",
-    "deep.D1": "compressibility",
-    "deep.D2": "compressibility",
-    "superficial.C10": "stiffness",
-    "superficial.D1": "compressibility",
-    "fascia.C10": "stiffness",
-    "fascia.D1": "compressibility",
-    "fascia.thickness": "length",
-    "indenter.diameter": "length",
-}
+PARAMETERS: Mapping[str, Kind] = resource("parameters", dict[str, dict[str, Any]])["factors"]
 """Everything that can be a factor."""
 
 OF_THE_GEOMETRY = ("fascia.thickness", "indenter.diameter")
