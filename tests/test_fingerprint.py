@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from legfem.common import resources
 from legfem.jobs import store as fingerprint
 from legfem.jobs.store import code_fingerprint
 
@@ -62,3 +63,13 @@ def test_code_and_versions_count(hashed, change: str, monkeypatch: pytest.Monkey
         before = hashed(late, unrelated="x = 1")
         after = hashed(late, unrelated="x = 2")
     assert after != before
+
+
+def test_a_table_of_values_counts_and_its_comments_do_not(hashed, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr(resources, "RESOURCES", tmp_path)
+    read = MAIN + 'LIMITS = resource("limits", dict[str, float])\n'
+    found = []
+    for text in ("a = 1.0", "a = 1.0  # words", "a = 2.0"):
+        (tmp_path / "limits.toml").write_text(text)
+        found.append(hashed(read))
+    assert found[0] == found[1] != found[2]

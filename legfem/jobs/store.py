@@ -13,6 +13,7 @@ import hashlib
 import io
 import json
 import logging
+import re
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, fields, is_dataclass
@@ -28,6 +29,7 @@ from pydantic import TypeAdapter
 from legfem.common.contents import Contents
 from legfem.common.documents import package_version, write_atomically
 from legfem.common.progress import Progress
+from legfem.common.resources import resource
 from legfem.jobs.pool import Workers
 
 if TYPE_CHECKING:
@@ -83,7 +85,7 @@ _ROOT = Path(__file__).resolve().parents[2]
 
 @cache
 def code_fingerprint(*modules: str) -> str:
-    """Return a hash of modules, of all of legfem that they import, and of the solvers' versions.
+    """Return a hash of modules, all of legfem that they import, the tables these read, and the solvers' versions.
 
     Comments and docstrings don't count: they change no number.
 
@@ -118,10 +120,11 @@ def _file(name: str) -> Path | None:
 
 @cache
 def _read(name: str) -> tuple[bytes, list[str]]:
-    """Return a module's name and code without the texts that stand as statements, and what it may import."""
+    """Return a module's name, code without texts that stand as statements, and tables; and what it may import."""
     file = _file(name)
     assert file is not None
-    tree, imported = ast.parse(file.read_text(encoding="utf-8")), []
+    text = file.read_text(encoding="utf-8")
+    tree, imported = ast.parse(text), []
     for node in _statements(tree):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
             node.body = [
@@ -133,7 +136,8 @@ def _read(name: str) -> tuple[bytes, list[str]]:
             imported += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
         elif isinstance(node, ast.Import):
             imported += [alias.name for alias in node.names]
-    return name.encode() + ast.dump(tree).encode(), imported
+    tables = [str(resource(table, dict[str, Any])) for table in re.findall(r'\bresource\("([\w/]+)"', text)]
+    return "".join([name, ast.dump(tree), *tables]).encode(), imported
 
 
 def _statements(tree: ast.Module) -> Iterator[ast.AST]:

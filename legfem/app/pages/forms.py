@@ -8,16 +8,15 @@ from typing import Any
 from nicegui import ui
 
 from legfem.app.description import Setting, Value, read_value, settings_of, shown_errors, with_channels, with_settings
-from legfem.app.pages.frame import attempt, dropdown, hinted, refused, tag
+from legfem.app.pages.frame import WORDS, attempt, dropdown, hinted, refused, tag
 from legfem.app.workspace import DESCRIPTIONS, description_of, text_of
 from legfem.common.documents import write_atomically
 from legfem.common.errors import InputError
-from legfem.common.resources import resource
 from legfem.data.recording import QUANTITIES, SourceColumn, SourceColumns
 from legfem.legs.schema import SUBJECTS
 from legfem.specimens.kinds import kinds
 
-_TABLES = resource("app/tables", dict[str, str]) | {name: f"Test: {kind.words}" for name, kind in kinds().items()}
+_TABLES = WORDS["tables"] | {name: f"Test: {kind.words}" for name, kind in kinds().items()}
 
 
 def settings_tab(folder: Path) -> None:

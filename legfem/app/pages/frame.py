@@ -13,7 +13,10 @@ from nicegui.elements.mixins.text_element import TextElement
 from legfem.app.runs import RunState, begin_all
 from legfem.app.workspace import Workspace, description_of, text_of
 from legfem.common.errors import InputError
+from legfem.common.resources import resource
 
+WORDS = resource("app/words", dict[str, dict[str, str]])
+"""By what they are for."""
 # NiceGUI's page doesn't say its language, without which it can't be read aloud.
 _HEAD = (
     '<script>document.documentElement.lang = "en";</script>'

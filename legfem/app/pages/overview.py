@@ -6,21 +6,15 @@ from functools import partial
 from nicegui import ui
 
 from legfem.app.outcomes import RunResult, answers_of, relative_difference, sentence_of
-from legfem.app.pages.frame import chip, drop_zone, dropdown, framed, page_of, tag, when
+from legfem.app.pages.frame import WORDS, chip, drop_zone, dropdown, framed, page_of, tag, when
 from legfem.app.pages.run import address
 from legfem.app.runs import Run, runs_of
 from legfem.app.study import legs_of
 from legfem.app.workspace import Workspace, description_of, files_of
 from legfem.common.resources import RESOURCES
 from legfem.report.render import filled
-from legfem.report.words import WORDS
 
-_KINDS = {
-    "subject.toml": "a leg that was pressed",
-    "leg.toml": "a leg in a stocking",
-    "specimen.toml": "specimens in a lab's test",
-    None: "not described yet",
-}
+_COLUMNS = WORDS["compared"]
 _EXAMPLES = {
     "a pressed leg": (RESOURCES / "frauziols" / "subjects" / "3", "example-leg"),
     "a leg in a stocking": (RESOURCES / "dubuis" / "subjects" / "1", "example-stocking"),
@@ -46,7 +40,7 @@ def home_page(workspace: Workspace, deleted: str = "") -> None:
                     count = len(files_of(folder))
                     with ui.element("li"):
                         ui.link(name, page_of("input", name))
-                        kind = _KINDS[description_of(folder)]
+                        kind = WORDS["folders"][description_of(folder) or ""]
                         tag("span", f"{kind}, {count} file{'' if count == 1 else 's'}", "quiet")
             if len(legs_of(workspace)) > 1:
                 ui.button("A study of several legs", on_click=lambda: ui.navigate.to("/study")).props("outline dense")
@@ -95,9 +89,6 @@ def _put_back(workspace: Workspace, kind: str, name: str) -> None:
         run = Run(workspace.run(now))
         run.point_to(run.asked.about, workspace.folder / "runs" / name / "results", run.results)
     ui.navigate.to(page_of(kind.removesuffix("s"), now))
-
-
-_COLUMNS = WORDS["compared"]
 
 
 def compare_page(workspace: Workspace) -> None:

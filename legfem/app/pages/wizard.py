@@ -16,7 +16,7 @@ from nicegui.events import GenericEventArguments
 
 from legfem.app.description import FASCIA_MM, Setting, Value, contours_in, describe, is_contours, known_tests, scans_in
 from legfem.app.pages.forms import column_fields, first_readable, setting_field, typed_value
-from legfem.app.pages.frame import ASK, ask, dropdown, hinted, refused, tag, wanting
+from legfem.app.pages.frame import ASK, WORDS, ask, dropdown, hinted, refused, tag, wanting
 from legfem.app.workspace import Workspace, files_of, is_scan, text_of
 from legfem.common.documents import write_atomically
 from legfem.common.errors import MISSING, InputError
@@ -33,12 +33,6 @@ from legfem.specimens.kinds import kinds
 from legfem.specimens.sizes import sizes_of_heading
 
 _COLOURS = {"fat": REGION_COLOURS["superficial"], "muscle": REGION_COLOURS["deep"], "bone": BONE_COLOUR}
-_KINDS = {
-    "leg": "A leg that was pressed",
-    "stocking": "A leg in a compression stocking",
-    "specimens": "Specimens in a lab's test",
-}
-_SHAPES = {"cylinder": "a cylinder", "ball": "a ball", "punch": "a flat punch"}
 _TESTS = {name: kind.done for name, kind in kinds().items()}
 _PIXELS = 4.0
 """A millimetre of the section that is clicked."""
@@ -69,7 +63,7 @@ def describe_page(workspace: Workspace, name: str, found: dict[str, Any]) -> Non
             cards[kind] = tag("button", "", "kind").props("type=button")
             with cards[kind]:
                 ui.html(filled("kind.svg", kind=kind, **_COLOURS), sanitize=False)
-                tag("span", _KINDS[kind])
+                tag("span", WORDS["kinds"][kind])
 
     def choose(kind: str) -> None:
         state.kind = kind
@@ -128,20 +122,12 @@ def _keep_for_others(lab: Path, path: Path) -> None:
 
 _FORM = "form"
 """Where an error is that the form itself finds."""
-_FIELDS = {
-    ("section", "girth_mm"): "girth of the calf (mm)",
-    ("section", "fat_mm"): "skin and fat where it is pressed (mm)",
-    ("indenter", "diameter_mm"): "diameter (mm)",
-    ("indenter", "length_mm"): "cylinder's length (mm)",
-}
-"""What the form calls a key of subject.toml."""
 
 
 def _of_the_form(error: InputError, folder: Path) -> str:
     """Say what is wrong as the form calls it: whoever fills it in knows of no file and key."""
-    for key, label in _FIELDS.items():
-        if error.field == ".".join(key):
-            return f"{label}: {error.problem}; {error.remedy}"
+    if error.field in WORDS["fields"]:
+        return f"{WORDS['fields'][error.field]}: {error.problem}; {error.remedy}"
     if error.source == _FORM:
         return f"{error.field}: {error.problem}; {error.remedy}"
     return str(error).removeprefix(f"{folder}/")
@@ -163,7 +149,7 @@ def _pressed(folder: Path, sources: list[str], lab: Mapping[str, Any]) -> Read:
     boxes: dict[tuple[str, ...], ui.number] = {}
 
     def put(table: str, key: str, help: str, value: float | None = None) -> None:
-        boxes[table, key] = _number(_FIELDS[table, key], help, value)
+        boxes[table, key] = _number(WORDS["fields"][f"{table}.{key}"], help, value)
 
     if sources:
         tag("h2", "Where was it pressed?")
@@ -177,7 +163,9 @@ def _pressed(folder: Path, sources: list[str], lab: Mapping[str, Any]) -> Read:
     tag("h2", "What pressed it?")
     rig = lab.get("indenter", {})
     with ui.element("div").classes("fields"):
-        shape = dropdown(_SHAPES, rig.get("shape", "cylinder"), "what pressed it", "the part that touches the skin")
+        shape = dropdown(
+            WORDS["shapes"], rig.get("shape", "cylinder"), "what pressed it", "the part that touches the skin"
+        )
         put("indenter", "diameter_mm", "of the cylinder, ball or punch", rig.get("diameter_mm"))
         put("indenter", "length_mm", "along its axis", rig.get("length_mm"))
         axis = _number("cylinder turned by (degrees)", "0 along the leg, 90 across", 0.0)
