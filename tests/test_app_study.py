@@ -50,7 +50,7 @@ def test_a_table_is_pasted_from_a_spreadsheet(workspace):
         ("nothing yet,P01,,", "contains no subject.toml"),
         ("P01 left,P01,,1.3.2026", "write 2026-01-31"),
         ("P01 left,P01,,\nP01 left,P01,,", "is in line 3 too"),
-        ("../../elsewhere,P01,,", "is no leg of this workspace"),
+        ("../../elsewhere,P01,,", "is not a leg of this workspace"),
         (f"{'x' * 5000},P01,,", "file name too long"),
     ],
 )

@@ -72,9 +72,9 @@ def test_effects_of_geometry_follow_what_is_stated_of_the_leg(blank):
         outline = "outline" in name or name.startswith(LIMBS[CALF])
         factor = 2 if outline else 3 if name == "aim" else 1
         np.testing.assert_allclose(worse[name], factor * effect)
-    exact = effects_of(nuisances, observed, force, ShapeAccuracy(contour_sd=0.0, aim_sd=0.0, direction_sd=0.0))
-    assert list(exact) == ["stiffness of the fat"]
-    assert not effects_of(nuisances, observed, force, ShapeAccuracy(0.0, contour_sd=0.0, aim_sd=0.0, direction_sd=0.0))
+    known = ShapeAccuracy(contour_sd=0.0, aim_sd=0.0, direction_sd=0.0, contact_sd=0.0)
+    assert list(effects_of(nuisances, observed, force, known)) == ["stiffness of the fat"]
+    assert not effects_of(nuisances, observed, force, replace(known, assumed_sd=0.0))
 
 
 def test_a_drawn_leg_is_known_unless_its_folder_says_otherwise():

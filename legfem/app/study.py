@@ -51,7 +51,9 @@ def members_of(workspace: Workspace, text: str) -> Members:
         if one.problem:
             raise InputError(_SHOWN_AS, "folder", one.problem.replace(f"{path}: ", ""), "or delete the row")
         if not one.folder.is_relative_to(inputs.resolve()):
-            raise InputError(_SHOWN_AS, "folder", f"{one.name} is no leg of this workspace", "drop the leg here first")
+            raise InputError(
+                _SHOWN_AS, "folder", f"{one.name} is not a leg of this workspace", "drop the leg here first"
+            )
         check_within(one.folder)
     return found
 

@@ -24,10 +24,20 @@ Weighting = Literal["paper", "covariance", "equal"]
 """What is minimised: the plain sum of squares (Eq. 12 of the paper), the sum weighted by the errors, or one in which a
 channel's readings weigh equally, as of a model that misses what was read by more than its errors: weighted by these,
 a wrong model's best fit may lie far from all data (Peelle's puzzle)."""
-ErrorSource = (
-    Literal["recordings", "differences", "model", "misfit", "sizes", "ends", "fibres", "shape"]
-    | Literal["assumed", "channels", "contact", "priors"]
-)
+ErrorSource = Literal[
+    "recordings",
+    "differences",
+    "model",
+    "misfit",
+    "sizes",
+    "ends",
+    "fibres",
+    "shape",
+    "assumed",
+    "channels",
+    "contact",
+    "priors",
+]
 """Readings of the force; a factor by which recordings or specimens differ; the model's numerical error; what the law
 misses; sizes of specimens; the correction for the cylinder's ends; muscle fibres' part in it; outlines, aim and
 direction; what was assumed of other tissues; instruments of what else was recorded; first contact, where it is stated;

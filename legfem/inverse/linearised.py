@@ -296,6 +296,6 @@ def late_touch(predicted: Observations, accuracy: Accuracy) -> Iterator[Nuisance
 
     The readings are a model's, whose slope has no noise.
     """
-    if predicted.starts_at_contact:
+    if predicted.starts_at_contact and accuracy.contact_sd != 0.0:
         sd = contact_sd_alike(predicted) if accuracy.contact_sd is None else accuracy.contact_sd
         yield NuisanceEffect("first contact", sd * predicted.by_displacement, Cause("first contact"), "contact")

@@ -1,0 +1,82 @@
+"""First contact that is stated to be at zero: known as well as a load cell feels it, or as the folder says."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from making import write_subject
+from making_diagnosis import observations, ramps
+from making_identification import identify, pressed_leg
+
+from legfem.inverse.accuracy import Accuracy
+from legfem.inverse.catalogue import DEEP_C10
+from legfem.inverse.estimates import Estimate
+from legfem.inverse.linearised import late_touch
+from legfem.inverse.predictor import FELT, LATEST_ALIKE_MM, contact_sd_alike
+from legfem.legs.loading import load_subject
+from legfem.legs.nuisances import accuracy_of_shape
+from legfem.legs.subject import LegAccuracy, Subject
+
+C10, C20, NOISE = 0.8, 1.0, 0.1
+
+
+def begun_late(leg: Subject, way: float, **known: float) -> Subject:
+    """Return a leg whose recordings begin a way (mm) after first contact, and say that they begin there."""
+    trials = []
+    for one in leg.recordings:
+        late = one.part(slice(int(np.argmax(one.displacement > way)), None))
+        time, displacement = late.time - late.time[0], late.displacement - way
+        trials.append(replace(late, time=time, displacement=displacement))
+    return replace(leg, recordings=tuple(trials), starts_at_contact=True, accuracy=LegAccuracy(**known))
+
+
+def c10_of(leg: Subject) -> Estimate:
+    """Return the C10 that is found."""
+    return identify(leg, laws=("reduced-polynomial",))[0].estimates[DEEP_C10]
+
+
+def holds(found: Estimate) -> bool:
+    """Whether the interval has what was planted."""
+    low, high = found.ci95
+    return low <= 1e-3 * C10 <= high
+
+
+def test_presses_begun_late_hold_c10_where_touch_is_as_the_load_cell_feels_it(tmp_path):
+    rng = np.random.default_rng(5)
+    ways = rng.uniform(0.3, 0.9, 8)
+    legs = [pressed_leg(tmp_path, C10, C20, seed, noise=NOISE) for seed in range(len(ways))]
+    known = [c10_of(begun_late(leg, way, contact_sd=0.0)) for leg, way in zip(legs, ways, strict=True)]
+    felt = [c10_of(begun_late(leg, way)) for leg, way in zip(legs, ways, strict=True)]
+    assert sum(map(holds, felt)) >= len(ways) - 1
+    assert sum(map(holds, known)) <= 2
+
+
+def test_what_a_lab_says_of_its_touch_is_taken(tmp_path):
+    leg = pressed_leg(tmp_path, C10, C20, 1, noise=NOISE)
+    widths = [float(np.ptp(c10_of(begun_late(leg, 0.0, contact_sd=sd)).ci95)) for sd in (0.0, 0.1, 0.3)]
+    assert widths == sorted(widths) and widths[-1] > 1.2 * widths[0]
+
+
+@pytest.mark.parametrize(("slope", "felt"), [(0.2, FELT * NOISE / 0.2), (0.05, LATEST_ALIKE_MM)])
+def test_an_uncertain_touch_shifts_all_readings_along_the_displacement(slope, felt):
+    blank = observations(ramps())[0]
+    observed = replace(blank.with_force(slope * blank.displacement), white_sd=NOISE)
+    assert contact_sd_alike(observed) == pytest.approx(felt / np.sqrt(12.0), rel=1e-6)
+    (one,) = late_touch(observed, Accuracy(contact_sd=None))
+    np.testing.assert_allclose(one.effect, felt / np.sqrt(12.0) * slope, rtol=1e-6)
+    (stated,) = late_touch(observed, Accuracy(contact_sd=0.1))
+    np.testing.assert_allclose(stated.effect, 0.1 * slope, rtol=1e-6)
+    assert not list(late_touch(replace(observed, starts_at_contact=False), Accuracy(contact_sd=None)))
+
+
+def test_the_key_says_nothing_of_the_leg_itself(tmp_path):
+    folder = write_subject(tmp_path)
+    toml = folder / "subject.toml"
+    toml.write_text(f"{toml.read_text()}\n[accuracy]\ncontact_sd_mm = 0.2\n")
+    subject = load_subject(folder, need_recordings=False)
+    assert subject.accuracy == LegAccuracy(contact_sd=0.2) and not subject.accuracy.stated
+    without = accuracy_of_shape(replace(subject, accuracy=LegAccuracy()))
+    assert accuracy_of_shape(subject) == replace(without, contact_sd=0.2)
+    assert without.contact_sd is None and Accuracy().contact_sd == 0.0
