@@ -76,9 +76,9 @@ class ClosedForm:
     detail: Detail = field(default_factory=lambda: Detail.of_all(mechanisms()))
     beside: ChannelTables = NO_CHANNELS
 
-    def curve(self, c10: float, c20: float) -> FloatArray:
-        """Return the force (N)."""
-        return force_at(c10, c20, self.grid)
+    def curve(self, c10: FloatArray, c20: FloatArray) -> FloatArray:
+        """Return the forces (k, m), N."""
+        return np.array([force_at(*one, self.grid) for one in zip(c10, c20, strict=True)])
 
     def relative_change(
         self, mechanism: TissueMechanism, values: Values, at: Stiffness, observed: Observations

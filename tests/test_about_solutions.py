@@ -30,8 +30,8 @@ class Folding:
     def __getattr__(self, name: str) -> object:
         return getattr(self.responses, name)
 
-    def curve(self, c10: float, c20: float) -> FloatArray:
-        self.solved.append(c10)
+    def curve(self, c10: FloatArray, c20: FloatArray) -> FloatArray:
+        self.solved += c10.tolist()
         share = next(self.shares)
         return self.responses.curve(c10, c20) * (1 + share * np.tanh(GRID - 12.0).clip(0.0))
 

@@ -169,7 +169,7 @@ def test_a_stopped_response_is_no_number_in_the_prediction():
 
     class Stopped(ClosedForm):
         def curve(self, c10, c20):
-            return np.full(len(self.grid), np.nan)
+            return np.full((len(c10), len(self.grid)), np.nan)
 
     predictor = replace(problem.predictor, responses=Stopped())
     assert np.isnan(predictor({**TRUTH, onset_name(0): 0.1})).all()

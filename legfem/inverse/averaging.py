@@ -16,9 +16,9 @@ do to the force. The interval is of C10 with that in it and without, by `WITH_UN
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import batched, combinations
 
 import numpy as np
 
@@ -80,23 +80,28 @@ def averaged_interval(
     more_common
         How many times as common as is assumed mechanisms are, by their names.
     """
-    times = more_common or {}
+    return next(_intervals(explained, name, [more_common or {}]), None)
+
+
+def _intervals(
+    explained: Explained, name: str, assumed: Sequence[Mapping[str, float]]
+) -> Iterator[tuple[float, float]]:
+    """Yield `averaged_interval` for each of several assumptions of how common mechanisms are; nothing for its None."""
     every = weights_of(explained, name)
-    if not every:
-        return None
     each = [Weighted(e.names, weight, e.distribution(name)) for e, weight in every] + untried_pairs(explained, name)
-    each = [replace(e, weight=e.weight * math.prod(times.get(one, 1.0) for one in e.names)) for e in each]
-    parameter = next(p for p in every[0][0].fit.parameters if p.name == name)
-    assert parameter.prior is not None
     unseen = explained.base.problem.unseen if name in (DEEP_C10, DEEP_C20) else ()
-    mixture = _beside_unseen(each, parameter.prior, unseen)
-    tail = (1 - 0.95) / 2
-    low, middle, high = (parameter.prior.value_at(mixture.quantile(p)) for p in (tail, 0.5, 1 - tail))
-    if name in (DEEP_C10, DEEP_C20) and explained.share < 1.0 and low > 0.0:
-        more = UNWEIGHED * math.sqrt(1.0 - explained.share)
-        low = middle * math.exp(-math.hypot(math.log(middle / low), more))
-        high = middle * math.exp(math.hypot(math.log(high / middle), more))
-    return parameter.inside(low), parameter.inside(high)
+    for times in assumed if every else ():
+        parameter = next(p for p in every[0][0].fit.parameters if p.name == name)
+        prior = prior_of(parameter)
+        counted = [replace(e, weight=e.weight * math.prod(times.get(one, 1.0) for one in e.names)) for e in each]
+        mixture = _beside_unseen(counted, prior, unseen)
+        tail = (1 - 0.95) / 2
+        low, high = (prior.value_at(mixture.quantile(p)) for p in (tail, 1 - tail))
+        if name in (DEEP_C10, DEEP_C20) and explained.share < 1.0 and low > 0.0:
+            middle, more = prior.value_at(mixture.quantile(0.5)), UNWEIGHED * math.sqrt(1.0 - explained.share)
+            low = middle * math.exp(-math.hypot(math.log(middle / low), more))
+            high = middle * math.exp(math.hypot(math.log(high / middle), more))
+        yield parameter.inside(low), parameter.inside(high)
 
 
 def unseen_of(
@@ -196,12 +201,11 @@ TIMES = 3.0
 
 def sensitivities(explained: Explained, name: str, most: int = 5) -> tuple[Sensitivity, ...]:
     """Return what a parameter's interval owes to how common the mechanisms are taken to be that weigh most."""
-    found = []
-    for mechanism, weight in _heaviest(explained, name, most):
-        ends = [averaged_interval(explained, name, more_common={mechanism: f}) for f in (1 / TIMES, TIMES)]
-        if ends[0] is not None and ends[1] is not None:
-            found.append(Sensitivity(mechanism, weight, ends[0], ends[1]))
-    return tuple(found)
+    heaviest = _heaviest(explained, name, most)
+    ends = _intervals(explained, name, [{mechanism: f} for mechanism, _ in heaviest for f in (1 / TIMES, TIMES)])
+    return tuple(
+        Sensitivity(*one, rarer, commoner) for one, (rarer, commoner) in zip(heaviest, batched(ends, 2), strict=True)
+    )
 
 
 def _heaviest(explained: Explained, name: str, most: int) -> list[tuple[str, float]]:
@@ -232,18 +236,17 @@ def left_open(explained: Explained, name: str) -> LeftOpen:
     library = explained.base.problem.predictor.library
     waiting = [one for one in explained.every if one.names and lacking(one, library.detail) != Detail()]
     screened = {one.names[0]: may_move(one, explained.every) for one in waiting if len(one.names) == 1}
-    ends = averaged_interval(explained, name) or ()
     heavy = [(one, screened[one]) for one, _ in _heaviest(explained, name, len(screened)) if one in screened]
-    moved = [
-        averaged_interval(explained, name, more_common={one: math.exp(side * POWER * most)}) or ends
-        for one, most in heavy[:_HEAVIEST]
-        for side in (-1.0, 1.0)
-    ]
+    assumed = [{one: math.exp(side * POWER * most)} for one, most in heavy[:_HEAVIEST] for side in (-1.0, 1.0)]
+    intervals = [*_intervals(explained, name, [{}, *assumed])]
     return LeftOpen(
         tuple(sorted(library.detail.whole)),
         tuple(sorted(screened)),
         max((moves(one, explained.every) for one in waiting), default=0.0),
-        max((abs(end / here - 1.0) for there in moved for end, here in zip(there, ends, strict=True)), default=0.0),
+        max(
+            (abs(end / here - 1.0) for there in intervals for end, here in zip(there, intervals[0], strict=True)),
+            default=0.0,
+        ),
     )
 
 
@@ -258,8 +261,7 @@ def robust_interval(explained: Explained, name: str) -> tuple[float, float] | No
     Plan. Inference 25 (1990) 303).
     """
     assumed: list[dict[str, float]] = [{}, *({one: TIMES} for one, _ in _heaviest(explained, name, _HEAVIEST))]
-    every = [averaged_interval(explained, name, more_common=one) for one in assumed]
-    ends = [one for one in every if one is not None]
+    ends = [*_intervals(explained, name, assumed)]
     return (min(low for low, _ in ends), max(high for _, high in ends)) if ends else None
 
 

@@ -132,7 +132,7 @@ def _trend(at: FloatArray) -> FloatArray:
 def _covariance(at: FloatArray, samples: FloatArray, lengths: FloatArray) -> FloatArray:
     """Return the covariance of values at places (q, p) with values and derivatives at samples (n, p)."""
     apart = (at[:, None, :] - samples) / lengths
-    k = np.exp(-0.5 * np.einsum("qnp,qnp->qn", apart, apart))
+    k = np.exp(-0.5 * np.vecdot(apart, apart))
     slopes = (apart / lengths * k[..., None]).transpose(0, 2, 1)
     return np.concatenate([k, slopes.reshape(len(at), samples.size)], axis=1)
 
@@ -217,9 +217,10 @@ class GridSpline:
         own = CubicSpline(self._knots, np.eye(len(self._knots))).c
         return np.ascontiguousarray(own.reshape(-1, len(self._knots)))
 
-    def through(self, values: FloatArray) -> PPoly:
-        """Return the spline through values (m + 1,)."""
-        return PPoly.construct_fast((self._coefficients @ values).reshape(4, -1), self._knots)
+    def through(self, courses: FloatArray) -> PPoly:
+        """Return the splines through courses (m + 1, ...)."""
+        pieces = (self._coefficients @ courses).reshape(4, len(self.grid), *courses.shape[1:])
+        return PPoly.construct_fast(pieces, self._knots)
 
     def at(self, displacement: FloatArray) -> At:
         """Return what evaluates courses (m + 1, k) at displacements (n,), as (n, k); below zero as at zero."""

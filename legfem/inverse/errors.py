@@ -25,7 +25,8 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag, cholesky, solve_triangular
+from scipy.linalg import block_diag, cholesky
+from scipy.linalg.lapack import dtrtrs
 
 from legfem.channels.kind import PlacedReadings
 from legfem.channels.kinds import FILE_OF
@@ -259,7 +260,7 @@ class ErrorModel:
 
     def whitened(self, values: FloatArray) -> FloatArray:
         """Return L^-1 times vectors (n,) or (n, k)."""
-        return np.asarray(solve_triangular(self.lower, values, lower=True, check_finite=False))
+        return np.asarray(dtrtrs(self.lower, values, lower=True)[0])
 
     def part(self, kept: NDArray[np.bool_]) -> "ErrorModel":
         """Return the errors of some of the observations."""

@@ -36,7 +36,6 @@ _REFINED = 2
 """Steps that are set where an end of the limits seems to lie."""
 _SHAPES = 3
 """Values of a mechanism's other parameters that a side begins from, beside the fit's own."""
-_FEW = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,26 +246,19 @@ def _shapes(fitted: LinearisedFit) -> list[Values]:
 
 def _side(held: Callable[..., HiddenStep], end: float, begun: Sequence[Values], highest: float) -> Iterator[HiddenStep]:
     """Yield steps from the null to an end, or until the recordings contradict the strength by far."""
-    start = None
+    # The first step begins at the best of several shapes of the effect.
     for share in _SHARES if abs(end) >= 1e-9 else ():
-        z = share * end
-        if start is None:
-            # The first step begins at the best of several shapes of the effect.
-            tried = [held(z, one, _FEW) for one in begun] if len(begun) > 1 else []
-            start = min(tried, key=lambda step: step.cost).fit.values if tried else begun[0]
-        step = held(z, start)
+        step = held(share * end, *begun)
         yield step
         if step.cost > highest:
             break
-        start = step.fit.values
+        begun = [step.fit.values]
 
 
-def _held(
-    problem: LinearisedProblem, mechanism: Mechanism, z: float, start: Values, evaluations: int | None = None
-) -> HiddenStep:
+def _held(problem: LinearisedProblem, mechanism: Mechanism, z: float, *starts: Values) -> HiddenStep:
     first, full = mechanism.parameters[0], mechanism.strength_name
     value = first.inside(prior_of(first).value_at(z))
-    found = fit(problem, [mechanism], {**start, full: value}, (full,), evaluations)
+    found = fit(problem, [mechanism], [{**start, full: value} for start in starts], (full,))
     readings = (((one.prior_z - z) / one.sd) ** 2 for one in problem.measured if one.name == full)
     return HiddenStep(z, found, found.cost + sum(readings))
 

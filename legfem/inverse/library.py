@@ -260,9 +260,10 @@ class Library:
         """Stiffness C20 that it holds for, MPa."""
         return 0.0, 12.0 * self.middle
 
-    def curve(self, c10: float, c20: float) -> FloatArray:
-        """Return the elastic force at the grid, N."""
-        return self.force.courses(c10, c20)[:, 0]
+    def curve(self, c10: ArrayLike, c20: ArrayLike) -> FloatArray:
+        """Return the elastic force at the grid (..., m), N."""
+        assert self.force.elastic is not None
+        return self.force.elastic(coordinates(c10, c20))
 
     def relative_change(
         self, mechanism: TissueMechanism, values: Values, at: Stiffness, observed: Observations
@@ -336,5 +337,4 @@ def coordinates(c10: ArrayLike, c20: ArrayLike) -> FloatArray:
     ``ln C10`` and ``ln(1 + C20 / C10)``: the first carries the scale of all stiffnesses, the second
     is 0 for a neo-Hookean tissue and stays smooth where C20 rules.
     """
-    first, second = np.broadcast_arrays(np.asarray(c10, float), np.asarray(c20, float))
-    return np.stack([np.log(first), np.log1p(second / first)], axis=-1)
+    return np.moveaxis(np.array([np.log(c10), np.log1p(np.divide(c20, c10))]), 0, -1)

@@ -6,17 +6,19 @@ D. L. Smith, ANL/NDM-121 (1991)). Equal weights know no such trade. About the or
 force are found, searches begin there, and it is shown of a model that the recordings contradict.
 """
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import cache
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from legfem.common.units import FloatArray
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
 from legfem.inverse.mechanism import Mechanism, null_of, prior_of
+from legfem.inverse.observations import Observations
+from legfem.inverse.parameter import Parameter
 from legfem.inverse.predictor import Responses, onset_name
 
 _FEW, _MANY = 6, 40
@@ -28,7 +30,7 @@ _STEP = 1e-3
 def fit(
     problem: LinearisedProblem,
     mechanisms: Sequence[Mechanism],
-    start: Mapping[str, float],
+    start: Mapping[str, float] | Sequence[Mapping[str, float]],
     held: Collection[str] = (),
     evaluations: int | None = None,
 ) -> LinearisedFit:
@@ -41,22 +43,22 @@ def fit(
     mechanisms
         Beyond the base model.
     start
-        Of the search; mechanisms whose strength it has begin there alone.
+        Of the search, or several, of which the best is gone on from; mechanisms whose strength it has begin there
+        alone.
     held
         Full names of parameters that stay at ``start``.
     evaluations
         Most of the search from the best start, which is kept where there is none; as many as a fit takes without it.
     """
-    starts = [dict(start)]
+    starts = [start] if isinstance(start, Mapping) else list(start)
     for mechanism in mechanisms:
-        if mechanism.strength_name not in start:
+        if mechanism.strength_name not in starts[0]:
             own = list(map(mechanism.by_full_name, mechanism.starts(problem.predictor.observed)))
             starts = [{**before, **mine} for before in starts for mine in own]
     if len(starts) > 1:
-        tried = [_fit_from(problem, mechanisms, values, held, _FEW) for values in starts]
-        best = min(tried, key=lambda f: f.cost)
-        starts = [dict(best.values)]
-    return _fit_from(problem, mechanisms, starts[0], held, _MANY if evaluations is None else evaluations)
+        tried = [_search(problem, mechanisms, values, held, _FEW) for values in starts]
+        starts = [min(tried, key=lambda one: one.cost).values]
+    return _search(problem, mechanisms, starts[0], held, _MANY if evaluations is None else evaluations).made()
 
 
 def refitted_beside(fitted: LinearisedFit) -> LinearisedFit:
@@ -65,77 +67,79 @@ def refitted_beside(fitted: LinearisedFit) -> LinearisedFit:
     return fitted if beside is fitted.problem else fit(beside, fitted.mechanisms, fitted.values)
 
 
-def _fit_from(
+class _Found(NamedTuple):
+    """Where a search ended."""
+
+    cost: float
+    values: Mapping[str, float]
+    made: Callable[[], LinearisedFit]
+    """Returns the fit there, whose derivatives cost a prediction for each parameter."""
+
+
+def _search(
     problem: LinearisedProblem,
     mechanisms: Sequence[Mechanism],
     start: Mapping[str, float],
     held: Collection[str],
     evaluations: int,
-) -> LinearisedFit:
-    predictor = problem.predictor
+) -> _Found:
+    observed = problem.predictor.observed
     every = problem.parameters(mechanisms)
     free = tuple(p for p in every if p.name not in held)
     fixed = {p.name: start.get(p.name, null_of(p)) for p in every if p.name in held}
-    priors = [prior_of(p) for p in free]
-    ends = np.array([[q.departure(end) for end in p.bounds] for p, q in zip(free, priors, strict=True)])
-    ends = np.clip(ends, -40.0, 40.0)
-    inside = 1e-9 * (ends[:, 1] - ends[:, 0])
-    at = np.array([q.departure(start.get(p.name, q.centre)) for p, q in zip(free, priors, strict=True)])
-    at = np.clip(at, ends[:, 0] + inside, ends[:, 1] - inside)
+    ends, at = _begun(free, start)
 
-    def values_at(z: FloatArray) -> dict[str, float]:
-        return {**fixed, **{p.name: q.value_at(float(x)) for p, q, x in zip(free, priors, z, strict=True)}}
-
-    numbers = {onset_name(trial): trial for trial in range(len(predictor.observed.trials))}
-    onsets = {k: numbers[p.name] for k, p in enumerate(free) if p.name in numbers}
-    trial_of = predictor.observed.trial[predictor.observed.nearest]
+    def values_at(z: Iterable[float]) -> dict[str, float]:
+        return {**fixed, **{p.name: prior_of(p).value_at(float(x)) for p, x in zip(free, z, strict=True)}}
 
     # A search asks for derivatives where it has just predicted, and the fit for both where the search ended.
-    @lru_cache(maxsize=2)
-    def predicted(z: tuple[float, ...]) -> FloatArray:
-        return predictor(values_at(np.array(z)), mechanisms)
+    @cache
+    def predicted(*z: float) -> FloatArray:
+        return problem.predictor(values_at(z), mechanisms)
 
-    @lru_cache(maxsize=2)
-    def change_at(z: tuple[float, ...]) -> FloatArray:
-        return _change(predicted, np.array(z), ends, onsets, trial_of)
+    @cache
+    def misfit(*z: float) -> FloatArray:
+        return np.concatenate([problem.whitened(observed.values - predicted(*z)), z])
 
-    def misfit(z: FloatArray) -> FloatArray:
-        return np.concatenate([problem.whitened(predictor.observed.values - predicted(tuple(z))), z])
+    @cache
+    def slopes(*z: float) -> tuple[FloatArray, FloatArray]:
+        change = _change(predicted, np.array(z), ends, [p.name for p in free], observed)
+        return change, np.vstack([-problem.whitened(change), np.eye(len(z))])
 
-    def slopes_by(known: _Secants, z: FloatArray) -> FloatArray:
-        return np.vstack([-problem.whitened(known.at(z, predicted(tuple(z)))), np.eye(len(z))])
-
-    misses, converged = misfit(at), True
+    converged = True
     for _ in range(_SEARCHES if evaluations else 0):
-        begun = _Secants(at, predicted(tuple(at)), change_at(tuple(at)))
+        known = _Secants(at, misfit(*at), slopes(*at)[1])
         found = least_squares(
-            misfit,
+            lambda z: misfit(*z),
             at,
-            jac=partial(slopes_by, begun),
+            jac=lambda z, known=known: known.at(z, misfit(*z)),
             bounds=(ends[:, 0], ends[:, 1]),
             xtol=1e-7,
             ftol=1e-8,
             gtol=1e-9,
             max_nfev=evaluations,
         )
-        at, misses, converged = found.x, found.fun, found.status > 0
-        there = slopes_by(_Secants(at, predicted(tuple(at)), change_at(tuple(at))), at)
-        if evaluations < _MANY or _still_falls(misses, there, at, ends) < _LEAST_FALL:
+        at, converged = found.x, found.status > 0
+        if evaluations < _MANY or _still_falls(misfit(*at), slopes(*at)[1], at, ends) < _LEAST_FALL:
             break
-    prediction, change = predicted(tuple(at)), change_at(tuple(at))
-    return LinearisedFit(
-        problem,
-        tuple(mechanisms),
-        values_at(at),
-        free,
-        np.asarray(at),
-        prediction,
-        predictor.observed.values - prediction,
-        change,
-        np.asarray(misses[: len(misses) - len(free)]),
-        problem.whitened(change),
-        converged,
-    )
+
+    def made() -> LinearisedFit:
+        prediction, (change, by) = predicted(*at), slopes(*at)
+        fitted = len(by) - len(free)
+        found = observed.values - prediction, change, misfit(*at)[:fitted], -by[:fitted]
+        return LinearisedFit(problem, tuple(mechanisms), values_at(at), free, at, prediction, *found, converged)
+
+    return _Found(float(misfit(*at) @ misfit(*at)), values_at(at), made)
+
+
+def _begun(free: Sequence[Parameter], start: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
+    """Return between which departures parameters may be (p, 2), and where a search begins (p,)."""
+    priors = [prior_of(p) for p in free]
+    ends = np.array([[q.departure(end) for end in p.bounds] for p, q in zip(free, priors, strict=True)])
+    ends = np.clip(ends, -40.0, 40.0)
+    inside = 1e-9 * (ends[:, 1] - ends[:, 0])
+    at = np.array([q.departure(start.get(p.name, q.centre)) for p, q in zip(free, priors, strict=True)])
+    return ends, np.clip(at, ends[:, 0] + inside, ends[:, 1] - inside)
 
 
 class _Secants:
@@ -144,16 +148,16 @@ class _Secants:
     C. G. Broyden, Math. Comput. 19 (1965) 577. Differences cost a prediction for each parameter.
     """
 
-    def __init__(self, z: FloatArray, prediction: FloatArray, slopes: FloatArray) -> None:
-        self._z, self._prediction, self._slopes = z, prediction, slopes
+    def __init__(self, z: FloatArray, misfit: FloatArray, slopes: FloatArray) -> None:
+        self._z, self._misfit, self._slopes = z, misfit, slopes
 
-    def at(self, z: FloatArray, prediction: FloatArray) -> FloatArray:
+    def at(self, z: FloatArray, misfit: FloatArray) -> FloatArray:
         """Return the derivatives where a search has come to."""
         step = z - self._z
         if step @ step > 0.0:
-            missed = prediction - self._prediction - self._slopes @ step
+            missed = misfit - self._misfit - self._slopes @ step
             self._slopes = self._slopes + np.outer(missed, step) / (step @ step)
-            self._z, self._prediction = z.copy(), prediction
+            self._z, self._misfit = z.copy(), misfit
         return self._slopes
 
 
@@ -171,11 +175,7 @@ def _still_falls(misfit: FloatArray, slopes: FloatArray, z: FloatArray, ends: Fl
 
 
 def _change(
-    predicted: Callable[[tuple[float, ...]], FloatArray],
-    z: FloatArray,
-    ends: FloatArray,
-    onsets: Mapping[int, int],
-    trial_of: NDArray[np.int_],
+    predicted: Callable[..., FloatArray], z: FloatArray, ends: FloatArray, names: Sequence[str], observed: Observations
 ) -> FloatArray:
     """Return the prediction's derivatives (n, p) by the departures, by differences.
 
@@ -183,28 +183,27 @@ def _change(
     ----------
     predicted
         The readings (n,) at departures.
-    z, ends
-        (p,) and (p, 2): departures, and between which they may be.
-    onsets
-        The trials whose first contacts departures are, by their places: each moves its trial's readings alone, so
-        that all are moved at once.
-    trial_of
-        Trial of each reading, (n,).
+    z, ends, names
+        (p,), (p, 2) and (p,): departures, between which they may be, and of what.
+    observed
+        Whose trials' first contacts each move their trial's readings alone, so that all are moved at once.
     """
-    here = predicted(tuple(z))
+    here, trial_of = predicted(*z), observed.trial[observed.nearest]
+    numbers = {onset_name(trial): trial for trial in range(len(observed.trials))}
+    onsets = {k: numbers[name] for k, name in enumerate(names) if name in numbers}
     moved = np.where(z + _STEP < ends[:, 1], z + _STEP, z - _STEP)
     columns = np.zeros((len(here), len(z)))
     if onsets:
         together = z.copy()
         together[list(onsets)] = moved[list(onsets)]
-        change = predicted(tuple(together)) - here
+        change = predicted(*together) - here
         for k, trial in onsets.items():
             columns[trial_of == trial, k] = change[trial_of == trial] / (moved[k] - z[k])
     for k in range(len(z)):
         if k not in onsets:
             one = z.copy()
             one[k] = moved[k]
-            columns[:, k] = (predicted(tuple(one)) - here) / (moved[k] - z[k])
+            columns[:, k] = (predicted(*one) - here) / (moved[k] - z[k])
     return columns
 
 

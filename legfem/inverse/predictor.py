@@ -222,7 +222,7 @@ class Predictor:
     def _elastic(self, c10: float, c20: float, factor: FloatArray) -> "_Elastic":
         """Return the force at factors on the deep stiffness."""
         nodes, weights = _nodes_of(factor)
-        return _Elastic([self._spline(c10 * n, c20 * n) for n in nodes], weights, self.observed.half_width)
+        return _Elastic(self._spline(c10 * nodes, c20 * nodes), weights, self.observed.half_width)
 
     def _courses(
         self, names: tuple[str, ...], c10: float, c20: float, factor: FloatArray, changed: FloatArray, at: At
@@ -236,13 +236,13 @@ class Predictor:
     def _grid(self) -> GridSpline:
         return GridSpline(self.responses.grid)
 
-    def _spline(self, c10: float, c20: float) -> PPoly:
-        """Return the elastic force of a stiffness (MPa), kept for the next time; NaN where there is none."""
+    def _spline(self, c10: FloatArray, c20: FloatArray) -> PPoly:
+        """Return the elastic forces of stiffnesses (k,), MPa, kept for the next time; NaN where there is none."""
 
         def made() -> PPoly:
-            return self._grid.through(np.concatenate([[0.0], self.responses.curve(c10, c20)]))
+            return self._grid.through(np.vstack([np.zeros(len(c10)), self.responses.curve(c10, c20).T]))
 
-        return self._recalled((float(c10), float(c20)), made)
+        return self._recalled((tuple(c10), tuple(c20)), made)
 
     def _beside(self, names: tuple[str, ...], c10: float, c20: float) -> FloatArray:
         """Return channels' courses (m + 1, k) of a stiffness (MPa), kept likewise."""
@@ -264,8 +264,10 @@ class _Elastic:
     See `legfem.inverse.stations.since_touch`.
     """
 
-    splines: Sequence[Callable[[FloatArray, int], FloatArray]]
+    splines: Callable[[FloatArray, int], FloatArray]
+    """Of the k curves together, (n, k)."""
     weights: FloatArray | None
+    """(k, n)."""
     half_width: FloatArray
 
     def __call__(self, displacement: FloatArray) -> FloatArray:
@@ -281,8 +283,8 @@ class _Elastic:
         return np.where(share > 0.0, slope, 0.0)
 
     def _of(self, at: FloatArray, derivative: int) -> FloatArray:
-        values = [spline(at, derivative) for spline in self.splines]
-        return values[0] if self.weights is None else np.einsum("ij,ij->j", self.weights, np.array(values))
+        values = self.splines(at, derivative)
+        return values[:, 0] if self.weights is None else np.einsum("kn,nk->n", self.weights, values)
 
 
 def _nodes_of(factor: FloatArray) -> tuple[FloatArray, FloatArray | None]:
@@ -298,8 +300,9 @@ def _nodes_of(factor: FloatArray) -> tuple[FloatArray, FloatArray | None]:
 
 def _pressed(elastic: _Elastic, displacement: FloatArray, loss) -> FloatArray:  # type: ignore[no-untyped-def]
     """Solve F = elastic(d - loss(F)) by Newton's method."""
-    force = elastic(displacement - loss(np.zeros_like(displacement)))
-    if not np.any(loss(np.ones_like(force)) - loss(np.zeros_like(force))):
+    unpressed = loss(np.zeros_like(displacement))
+    force = elastic(displacement - unpressed)
+    if np.array_equal(loss(np.ones_like(force)), unpressed):
         return force
     for _ in range(12):
         lost = loss(force)

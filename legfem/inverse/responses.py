@@ -11,6 +11,7 @@ from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
 from legfem.channels.kinds import CHANNELS
@@ -154,9 +155,10 @@ class SolvedResponses:
         """Displacements of the elastic curves, mm."""
         return self.step * np.arange(1, round(self.depth / self.step) + 1)
 
-    def curve(self, c10: float, c20: float) -> FloatArray:
-        """Return the elastic force at the grid, N."""
-        return self.ramp((c10, c20), Solution())
+    def curve(self, c10: ArrayLike, c20: ArrayLike) -> FloatArray:
+        """Return the elastic force at the grid (..., m), N."""
+        every = [self.ramp((float(one), float(other)), Solution()) for one, other in np.broadcast(c10, c20)]
+        return np.array(every).reshape(*np.shape(c10), -1)
 
     def ramp(self, stiffness: Stiffness, solution: Solution) -> FloatArray:
         """Return a solution's force at the grid, N."""

@@ -232,8 +232,6 @@ def since_touch(displacement: FloatArray, half_width: FloatArray) -> tuple[Float
     lies within it, too, that is the mean of what is nothing before: with a force that begins in proportion to its way
     x, (x + h) / (2 h) times the force at (x + h) / 2.
     """
-    half = np.broadcast_to(half_width, displacement.shape)
-    across = (half > 0) & (np.abs(displacement) < half)
-    share = np.where(displacement > 0, 1.0, 0.0)
-    share = np.divide(displacement + half, 2 * half, out=share, where=across)
-    return np.maximum(np.where(across, 0.5 * (displacement + half), displacement), 0.0), share
+    ahead = 0.5 * (displacement + half_width)
+    share = np.clip(ahead / np.maximum(half_width, 1e-100), 0.0, 1.0)
+    return np.maximum(np.maximum(displacement, ahead), 0.0), share

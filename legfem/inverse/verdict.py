@@ -240,15 +240,19 @@ class Diagnosis:
         return mpa_to_kpa(low), mpa_to_kpa(high)
 
     @cached_property
+    def interval_as_seen(self) -> tuple[float, float] | None:
+        """The interval of C10 without what recordings don't show; None where it isn't fitted."""
+        return robust_interval(as_seen(self.explained), DEEP_C10)
+
+    @cached_property
     def withheld(self) -> bool:
         """Whether no stiffness is given: nothing explains the misfit, and it isn't small.
 
         A misfit is small that is less than `SMALL` of the largest force and moves C10 by less than its interval.
         """
-        ends = robust_interval(as_seen(self.explained), DEEP_C10)
-        if self.verdict != "unexplained" or self.misfit.size >= SMALL or ends is None:
+        if self.verdict != "unexplained" or self.misfit.size >= SMALL or self.interval_as_seen is None:
             return self.verdict == "unexplained"
-        value, (low, high) = self.base_model.value(DEEP_C10), ends
+        value, (low, high) = self.base_model.value(DEEP_C10), self.interval_as_seen
         return not (low < value < high and self.misfit.moves < min(value - low, high - value) / value)
 
     @cached_property

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from legfem.common.numbers import number, percent, share
 from legfem.common.units import mpa_to_kpa
 from legfem.inverse.answer import Finding, Notice
-from legfem.inverse.averaging import as_seen, robust_interval, widened_by
+from legfem.inverse.averaging import widened_by
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.claims import checked_answer
 from legfem.inverse.explanation import Explanation
@@ -127,7 +127,7 @@ def _unseen(found: Diagnosis) -> list[Mechanism]:
 
 def _by_what_is_unseen(found: Diagnosis) -> bool:
     """Return whether C10 is known as a range alone for what every leg has and the recordings don't show."""
-    ends, value = robust_interval(as_seen(found.explained), DEEP_C10), found.best.value(DEEP_C10)
+    ends, value = found.interval_as_seen, found.best.value(DEEP_C10)
     return wide(found) and ends is not None and max(abs(end / value - 1.0) for end in ends) <= TRUSTED
 
 
