@@ -163,13 +163,13 @@ def test_a_line_meets_a_patch_that_is_stretched_uniformly_where_geometry_says():
     nodes = np.concatenate([ends, ends.mean(axis=1, keepdims=True)], axis=1)
     strain = np.array([[0.1, 0.3], [0.05, -0.2]])
     moved = nodes + nodes @ strain.T
-    (found,) = first_crossings(moved, np.array([[0.4, 5.0]]), np.array([[0.0, -1.0]]))
-    assert found is not None
+    down = np.array([[0.0, -1.0]])
+    found = first_crossings(moved, np.array([[0.4, 5.0]]), down)
     # x = 1.1 X + 0.3 and y = 0.05 X + 0.8 on the outline Y = 1.
     at = (0.4 - 0.3) / 1.1
-    assert found.along == pytest.approx(5.0 - (0.05 * at + 0.8), rel=1e-12)
+    assert found.along[0] == pytest.approx(5.0 - (0.05 * at + 0.8), rel=1e-12)
     # By the size of the strain, the place at 0.4 changes as that of the same formula.
-    rate = found.rate(nodes @ strain.T, np.array([0.0, -1.0]))
+    rate = found.rates((nodes @ strain.T)[None], down)[0, 0]
     step = 1e-6
     further = (0.4 - 0.3 * (1 + step)) / (1 + 0.1 * (1 + step))
     change = (1 - 0.2 * (1 + step) + 0.05 * (1 + step) * further) - (0.05 * at + 0.8)
@@ -181,7 +181,7 @@ def test_a_line_beside_an_outline_meets_nothing():
     down = np.array([0.0, -1.0])
     beside, past, through = np.array([[2.0, 5.0], [3.2, 5.0], [0.5, 5.0]])
     found = first_crossings(edge, np.array([beside, through, past]), np.array([down, down, down]))
-    assert [one is None for one in found] == [True, False, True]
+    assert np.isnan(found.along).tolist() == [True, False, True]
 
 
 def test_forces_in_3d_turn_with_the_travel():

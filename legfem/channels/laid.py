@@ -14,6 +14,7 @@ what the gradient at the point does.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache, cached_property
 from types import MappingProxyType
 
 import numpy as np
@@ -43,7 +44,7 @@ class Laid:
         """As far to the other side."""
         return Laid((-self.shift[0], -self.shift[1]), -self.turn_deg)
 
-    @property
+    @cached_property
     def _turn(self) -> FloatArray:
         angle = math.radians(self.turn_deg)
         return np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
@@ -70,6 +71,7 @@ IMAGES = (AS_STATED, *(side for image in WAYS.values() for side in (image, image
 """An image as stated, then to both sides in each of the ways."""
 
 
+@cache
 def laid_course(course: str, way: str) -> str:
     """Return the name of what a step in one of the `WAYS` does to a channel's course."""
     return f"{course}:{way}"

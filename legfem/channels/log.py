@@ -142,8 +142,9 @@ class ChannelLog:
             )
         read = self._reader.read(moving)
         explicit = self._by_shifts(self._reader, state, read)
+        missing = math.nan, np.full(len(self._parameters), np.nan)
         for name, values in self.values.items():
-            value, by = read.get(name, (np.nan, np.full(len(self._parameters), np.nan)))
+            value, by = read.get(name, missing)
             values.append(value)
             self._rates[name].append(by + explicit[name])
 

@@ -5,11 +5,13 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.interpolate import make_interp_spline
 
 from legfem.channels import Sight
 from legfem.common.units import FloatArray
-from legfem.fem.outlines import Crossing, Outline, PointsInside, first_crossings, outline_between, outline_of_facets
+from legfem.fem.outlines import Outline, PointsInside, first_crossings, outline_between, outline_of_facets
+from legfem.fem.spaces import sum_over
 from legfem.fem.system import System
 from legfem.geometry.indenter import TravelLine
 from legfem.geometry.section import across, cross
@@ -113,8 +115,8 @@ class SeenModel:
         }
 
     @cached_property
-    def crossings_at_rest(self) -> dict[str, dict[bytes, list[Crossing | None]]]:
-        """First crossings of lines with the undeformed outlines, as far as they were asked for."""
+    def crossings_at_rest(self) -> dict[str, dict[bytes, FloatArray]]:
+        """Places along lines of their first crossings with the undeformed outlines, as far as they were asked for."""
         return {name: {} for name in self.outlines}
 
     @cached_property
@@ -246,13 +248,16 @@ class Seen:
         """Return the contact's force along a unit vector (N), and its derivatives (p,)."""
         return float(self.state.contact_force @ way), self.state.contact_force_rates @ way
 
+    def over_ranks(self, values: ArrayLike) -> FloatArray:
+        """Return the sum of values (...) over the ranks that share the model."""
+        return sum_over(self.model.system.comm, values)
+
     def moment(self) -> tuple[float, FloatArray]:
         """Return the contact's moment about the cylinder's axis in a section (N mm), and its derivatives (p,)."""
-        (away, moving), state, comm = self._skin_from_axis, self.state, self.model.system.comm
-        local = float(np.sum(cross(away, state.nodal_force)))
+        (away, moving), state = self._skin_from_axis, self.state
+        total = self.over_ranks(np.sum(cross(away, state.nodal_force)))
         rates = cross(moving, state.nodal_force) + cross(away, state.nodal_force_rates)
-        total = np.asarray(comm.allreduce(rates.sum(axis=-1)))
-        return state.whole * float(comm.allreduce(local)), state.whole * total
+        return state.whole * float(total), state.whole * self.over_ranks(rates.sum(axis=-1))
 
     @property
     def profile(self) -> "CrossedOutline":
@@ -285,7 +290,7 @@ class CrossedOutline:
     origin, direction
         Point and direction of the line.
     known
-        Crossings with the undeformed outline that were found in earlier states, by the lines.
+        Places along lines at which they met the undeformed outline in earlier states (k,), mm, by the lines.
     """
 
     places: FloatArray
@@ -293,28 +298,25 @@ class CrossedOutline:
     rates: FloatArray
     origin: FloatArray
     direction: FloatArray
-    known: dict[bytes, list[Crossing | None]]
+    known: dict[bytes, FloatArray]
 
-    def place(self) -> tuple[float, FloatArray] | None:
-        """Return where the line of travel first meets the deformed outline (mm), and the derivatives."""
-        (found,) = self._places(self.origin[None], self.direction[None])
-        return found
+    @cached_property
+    def place(self) -> tuple[float, FloatArray]:
+        """Where the line of travel first meets the deformed outline (mm), NaN if it doesn't, and derivatives (p,)."""
+        along, rates = self._places(self.origin[None], self.direction[None])
+        return float(along[0]), rates[:, 0]
 
-    def rises(self, origins: FloatArray, directions: FloatArray) -> list[tuple[float, FloatArray] | None]:
-        """Return how far the outline rose against lines (k, 2) where they meet it first (mm), and the derivatives.
+    def rises(self, origins: FloatArray, directions: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return how far the outline rose against lines (k, 2) where they meet it first, mm: (k,), derivatives (p, k).
 
-        None of a line that doesn't meet it, deformed and undeformed.
+        NaN of a line that doesn't meet it, deformed and undeformed.
         """
-        met = zip(self._at_rest(origins, directions), self._places(origins, directions), strict=True)
-        return [None if one is None or now is None else (one.along - now[0], -now[1]) for one, now in met]
-
-    def _at_rest(self, origins: FloatArray, directions: FloatArray) -> list[Crossing | None]:
         key = np.stack([origins, directions]).tobytes()
         if key not in self.known:
-            self.known[key] = first_crossings(self.places, origins, directions)
-        return self.known[key]
+            self.known[key] = first_crossings(self.places, origins, directions).along
+        along, rates = self._places(origins, directions)
+        return self.known[key] - along, -rates
 
-    def _places(self, origins: FloatArray, directions: FloatArray) -> list[tuple[float, FloatArray] | None]:
+    def _places(self, origins: FloatArray, directions: FloatArray) -> tuple[FloatArray, FloatArray]:
         found = first_crossings(self.points, origins, directions)
-        ways = zip(found, directions, strict=True)
-        return [None if one is None else (one.along, one.rate(self.rates, way)) for one, way in ways]
+        return found.along, found.rates(self.rates, directions)

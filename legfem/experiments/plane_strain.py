@@ -200,16 +200,12 @@ class PlaneStrainIndentation(indentation.IndentationTest):
         if self.meshed is not None:
             return self.meshed
         indenter = self.indenter
-        return mesh_section(
-            self.section,
-            indenter.radius,
-            indenter.aim,
-            indenter.direction,
-            self.settings.mesh,
-            self.comm,
-            self._bones_give_way,
-            bool(self.model.at("face")),
-        )
+        return mesh_section(self.section, indenter.radius, indenter.aim, indenter.direction, *self._meshed_by)
+
+    @property
+    def _meshed_by(self) -> tuple[SectionMeshSettings, MPI.Intracomm, bool, bool]:
+        """What the mesh of a section under an indenter depends on: how fine it is, and what moves by itself in it."""
+        return self.settings.mesh, self.comm, self._bones_give_way, bool(self.model.at("face"))
 
     @cached_in_process
     def _moving(self) -> dict[str, tuple[FloatArray, ...]]:
@@ -257,16 +253,18 @@ class PlaneStrainIndentation(indentation.IndentationTest):
     @cached_in_process
     def _well_integrated(self) -> "PlaneStrainIndentation":
         """The same test with more quadrature points, for thin layers of tissue that are stretched far."""
-        return self._on_this_mesh(quadrature_degree=max(self.settings.quadrature_degree, _RAISED_DEGREE))
+        degree = max(self.settings.quadrature_degree, _RAISED_DEGREE)
+        return self.on_same_mesh(settings=replace(self.settings, defences=False, quadrature_degree=degree))
 
     @cached_in_process
     def _of_displacements(self) -> "PlaneStrainIndentation":
         """The same test with displacements alone as unknowns, in which thin layers of soft fat are more stable."""
-        return self._on_this_mesh(formulation="displacement")
+        return self.on_same_mesh(settings=replace(self.settings, defences=False, formulation="displacement"))
 
-    def _on_this_mesh(self, **changed: Any) -> "PlaneStrainIndentation":
-        settings = replace(self.settings, defences=False, **changed)
-        return replace(self, settings=settings, meshed=self.section_mesh)
+    def on_same_mesh(self, **changed: Any) -> "PlaneStrainIndentation":
+        """Return the test with other fields, on this one's mesh where that serves it too."""
+        made = replace(self, **changed, meshed=None)
+        return replace(made, meshed=self.section_mesh) if made._meshed_by == self._meshed_by else made
 
     def attempts(self, placement: LateralPlacement | None = None) -> Iterator[indentation.Attempt]:
         """Yield the model, then with more quadrature points, without pressures, and with a softer contact."""

@@ -11,7 +11,6 @@ the outline, and its place along the line changes by
 .. math:: a' = x' \cdot t - \frac{a_s}{c_s}\, x' \cdot n.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -21,7 +20,7 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
-from legfem.fem.spaces import LegSpaces, cells_behind
+from legfem.fem.spaces import LegSpaces, cells_behind, sum_over
 from legfem.geometry.section import across
 
 _EDGES = np.array([[1, 2, 3], [2, 0, 4], [0, 1, 5]])
@@ -50,38 +49,40 @@ class Outline:
 
     def values(self, nodal: FloatArray) -> FloatArray:
         """Return fields at the edges' nodes, (..., m, 3, 2), from their values at the rank's nodes, (..., nodes, 2)."""
-        return np.concatenate(self.comm.allgather(nodal[..., self.nodes, :]), axis=-3)
+        own = nodal[..., self.nodes, :]
+        return own if self.comm.size == 1 else np.concatenate(self.comm.allgather(own), axis=-3)
 
 
-@dataclass(frozen=True)
-class Crossing:
-    """Where a line first meets an outline.
+@dataclass(frozen=True, eq=False)
+class Crossings:
+    """Where k lines first meet an outline.
 
     Parameters
     ----------
     edge
-        Number of the edge.
+        Numbers of the edges, (k,).
     position
-        Along the edge, from 0 to 1.
+        Along the edges, from 0 to 1, (k,).
     along
-        Along the line, from its origin (mm).
+        Along the lines, from their origins (k,), mm; NaN of those that don't meet it.
     slip
-        a_s / c_s: how far along the line the crossing moves as the outline moves by 1 across it.
+        a_s / c_s: how far along the lines the crossings move as the outline moves by 1 across them, (k,).
     """
 
-    edge: int
-    position: float
-    along: float
-    slip: float
+    edge: NDArray[np.int_]
+    position: FloatArray
+    along: FloatArray
+    slip: FloatArray
 
-    def rate(self, rates: FloatArray, direction: FloatArray) -> FloatArray:
-        """Return derivatives (...) of its place along the line, from those of the edges' nodes (..., m, 3, 2)."""
-        moves = edge_shapes(self.position) @ rates[..., self.edge, :, :]
-        return np.asarray(moves @ direction - self.slip * (moves @ across(direction)))
+    def rates(self, rates: FloatArray, directions: FloatArray) -> FloatArray:
+        """Return derivatives (p, k) of the places along lines, of directions (k, 2), from the nodes' (p, m, 3, 2)."""
+        moves = np.einsum("ks,pksd->pkd", edge_shapes(self.position), rates[:, self.edge])
+        slide = directions - self.slip[:, None] * across(directions)
+        return np.where(np.isnan(self.along), np.nan, np.vecdot(moves, slide))
 
 
-def first_crossings(points: FloatArray, origins: FloatArray, directions: FloatArray) -> list[Crossing | None]:
-    """Return each line's first crossing with an outline; None where there is none.
+def first_crossings(points: FloatArray, origins: FloatArray, directions: FloatArray) -> Crossings:
+    """Return each line's first crossing with an outline.
 
     Parameters
     ----------
@@ -90,24 +91,32 @@ def first_crossings(points: FloatArray, origins: FloatArray, directions: FloatAr
     origins, directions
         A point on each of k lines (k, 2), mm, and their unit vectors (k, 2).
     """
-    away = points - origins[:, None, None]
-    offset, along = (
-        np.einsum("kmnd,kd->kmn", away, ways) for ways in (np.array([across(one) for one in directions]), directions)
-    )
+    normals = across(directions)
+    offset = np.einsum("mnd,kd->kmn", points, normals) - np.vecdot(origins, normals)[:, None, None]
     first, last, middle = np.moveaxis(offset, -1, 0)
     # The edge is within the hull of its Bezier points.
     bezier = 2 * middle - 0.5 * (first + last)
     low, high = (of(of(first, last), bezier) for of in (np.minimum, np.maximum))
-    found: list[list[Crossing]] = [[] for _ in origins]
-    for line, edge in np.argwhere((low <= _ROUND) & (high >= -_ROUND)):
-        square, linear, constant = _coefficients(offset[line, edge])
-        for position in _roots(square, linear, constant):
-            slope = 2 * square * position + linear
-            if slope != 0.0:
-                bend, rise, start = _coefficients(along[line, edge])
-                place = (bend * position + rise) * position + start
-                found[line].append(Crossing(int(edge), position, place, (2 * bend * position + rise) / slope))
-    return [min(one, key=lambda crossing: crossing.along, default=None) for one in found]
+    line, edge = np.nonzero((low <= _ROUND) & (high >= -_ROUND))
+    square, linear, constant = _coefficients(offset[line, edge])
+    bend, rise, start = _coefficients(np.vecdot(points[edge] - origins[line, None], directions[line, None]))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # Both roots, of what is nearly linear too; NaN, or infinite, where there is none.
+        half = -0.5 * (linear + np.copysign(np.sqrt(linear**2 - 4 * square * constant), linear))
+        root = np.array([constant / half, half / square])
+        position = np.clip(root, 0.0, 1.0)
+        slope = 2 * square * position + linear
+        met = (root >= -_ROUND) & (root <= 1 + _ROUND) & (slope != 0.0)
+        place = np.where(met, (bend * position + rise) * position + start, np.inf).T.ravel()
+        slip = ((2 * bend * position + rise) / slope).T.ravel()
+    # Of what is written in one place the last stays: the nearest.
+    order = np.argsort(place, kind="stable")[: np.count_nonzero(met)][::-1]
+    crossing, found = np.repeat(line, 2)[order], Crossings(np.zeros(len(origins), int), *np.zeros((3, len(origins))))
+    found.along[:] = np.nan
+    own = (np.repeat(edge, 2), position.T.ravel(), place, slip)
+    for values, each in zip((found.edge, found.position, found.along, found.slip), own, strict=True):
+        values[crossing] = each[order]
+    return found
 
 
 def edge_shapes(position: float | FloatArray) -> FloatArray:
@@ -116,22 +125,10 @@ def edge_shapes(position: float | FloatArray) -> FloatArray:
     return np.stack([(1 - s) * (1 - 2 * s), s * (2 * s - 1), 4 * s * (1 - s)], axis=-1)
 
 
-def _coefficients(nodal: FloatArray) -> tuple[float, float, float]:
-    """Return those of s^2, s and 1 of a field along an edge."""
-    first, last, middle = map(float, nodal)
+def _coefficients(nodal: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return those of s^2, s and 1 of fields (c, 3) along edges, (c,)."""
+    first, last, middle = nodal.T
     return 2 * first + 2 * last - 4 * middle, 4 * middle - 3 * first - last, first
-
-
-def _roots(square: float, linear: float, constant: float) -> list[float]:
-    """Return the real roots in an edge of a polynomial of second degree, nearly linear ones too."""
-    under = linear**2 - 4 * square * constant
-    if under < 0:
-        return []
-    half = -0.5 * (linear + math.copysign(math.sqrt(under), linear))
-    roots = [constant / half] if half else []
-    if square:
-        roots.append(half / square)
-    return [min(max(root, 0.0), 1.0) for root in roots if -_ROUND <= root <= 1 + _ROUND]
 
 
 def outline_of_facets(spaces: LegSpaces, tag: int) -> Outline:
@@ -209,5 +206,4 @@ class PointsInside:
 
     def values(self, nodal: FloatArray) -> FloatArray:
         """Return fields (..., m, d) at the points from their values at the rank's nodes, (..., nodes, d)."""
-        local = np.einsum("pk,...pkd->...pd", self.shapes, nodal[..., self.nodes, :])
-        return np.asarray(self.comm.allreduce(local))
+        return sum_over(self.comm, np.einsum("pk,...pkd->...pd", self.shapes, nodal[..., self.nodes, :]))

@@ -16,7 +16,7 @@ from scipy.sparse import csr_matrix
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.fem.forms import Clock, Rounding, Symbols, body_forms, skin_forms
-from legfem.fem.spaces import LegSpaces
+from legfem.fem.spaces import LegSpaces, sum_over
 from legfem.mechanics.kinematics import volume_ratio
 from legfem.mechanics.model import Body, LegModel
 
@@ -227,7 +227,7 @@ class System:
         PETSc keeps a vector's norm until PETSc itself changes it, which assembly does not.
         """
         owned = self.residual_vector.x.array[: self._owned]
-        return float(np.sqrt(self.comm.allreduce(float(owned @ owned))))
+        return float(np.sqrt(sum_over(self.comm, owned @ owned)))
 
     def assemble_tangent(self, *, keep: bool = False, reuse: bool = False) -> PETSc.Mat:
         """Assemble the tangent at the present unknown.
@@ -337,7 +337,7 @@ class System:
         nodal.scatter_reverse(la.InsertMode.add)
         dofmap = self.spaces.skin_space.dofmap
         owned = nodal.array[: dofmap.index_map.size_local * dofmap.index_map_bs]
-        return float(np.sqrt(self.comm.allreduce(float(owned @ owned))))
+        return float(np.sqrt(sum_over(self.comm, owned @ owned)))
 
     def balance(self) -> Balance:
         """Return resultants and virtual works at the present state, for checks of equilibrium."""
@@ -355,7 +355,7 @@ class System:
         bulk_work = float(internal.x.array[:owned] @ self.unknown.x.array[:owned])
         return Balance(
             contact,
-            self.comm.allreduce(reaction.sum(axis=0)),
+            sum_over(self.comm, reaction.sum(axis=0)),
             -float(self.comm.allreduce(trace_work)),
             float(self.comm.allreduce(bulk_work)),
         )
@@ -364,7 +364,7 @@ class System:
         """Return the indenter's force on the skin, (dimension,), N per mm of leg in 2D, N in 3D."""
         self._trace()
         local = self._assemble_skin().reshape(-1, self.spaces.dimension).sum(axis=0)
-        return -np.asarray(self.comm.allreduce(local))
+        return -sum_over(self.comm, local)
 
     def nodal_contact_force(self) -> FloatArray:
         """Return what the rank adds to the indenter's force on each of its skin's nodes, (nodes, dimension)."""

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-import trimesh
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import RectBivariateSpline
 from scipy.sparse import csr_matrix
@@ -43,6 +42,8 @@ class TriangleSurface:
         csr_matrix
             (k, n), rows of three weights that sum to one.
         """
+        import trimesh  # slow to import, and of use to a leg in 3D alone
+
         corners = self.points[self.triangles]
         count = min(CANDIDATES, len(corners))
         _, nearest = cKDTree(corners.mean(axis=1)).query(points, k=count)

@@ -167,8 +167,8 @@ def depth_to_bone(section: LegSection, point: FloatArray, direction: FloatArray)
 
 
 def across(direction: FloatArray) -> FloatArray:
-    """Return a plane's direction (2,) turned by 90 degrees, counter-clockwise."""
-    return np.array([-direction[1], direction[0]])
+    """Return a plane's directions (..., 2) turned by 90 degrees, counter-clockwise."""
+    return np.array([-direction[..., 1], direction[..., 0]]).T
 
 
 def cross(one: FloatArray, other: FloatArray) -> FloatArray:

@@ -95,7 +95,7 @@ class LegVariants(Picklable):
         """Return a model by its name."""
         if variant not in self._models:
             settings, terms = self._settings(variant), self._terms(variant)
-            self._models[variant] = replace(self.base, settings=settings, mechanisms=terms, meshed=None)
+            self._models[variant] = self.base.on_same_mesh(settings=settings, mechanisms=terms)
         return self._models[variant]
 
     def _settings(self, variant: str) -> PlaneStrainSettings:

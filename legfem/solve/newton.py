@@ -17,6 +17,7 @@ from petsc4py import PETSc
 
 from legfem.common.units import FloatArray
 from legfem.fem.compat import RESIDUAL_NOT_FINITE
+from legfem.fem.spaces import sum_over
 from legfem.fem.system import System
 from legfem.solve.linear import LinearSettings, SaddlePreconditioner, configure, prepare, renew_factors
 from legfem.solve.path import NewtonOutcome
@@ -74,7 +75,7 @@ class AndersonMixing:
         moves, gains = self._moves[:known], self._gains[:known]
         np.subtract(state, last[0], out=moves[place])
         np.subtract(update, last[1], out=gains[place])
-        with_last, right = self._comm.allreduce(np.array([gains @ gains[place], gains @ update]))
+        with_last, right = sum_over(self._comm, np.array([gains @ gains[place], gains @ update]))
         self._products[place, :known] = self._products[:known, place] = with_last
         products = self._products[:known, :known]
         size = np.sqrt(np.diag(products))
@@ -224,7 +225,7 @@ class NewtonSolver:
         converged = reason > 0
         if converged:
             self._load(self._solution)
-            converged = self._system.minimum_volume_ratio() > 0
+            converged = self._volume_ratio(self._solution) > 0
         self._went_well = converged and self._settings.keeps_body and self._factorisations <= _FEW
         return NewtonOutcome(
             converged,

@@ -28,6 +28,7 @@ from ufl.corealg.traversal import unique_pre_traversal
 from legfem.common.units import FloatArray
 from legfem.fem.compiled import compiled
 from legfem.fem.forms import DomainForms
+from legfem.fem.spaces import sum_over
 from legfem.fem.system import Shift, System
 from legfem.solve.newton import NewtonSolver
 
@@ -107,7 +108,7 @@ class SensitivityTracker:
             trace = self._rate.x.array[spaces.trace]
             force = -(skin + self._skin.tangent_action(trace)).reshape(-1, spaces.dimension)
             total = force.sum(axis=0)
-            self.contact_force_rates[index] = system.comm.allreduce(total)
+            self.contact_force_rates[index] = sum_over(system.comm, total)
             forces.append(float(self.contact_force_rates[index] @ system.direction))
             if shift is not None:
                 forces[-1] += float(pressing @ shift.direction)

@@ -137,9 +137,9 @@ class LayerThicknesses(base.ChannelFile):
                 found[name] = heights[1] - heights[0] + high - low, high_rates - low_rates
             return found
         for name, between in _BETWEEN.items():
-            above, below = (seen.lines[outline].place() for outline in between)
-            if above is not None and below is not None:
-                found[name] = (below[0] - above[0], below[1] - above[1])
+            (above, rising), (below, sinking) = (seen.lines[outline].place for outline in between)
+            if np.isfinite(below - above):
+                found[name] = below - above, sinking - rising
         return found
 
     def plans(self, site: Site) -> Sequence[base.ChannelPlan]:

@@ -57,13 +57,15 @@ class SkinRises(base.FramesFile[Site]):
 
         None of a line that doesn't meet the skin.
         """
-        skin = seen.profile
-        ways = np.array([image.turned(skin.direction) for image in images for _ in RISES])
-        origins = np.array([image.truly(skin.origin, skin.origin) for image in images for _ in RISES])
-        aside = np.array([offset * across(way) for offset, way in zip([*RISES] * len(images), ways, strict=True)])
-        each = iter(skin.rises(origins + aside, ways))
-        named = ([(kind.name, next(each)) for kind in RISES.values()] for _ in images)
-        return [{name: one for name, one in rises if one is not None} for rises in named]
+        skin, count = seen.profile, len(RISES)
+        ways = np.repeat([image.turned(skin.direction) for image in images], count, axis=0)
+        origins = np.repeat([image.truly(skin.origin, skin.origin) for image in images], count, axis=0)
+        values, rates = skin.rises(origins + np.tile([*RISES], len(images))[:, None] * across(ways), ways)
+        each = [(k, kind.name) for k, kind in enumerate([*RISES.values()] * len(images)) if np.isfinite(values[k])]
+        return [
+            {name: (float(values[k]), rates[:, k]) for k, name in each if k // count == number}
+            for number in range(len(images))
+        ]
 
     def plans(self, site: Site) -> Sequence[base.ChannelPlan]:
         """Return the rises next to the cylinder."""
