@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,6 +20,12 @@ from legfem.legs.loading import load_subject
 from legfem.legs.subject import Subject
 from legfem.meshing.section import SectionMeshSettings, mesh_section, section_regions
 from studies.making.plane_leg import OtherCase
+
+
+def grouped(**groups: list[str]) -> str:
+    """Return muscles in groups, as subject.toml says it."""
+    return MUSCLES + "\n[groups]\n" + "".join(f"{name} = {json.dumps(own)}\n" for name, own in groups.items())
+
 
 BOTH = ("gastrocnemius.C10", "soleus.C10")
 COARSE = PlaneStrainSettings(mesh=SectionMeshSettings().refined(0.6))
@@ -75,6 +82,41 @@ def test_muscles_as_stiff_as_the_rest_meet_the_force_of_one_tissue(apart: PlaneS
     assert apart.solve(alike, depth=4.0).curve(4.0) == pytest.approx(one.curve(4.0), rel=0.005)
 
 
+@pytest.fixture(scope="module")
+def together(tmp_path_factory: pytest.TempPathFactory) -> Subject:
+    folder = write_limb(
+        tmp_path_factory.mktemp("group") / "leg", two_muscles(), grouped(triceps=["soleus", "gastrocnemius"])
+    )
+    return load_subject(folder, need_recordings=False)
+
+
+def test_a_group_has_one_stiffness_for_all_its_muscles(apart: PlaneStrainIndentation, together: Subject):
+    one = plane_strain_test(together.with_muscles(["triceps.C10"]), COARSE)
+    values = {"deep.C10": 8e-4, "deep.D2": np.inf}
+    of_group = one.solve(
+        {**values, "triceps.C10": 6e-4, "triceps.D2": np.inf}, depth=3.0, sensitivities=["triceps.C10"]
+    )
+    each = apart.solve({**APART, "soleus.C10": 6e-4}, depth=3.0, sensitivities=BOTH).curve
+    assert of_group.curve(3.0) == pytest.approx(each(3.0), rel=1e-3)
+    at = np.array([3.0])
+    by_both = sum(each.sensitivity(name, at)[0] for name in BOTH)
+    assert of_group.curve.sensitivity("triceps.C10", at)[0] == pytest.approx(by_both, rel=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        (["triceps.C10", "soleus.C10"], "so is triceps, a group that it is in"),
+        (["Solleus.C10"], "did you mean soleus?"),
+    ],
+    ids=["a muscle beside its group", "misspelt"],
+)
+def test_muscles_that_cannot_be_identified_get_one_line(together: Subject, asked: list[str], words: str):
+    with pytest.raises(InputError) as caught:
+        together.with_muscles(asked)
+    assert words in str(caught.value) and "\n" not in str(caught.value)
+
+
 @pytest.mark.parametrize("name", BOTH)
 def test_a_force_is_differentiated_by_each_muscles_stiffness(apart: PlaneStrainIndentation, name: str):
     exact = apart.solve(APART, depth=3.0, sensitivities=[name]).curve.sensitivity(name, np.array([3.0]))[0]
@@ -91,8 +133,28 @@ def test_a_force_is_differentiated_by_each_muscles_stiffness(apart: PlaneStrainI
         ({"soleus": circle(20, 25, 20)}, MUSCLES, "soleus", "overlaps the fibula: 1.1e+02 mm² of it"),
         ({}, MUSCLES + '\n[regions.plantaris]\nkind = "muscle"\n', "plantaris", "the part is missing"),
         ({}, MUSCLES + '\n[regions.deep]\nkind = "muscle"\n', "regions.deep", "is what every leg has"),
+        ({}, grouped(deep=["soleus"]), "groups.deep", "is what every leg has"),
+        ({}, grouped(Soleus=["gastrocnemius"]), "groups.Soleus", "is the name of a muscle"),
+        ({}, grouped(tibia=["gastrocnemius"]), "groups.tibia", "is the name of a bone"),
+        ({}, grouped(calf=["soleu"]), "groups.calf", "'soleu' is no muscle of this section; there are gastrocnemius"),
+        ({}, grouped(calf=["soleus"], deep_calf=["Soleus"]), "groups.calf", "stands in more than one place"),
+        ({}, grouped(calf=["soleus", "soleus"]), "groups.calf", "stands in more than one place"),
+        ({}, grouped(calf=[]), "groups.calf", "has no muscle"),
     ],
-    ids=["two overlap", "outside the fascia", "round a bone", "not drawn", "a tissue's name"],
+    ids=[
+        "two overlap",
+        "outside the fascia",
+        "round a bone",
+        "not drawn",
+        "a tissue's name",
+        "a group of a tissue's name",
+        "a group of a muscle's name",
+        "a group of a bone's name",
+        "a group of no muscle",
+        "a muscle in two groups",
+        "a muscle twice in a group",
+        "a group of none",
+    ],
 )
 def test_a_wrong_muscle_gets_one_line(tmp_path: Path, change, more: str, field: str, words: str):
     with pytest.raises(InputError) as caught:

@@ -103,7 +103,7 @@ class SeenModel:
         """Outlines of a section: its skin, the fascia's two faces, and the bones."""
         spaces = self.system.spaces
         split = len(spaces.facet_tags.find(OUTER_FASCIA)) > 0
-        within = [tag for tag in spaces.regions.values() if tag not in (SUPERFICIAL, FASCIA)]
+        within = [int(tag) for tag in np.hstack([*spaces.regions.values()]) if tag not in (SUPERFICIAL, FASCIA)]
         return {
             "skin": outline_of_facets(spaces, SKIN),
             # What slides on the fascia has nodes of its own.

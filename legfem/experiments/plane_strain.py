@@ -20,14 +20,14 @@ from legfem.experiments import indentation
 from legfem.experiments.experiment import Solved, as_protocol, cached_in_process
 from legfem.fem.fields import most_stretched
 from legfem.fem.sliding import SlidingForces
-from legfem.fem.spaces import build_spaces
+from legfem.fem.spaces import Tags, build_spaces
 from legfem.fem.system import Shift, System
 from legfem.geometry.indenter import Indenter, TravelLine, first_touch
 from legfem.geometry.section import LegSection, across
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.indenters import RigidCylinder
 from legfem.mechanics.materials import Hyperelastic
-from legfem.mechanics.model import Formulation, LegModel, Term
+from legfem.mechanics.model import Formulation, LegModel, RegionTerm, Term
 from legfem.mechanics.terms import BoneSprings, SlidingFace
 from legfem.meshing.section import (
     REGIONS,
@@ -88,7 +88,7 @@ class LateralPlacement:
 
 @dataclass(frozen=True)
 class Tissues:
-    """The laws of the three tissues, and of muscles that have one of their own (MPa, 1/MPa)."""
+    """The laws of the three tissues, and of muscles and groups that have one of their own (MPa, 1/MPa)."""
 
     deep: Hyperelastic
     superficial: Hyperelastic
@@ -184,6 +184,18 @@ class PlaneStrainIndentation(indentation.IndentationTest):
         cylinder = RigidCylinder(self.indenter.radius)
         model = indentation.leg_model(tissues, cylinder, self.settings.contact, self.settings.formulation)
         return model.with_terms(self.mechanisms)
+
+    @property
+    def _regions(self) -> dict[str, Tags]:
+        """Cell tags of the tissues; muscles without a law of their own are deep tissue, whatever acts in them."""
+        section, own, tags = self.section, self.tissues.muscles, section_regions(self.section)
+        apart = [muscle for name in own for muscle in section.muscles_of(name)]
+        acted_in = {t.region for t in self.mechanisms if isinstance(t, RegionTerm)}
+        named = [name for name in (*section.groups, *section.muscles) if name in own or name in acted_in]
+        found = {name: section.muscles_of(name) for name in named}
+        if rest := [muscle for muscle in section.muscles if muscle not in apart]:
+            found["deep"] = ("deep", *rest)
+        return {**REGIONS, **{name: tuple(tags[one] for one in of) for name, of in found.items()}}
 
     @property
     def _springs(self) -> list[BoneSprings]:
@@ -345,7 +357,7 @@ class PlaneStrainIndentation(indentation.IndentationTest):
         spaces = build_spaces(
             *meshed.tagged,
             self.settings.formulation,
-            regions=section_regions(self.section) | (bone_regions(self.section) if free else {}),
+            regions=self._regions | (bone_regions(self.section) if free else {}),
             supports=() if free else None,
             drained=[SKIN] if self.settings.drained_skin else [],
         )

@@ -133,8 +133,10 @@ class FieldReader:
         spaces, body = self.system.spaces, self.system.body.domain
         assert isinstance(body, Body)
         found, F = [], body.deformation_gradient
-        for region, tag in spaces.regions.items():
-            stressed = [t for t in self.system.model.at("body") if isinstance(t, Stressed) and t.region == region]
+        every = [t for t in self.system.model.at("body") if isinstance(t, Stressed)]
+        for tag in np.unique(spaces.cell_tags.values):
+            # Of a region within another both act there.
+            stressed = [t for t in every if np.isin(tag, spaces.regions[t.region])]
             if not stressed:
                 continue
             cells = spaces.cell_tags.find(tag).astype(np.int32)

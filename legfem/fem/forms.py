@@ -297,7 +297,7 @@ def _hull(spaces: LegSpaces, degree: int) -> Any:
     mesh.topology.create_connectivity(dimension, dimension - 1)
     cells_of = mesh.topology.connectivity(dimension - 1, dimension)
     facets_of = mesh.topology.connectivity(dimension, dimension - 1)
-    deep = set(spaces.cell_tags.find(spaces.regions["deep"]).tolist())
+    deep = set(map(int, spaces.cells("deep")))
     owned = mesh.topology.index_map(dimension).size_local
     pairs = [
         (cell, int(np.flatnonzero(facets_of.links(cell) == facet)[0]))

@@ -26,6 +26,7 @@ from legfem.meshing.grid import Support
 from legfem.meshing.section import BONE, HULL, REGIONS, SKIN
 
 Symmetry = Literal["plane", "axial"]
+type Tags = int | tuple[int, ...]
 POROUS = ("superficial", "deep")
 """Regions with a pressure in a porous form."""
 
@@ -62,10 +63,14 @@ class LegSpaces:
     """Dofs of ``space`` that a support holds at zero, or where the pressure is."""
     bone: NDArray[np.int32]
     """Pinned dofs of the bones, for their reaction."""
-    regions: Mapping[str, int]
-    """Cell tags of the tissues that the mesh has."""
+    regions: Mapping[str, Tags]
+    """Cell tags of the tissues that the mesh has; one may lie within another."""
     symmetry: Symmetry = "plane"
     """Plane strain or axial symmetry, of a mesh of two dimensions."""
+
+    def cells(self, region: str) -> NDArray[np.int32]:
+        """Return the cells of a region."""
+        return _cells_of(self.cell_tags, self.regions[region])
 
     @property
     def dimension(self) -> int:
@@ -84,7 +89,7 @@ def build_spaces(
     facet_tags: Any,
     formulation: Formulation = "displacement",
     degree: int = 2,
-    regions: Mapping[str, int] = REGIONS,
+    regions: Mapping[str, Tags] = REGIONS,
     supports: Sequence[Support] | None = None,
     drained: Sequence[int] = (),
     symmetry: Symmetry = "plane",
@@ -188,11 +193,15 @@ def _element(formulation: Formulation, mesh: Any, degree: int, regions: int) -> 
     return basix.ufl.mixed_element([basix.ufl.blocked_element(enriched, shape=shape), pressure])
 
 
-def _elsewhere(space: Any, cell_tags: Any, regions: Mapping[str, int]) -> list[NDArray[np.int32]]:
+def _cells_of(cell_tags: Any, tags: Tags) -> NDArray[np.int32]:
+    return np.asarray(cell_tags.indices[np.isin(cell_tags.values, tags)])
+
+
+def _elsewhere(space: Any, cell_tags: Any, regions: Mapping[str, Tags]) -> list[NDArray[np.int32]]:
     """Return the dofs of every region's pressure that no cell of the region has."""
     used, unused = fem.Function(space), []
-    for number, tag in enumerate(regions.values(), 1):
-        used.x.array[space.sub(number).dofmap.list[cell_tags.find(tag)]] = 1.0
+    for number, tags in enumerate(regions.values(), 1):
+        used.x.array[space.sub(number).dofmap.list[_cells_of(cell_tags, tags)]] = 1.0
     # Another rank may hold the only cell of a region at a node.
     used.x.scatter_reverse(la.InsertMode.add)
     used.x.scatter_forward()

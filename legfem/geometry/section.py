@@ -1,8 +1,8 @@
 """The leg's cross-section: closed contours by name, the fascia's thickness; smooth curves through contours' points."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -40,6 +40,8 @@ class LegSection(Pictured):
         Name to outline of each muscle that is known by itself; what they leave is deep tissue all the same.
     fascia_thickness : float
         Thickness of the fascia, mm.
+    groups : mapping of str to tuple of str
+        Name to the muscles of each group that is taken as one.
     """
 
     skin: FloatArray
@@ -47,6 +49,7 @@ class LegSection(Pictured):
     bones: Mapping[str, FloatArray]
     fascia_thickness: float
     muscles: Mapping[str, FloatArray] = field(default_factory=dict)
+    groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Copy the contours, drop a repeated end point and turn them counter-clockwise."""
@@ -74,6 +77,15 @@ class LegSection(Pictured):
     def limb(self) -> str:
         """Which of `LIMBS` has just these bones; empty where none does."""
         return next((limb for limb, bones in LIMBS.items() if set(bones) == set(self.bones)), "")
+
+    def muscles_of(self, name: str) -> tuple[str, ...]:
+        """Return the muscles of a group; of a muscle itself."""
+        return self.groups.get(name, (name,))
+
+    def with_muscles(self, names: Iterable[str]) -> "LegSection":
+        """Return the section with the outlines of those muscles and groups alone."""
+        kept = {one: self.muscles[one] for name in names for one in self.muscles_of(name)}
+        return replace(self, muscles=kept)
 
     def contour(self, part: str) -> FloatArray:
         """Return the contour of ``part``, one of `parts`; (n, 2), mm."""

@@ -184,7 +184,7 @@ def symbol_of(name: str) -> str:
     """Return how a parameter is called in sentences: ``C10`` for ``deep.C10``, else with its tissue."""
     term, _, field = name.rpartition(".")
     if field in UNITS and term not in ("", "deep"):
-        return f"{field} of the {_TISSUES.get(term, term)}"
+        return f"{field} of the {_TISSUES.get(term, term.replace('_', ' '))}"
     return name.removeprefix("deep.")
 
 

@@ -190,8 +190,12 @@ def plane_strain_test(
     subject: Subject, settings: PlaneStrainSettings | None = None, mechanisms: Sequence[Term] = ()
 ) -> PlaneStrainIndentation:
     """Return the cylinder pressed into a subject's section; the deep tissue's law covers both of the paper's."""
-    section = replace(subject.section, muscles={name: subject.section.muscles[name] for name in subject.muscles})
-    given = section, subject.indenter, tissues_of(subject), settings or PlaneStrainSettings()
+    given = (
+        subject.section.with_muscles(subject.muscles),
+        subject.indenter,
+        tissues_of(subject),
+        settings or PlaneStrainSettings(),
+    )
     return PlaneStrainIndentation(*given, mechanisms=mechanisms, sights=subject.sights)
 
 

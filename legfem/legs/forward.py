@@ -80,7 +80,7 @@ class PlaneStrainForward:
             "superficial": repr(test.tissues.superficial),
             "fascia": repr(test.tissues.fascia),
             "deep_D1_per_MPa": test.tissues.deep.D1,
-            "muscles": repr(test.tissues.muscles),
+            "muscles": repr((test.tissues.muscles, section.groups)),
             "settings": repr(test.settings),
             "mechanisms": repr(test.mechanisms),
             "sights": repr(test.sights),

@@ -169,6 +169,8 @@ def placed(directory: Path, toml: Path, given: SubjectFile) -> Placement:
         if entry.contours is not None:
             path = existing(directory, entry.contours, toml, "section.contours")
             section = read_contours(path, thickness, {name: one.kind for name, one in given.regions.items()})
+            groups = {name.lower(): tuple(map(str.lower, muscles)) for name, muscles in given.groups.items()}
+            section = replace(section, groups=groups)
         else:
             section = _typical(toml, entry)
         aim = np.array(indenter.aim_mm)

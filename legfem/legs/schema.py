@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
+from itertools import chain
 from pathlib import Path, PurePath
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -14,6 +16,7 @@ from legfem.common.wording import Argument, Command, Remedy
 from legfem.data.channel_reader import ChannelsEntry
 from legfem.data.folder import AccuracyEntry, Catalogue, InstrumentEntry, RecordingsEntry, with_lab
 from legfem.geometry.indenter import IndenterShape
+from legfem.geometry.section import LIMBS
 from legfem.imaging.shape_schema import LabelsEntry, ShapeEntry
 from legfem.inverse.elastography import ElastographyEntry, StatedRatio, check_once
 
@@ -84,6 +87,7 @@ class IndenterEntry(input_files.FileTable):
 
 FROM_BEHIND: Mapping[str, Any] = {"aim_mm": [0.0, 0.0], "direction_deg": 90.0}
 """Line of travel of a typical calf: towards its middle, whose front is at +y."""
+RegionName = Annotated[str, Field(pattern=r"^[A-Za-z]\w*$")]
 HOLDER = "a subject folder"
 """That holds the file."""
 
@@ -205,8 +209,10 @@ class SubjectFile(input_files.NamedFile):
 
     section: SectionEntry
     labels: LabelsEntry = LabelsEntry()
-    regions: dict[Annotated[str, Field(pattern=r"^[A-Za-z]\w*$")], RegionEntry] = Field(default_factory=dict)
+    regions: dict[RegionName, RegionEntry] = Field(default_factory=dict)
     """What outlines of other names than the usual bones' are."""
+    groups: dict[RegionName, list[input_files.Text]] = Field(default_factory=dict)
+    """Muscles that share one stiffness, by the name that it is asked for by."""
     indenter: IndenterEntry
     tissues: TissuesEntry
     instrument: InstrumentEntry | None = None
@@ -236,6 +242,25 @@ class SubjectFile(input_files.NamedFile):
                 raise input_files.trouble(f"measured.{number}.effect", f"{effect} is given twice", remedy)
         return self
 
+    @model_validator(mode="after")
+    def _groups_of_muscles(self) -> "SubjectFile":
+        kinds = dict.fromkeys(chain(*LIMBS.values()), "bone") | {n.lower(): one.kind for n, one in self.regions.items()}
+        there = [name for name, kind in kinds.items() if kind == "muscle"]
+        taken = [muscle.lower() for own in self.groups.values() for muscle in own]
+        for group, own in self.groups.items():
+            refused = partial(input_files.trouble, f"groups.{group}")
+            if kind := kinds.get(group.lower()):
+                raise refused(f"is the name of a {kind}", "give the group a name of its own")
+            if not own:
+                raise refused("has no muscle", "name its muscles, or leave the group out")
+            for muscle in own:
+                if muscle.lower() not in there:
+                    named = f"there are {', '.join(there)}" if there else "say under [regions] which outlines are"
+                    raise refused(f"{muscle!r} is no muscle of this section", named)
+                if taken.count(muscle.lower()) > 1:
+                    raise refused(f"{muscle!r} stands in more than one place", "name each muscle once, in one group")
+        return self
+
     @model_validator(mode="before")
     @classmethod
     def _pressed_from_behind(cls, content: Any) -> Any:
@@ -262,9 +287,9 @@ class SubjectFile(input_files.NamedFile):
         if self.regions and (self.is_cut or self.section.contours is None):
             problem = "are of use with outlines of one section alone"
             raise input_files.trouble("regions", problem, "give contours without level_mm, or leave them out")
-        for name in self.regions:
+        for table, name in (*(("regions", one) for one in self.regions), *(("groups", one) for one in self.groups)):
             if name.lower() in ("skin", *TissuesEntry.model_fields, "instrument"):
-                raise input_files.trouble(f"regions.{name}", "is what every leg has", "give it another name")
+                raise input_files.trouble(f"{table}.{name}", "is what every leg has", "give it another name")
         if not self.is_cut and self.section.contours is None and self.section.girth_mm is None:
             remedy = "give it, or position_mm and direction of the indenter"
             raise input_files.trouble("section.level_mm", "missing: nothing says where to cut the scan", remedy)

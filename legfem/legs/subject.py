@@ -1,5 +1,6 @@
 """A subject: one leg, how it was pressed, its tissues, and the recordings."""
 
+import difflib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -8,6 +9,8 @@ from typing import Literal
 
 from legfem.channels import Sight
 from legfem.common.drawing import Pictured
+from legfem.common.errors import InputError
+from legfem.common.wording import Argument
 from legfem.data import Instrument, Recording, Segmentation, segment_all
 from legfem.data.recording import Origin
 from legfem.geometry.indenter import Indenter
@@ -75,7 +78,7 @@ class Subject(Pictured):
     section: LegSection
     indenter: Indenter
     tissues: Mapping[str, TissueParameters]
-    """Keys ``deep``, ``superficial``, ``fascia``, and muscles that aren't taken as the deep tissue."""
+    """Keys ``deep``, ``superficial``, ``fascia``, and muscles and groups that aren't taken as the deep tissue."""
     instrument: Instrument
     recordings: tuple[Recording, ...]
     """One a trial; empty when loaded without recordings."""
@@ -106,15 +109,28 @@ class Subject(Pictured):
 
     @property
     def muscles(self) -> tuple[str, ...]:
-        """Those that have a stiffness of their own."""
-        return tuple(name for name in self.section.muscles if name in self.tissues)
+        """Those, and groups of them, that have a stiffness of their own."""
+        return tuple(name for name in (*self.section.groups, *self.section.muscles) if name in self.tissues)
 
     def with_muscles(self, parameters: Iterable[str]) -> "Subject":
-        """Return the leg with those muscles apart from the deep tissue that full names of parameters ask for."""
-        asked = {name.partition(".")[0].lower() for name in parameters}
-        others = {name: tissue for name, tissue in self.tissues.items() if name not in self.section.muscles}
-        apart = [name for name in self.section.muscles if name in asked]
-        return replace(self, tissues={**others, **dict.fromkeys(apart, others["deep"])})
+        """Return the leg with those muscles apart from the deep tissue that full names of parameters ask for.
+
+        Raises
+        ------
+        InputError
+            If a group and one of its own muscles are asked for, or a muscle that there isn't but for its spelling.
+        """
+        asked, section = {name.partition(".")[0].lower() for name in parameters}, self.section
+        named = (*section.groups, *section.muscles)
+        for group, muscle in ((one, each) for one, own in section.groups.items() for each in own):
+            if {group, muscle} <= asked:
+                problem = f"is asked for, and so is {group}, a group that it is in"
+                raise InputError(Argument("identify"), muscle, problem, "name the group or its muscles")
+        others = {name: tissue for name, tissue in self.tissues.items() if name not in named}
+        for wrong in asked - {*named, *others}:
+            if near := difflib.get_close_matches(wrong, named, 1):
+                raise InputError(Argument("identify"), wrong, "is no muscle of the leg", f"did you mean {near[0]}?")
+        return replace(self, tissues={**others, **dict.fromkeys((n for n in named if n in asked), others["deep"])})
 
     @property
     def people(self) -> str:

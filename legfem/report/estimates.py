@@ -60,7 +60,7 @@ def words_of(name: str) -> str:
     """Return a parameter's full name in words."""
     tissue, _, field = name.rpartition(".")
     if tissue not in REGION_NAMES and field in UNITS:
-        return f"{field} of the {tissue}"
+        return f"{field} of the {tissue.replace('_', ' ')}"
     if tissue not in REGION_NAMES:
         return parameter_of(name, {name: 1.0}).statement
     return f"{field} of the {REGION_NAMES[tissue]}"

@@ -104,7 +104,7 @@ class PressureProbe:
     def nodal(self, region: str, state: Compressed) -> tuple[FloatArray, FloatArray]:
         """Return the nodes (n, 3) and pressures (n,) of a region on all ranks, ends left out."""
         space = self._functions[region].function_space
-        cells = self._spaces.cell_tags.find(self._spaces.regions[region])
+        cells = self._spaces.cells(region)
         nodes = np.unique(space.dofmap.list[cells])
         x = space.tabulate_dof_coordinates()[nodes]
         values = -state.unknown[self._dofs[region]][nodes]

@@ -214,6 +214,7 @@ def _statistics(fit: LegFit) -> dict[str, str]:
 
 def _tissues(fits: Sequence[LegFit]) -> WebTable:
     rows: list[dict[str, str]] = []
+    groups = fits[0].details.subject.section.groups
     for name in fits[0].details.subject.tissues:
         for fit in fits:
             if (found := _tissue(name, fit)) is None:
@@ -221,7 +222,7 @@ def _tissues(fits: Sequence[LegFit]) -> WebTable:
             tissue, known = found
             law = fit.details.subject.tissues[name].law if name in ("superficial", "fascia") else fit.law
             row = {
-                "tissue": name,
+                "tissue": f"{name}: {', '.join(groups[name])}" if name in groups else name,
                 "law": LAW_NAMES[law],
                 "C10 (kPa)": f"{mpa_to_kpa(tissue.C10):.3g}",
                 "C10 is": known,
