@@ -11,6 +11,7 @@ from making_diagnosis import INSTRUMENT, MADE, ClosedForm, mechanisms_in, noisy,
 
 from legfem.common.progress import Silent
 from legfem.data import Recording
+from legfem.geometry.section import CALF, LIMBS
 from legfem.inverse.accuracy import Accuracy
 from legfem.inverse.answer import FitNotice, Notice
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, LawName
@@ -121,7 +122,7 @@ def diagnosed_of(
     left = [m.name for m in able if (m.name in UNANSWERED if asked is None else m.name not in asked)]
     missing = dict.fromkeys(left, "simulations did not reach the end of the protocol")
     library = replace(library or ClosedForm(), missing=missing)
-    known = accuracy or ShapeAccuracy()
+    known = accuracy or ShapeAccuracy(bones=LIMBS[CALF])
     given = DiagnosisInput(
         observed, INSTRUMENT, law, library, mechanisms(), MADE, "leg", identified, known, ruled_out=WITHOUT_ENDS
     )  # type: ignore[arg-type]

@@ -11,6 +11,7 @@ from making_diagnosis import INSTRUMENT
 from legfem.common.progress import Silent
 from legfem.data import Recording, segment_all
 from legfem.experiments.experiment import Solved
+from legfem.geometry.section import CALF, LIMBS
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.correction import read_correction
 from legfem.inverse.elastography import FibreRatio
@@ -179,7 +180,7 @@ def test_the_library_stands_in_for_solutions(variants, observed, tmp_path):
     courses, exact = (one.channel_curves(CHANNELS_SEEN, *SOFT) for one in (library, solved))
     np.testing.assert_allclose(courses, exact, atol=5e-3)
     nuisances = library.nuisances
-    assert set(nuisances.geometric) == set(errors_of_geometry())
+    assert set(nuisances.geometric) == set(errors_of_geometry(LIMBS[CALF]))
     assert all(np.isfinite(row).all() for change in nuisances.geometric.values() for row in change.values())
     at = library.middle, library.middle * float(np.expm1(0.8))
     stiffer = mechanism_named("superficial-stiffness").solution({"factor": 1.02})

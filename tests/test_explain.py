@@ -9,6 +9,7 @@ import pytest
 from making_diagnosis import GRID, SOUGHT, TRUTH, fat, noisy, one_at_each_rate, problem_of, ramps
 from scipy.stats import norm
 
+from legfem.geometry.section import CALF, LIMBS
 from legfem.inverse import explain as explain_module
 from legfem.inverse.accuracy import MATERIAL_LOG_SD
 from legfem.inverse.averaging import averaged_interval
@@ -260,7 +261,7 @@ def test_fat_is_named_only_beyond_what_is_known_of_it(factor, named):
     mechanism = mechanism_named("superficial-stiffness")
     force = predictor({**TRUTH, "superficial-stiffness.factor": factor}, [mechanism])
     known = NuisanceChanges(GRID, {}, {"superficial.C10": {"force": fat(GRID)}})
-    effects = nuisance_effects(known, observed, force, ShapeAccuracy())
+    effects = nuisance_effects(known, observed, force, ShapeAccuracy(bones=LIMBS[CALF]))
     seen = noisy(observed.with_force(force), force, 3)
     errors = error_model(seen, problem.errors.noise, force, effects)
     problem = LinearisedProblem(replace(predictor, observed=seen), errors)

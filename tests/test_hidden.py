@@ -22,6 +22,7 @@ from making_diagnosis import (
 from scipy.stats import norm
 
 from legfem.common.progress import Silent
+from legfem.geometry.section import CALF, LIMBS
 from legfem.inverse.accuracy import MeasuredStrength
 from legfem.inverse.averaging import Weighted, _beside_unseen, unseen_of
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
@@ -92,7 +93,7 @@ def told(observed, library, possible):
         mechanisms(),
         MADE,
         "leg",
-        accuracy=ShapeAccuracy(),
+        accuracy=ShapeAccuracy(bones=LIMBS[CALF]),
         ruled_out=WITHOUT_ENDS,
         possible=possible or {},
     )

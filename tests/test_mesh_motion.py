@@ -232,7 +232,7 @@ def test_a_derivative_by_an_outline_is_the_difference_of_two_moved_legs(name, pr
 @pytest.mark.parametrize(("name", "near"), [("aim", 1.5e-3), ("direction", 3e-3)])
 def test_a_derivative_by_the_line_of_travel_is_smooth_where_a_difference_is_about_it(name, near):
     """The skin's elements follow the cylinder: within what they do to a difference, for which it moves over them."""
-    error = errors_of_geometry()[name]
+    error = errors_of_geometry(LIMBS[CALF])[name]
     settings = PlaneStrainSettings(mesh=PlaneStrainSettings().mesh.refined(1 / COARSENING))
     test, at = PlaneStrainIndentation(*subject_3(), settings, motions={name: error}), np.array([3.0, 6.0, 9.0])
     path = test.solve(depth=9.0, sensitivities=[name]).path

@@ -18,6 +18,8 @@ from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainS
 from legfem.legs.finite_element_models import plane_strain_test
 from legfem.legs.loading import load_subject
 from legfem.legs.subject import Subject
+from legfem.mechanics.terms import Excess
+from legfem.mechanisms import mechanisms, mechanisms_of
 from legfem.meshing.section import SectionMeshSettings, mesh_section, section_regions
 from studies.making.plane_leg import OtherCase
 
@@ -136,9 +138,14 @@ def test_a_force_is_differentiated_by_each_muscles_stiffness(apart: PlaneStrainI
         ({}, grouped(deep=["soleus"]), "groups.deep", "is what every leg has"),
         ({}, grouped(Soleus=["gastrocnemius"]), "groups.Soleus", "is the name of a muscle"),
         ({}, grouped(tibia=["gastrocnemius"]), "groups.tibia", "is the name of a bone"),
-        ({}, grouped(calf=["soleu"]), "groups.calf", "'soleu' is no muscle of this section; there are gastrocnemius"),
-        ({}, grouped(calf=["soleus"], deep_calf=["Soleus"]), "groups.calf", "stands in more than one place"),
-        ({}, grouped(calf=["soleus", "soleus"]), "groups.calf", "stands in more than one place"),
+        (
+            {},
+            grouped(calf=["soleu"]),
+            "groups.calf",
+            "'soleu' is no muscle under [regions], or is in a group already; left are gastrocnemius",
+        ),
+        ({}, grouped(calf=["soleus"], other=["Soleus"]), "groups.other", "is in a group already"),
+        ({}, grouped(calf=["soleus", "soleus"]), "groups.calf", "is in a group already"),
         ({}, grouped(calf=[]), "groups.calf", "has no muscle"),
     ],
     ids=[
@@ -170,6 +177,34 @@ def test_a_border_drawn_twice_is_meshed_once(calf: Subject):
     mesh = mesh_section(section, 15.0, calf.indenter.aim, calf.indenter.direction)
     assert min(mesh.quality.minimum.values()) > 0.2
     assert {*np.unique(mesh.cell_tags.values)} == {1, 2, 3, 21, 22}
+
+
+def test_a_muscle_s_excess_is_that_of_a_law_of_its_own(apart: PlaneStrainIndentation, calf: Subject):
+    """But for the contact, whose penalty follows the deep tissue's C10."""
+    plain = replace(plane_strain_test(calf, COARSE), section=calf.section)
+    name, one = "gastrocnemius.stiffness.excess", Excess("gastrocnemius", "deep", plain.tissues.deep)
+    given, at = {"deep.C10": 8e-4, "deep.D2": np.inf}, np.array([3.0])
+    within = replace(plain, mechanisms=[one])
+
+    def force(excess: float) -> float:
+        return float(within.solve({**given, name: excess}, depth=3.0).curve(3.0))
+
+    assert force(0.0) == pytest.approx(float(plain.solve(given, depth=3.0).curve(3.0)), rel=1e-9)
+    own = {**AS_ONE, "soleus.C10": 8e-4, "gastrocnemius.C10": 1.5 * 8e-4}
+    assert force(0.5) == pytest.approx(float(apart.solve(own, depth=3.0).curve(3.0)), rel=2e-3)
+    exact = within.solve({**given, name: 0.5}, depth=3.0, sensitivities=[name]).curve.sensitivity(name, at)[0]
+    assert exact == pytest.approx((force(0.51) - force(0.49)) / 0.02, rel=0.01)
+
+
+def test_named_muscles_are_together_as_likely_uneven_as_a_muscle_without_names(calf: Subject, together: Subject):
+    every = {one.name: one.expected for one in mechanisms_of(calf.section)}
+    named = {"gastrocnemius-stiffness", "soleus-stiffness"}
+    assert every.keys() - {one.name for one in mechanisms()} == named
+    assert sum(every.values()) == pytest.approx(sum(one.expected for one in mechanisms()))
+    of_group = {one.name for one in mechanisms_of(together.section)}
+    assert "triceps-stiffness" in of_group and not of_group & named
+    without = mechanisms_of(replace(calf.section, muscles={}))
+    assert [(one.name, one.expected) for one in without] == [(one.name, one.expected) for one in mechanisms()]
 
 
 SITES = {"medial": 55.0, "lateral": 130.0, "behind": 90.0}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -41,6 +41,7 @@ def effects_of(*given) -> dict[str, FloatArray]:
     return {one.name: one.effect for one in nuisance_effects(*given)}
 
 
+BONES = LIMBS[CALF]
 OUTLINE = Cause("outlines", GEOMETRY_DOF)
 
 
@@ -49,13 +50,15 @@ def blank():
     """A leg's observations and force, with changes that differ from geometry to geometry."""
     observed, predictor = observations(ramps())
     force = predictor({DEEP_C10: 0.001, DEEP_C20: 0.0008})
-    geometric = {name: {"force": 0.01 * np.cos((k + 1) * GRID / 15)} for k, name in enumerate(errors_of_geometry())}
+    geometric = {
+        name: {"force": 0.01 * np.cos((k + 1) * GRID / 15)} for k, name in enumerate(errors_of_geometry(BONES))
+    }
     return observed, force, NuisanceChanges(GRID, geometric, {"superficial.C10": {"force": fat(GRID)}})
 
 
 def test_an_effect_is_the_force_times_its_relative_change_by_one_standard_deviation(blank):
     observed, force, nuisances = blank
-    effects = effects_of(nuisances, observed, force, ShapeAccuracy())
+    effects = effects_of(nuisances, observed, force, ShapeAccuracy(bones=BONES))
     expected = MATERIAL_LOG_SD["superficial.C10"] * fat(observed.displacement) * force
     deep = observed.displacement > GRID[0]
     np.testing.assert_allclose(effects["stiffness of the fat"][deep], expected[deep], rtol=1e-3)
@@ -65,14 +68,16 @@ def test_an_effect_is_the_force_times_its_relative_change_by_one_standard_deviat
 
 def test_effects_of_geometry_follow_what_is_stated_of_the_leg(blank):
     observed, force, nuisances = blank
-    usual = effects_of(nuisances, observed, force, ShapeAccuracy())
-    worse = effects_of(nuisances, observed, force, ShapeAccuracy(contour_sd=2 * CONTOUR_SD_MM, aim_sd=3 * AIM_SD_MM))
+    usual = effects_of(nuisances, observed, force, ShapeAccuracy(bones=BONES))
+    worse = effects_of(
+        nuisances, observed, force, ShapeAccuracy(contour_sd=2 * CONTOUR_SD_MM, aim_sd=3 * AIM_SD_MM, bones=BONES)
+    )
     assert list(usual) == list(worse)
     for name, effect in usual.items():
         outline = "outline" in name or name.startswith(LIMBS[CALF])
         factor = 2 if outline else 3 if name == "aim" else 1
         np.testing.assert_allclose(worse[name], factor * effect)
-    known = ShapeAccuracy(contour_sd=0.0, aim_sd=0.0, direction_sd=0.0, contact_sd=0.0)
+    known = ShapeAccuracy(contour_sd=0.0, aim_sd=0.0, direction_sd=0.0, contact_sd=0.0, bones=BONES)
     assert list(effects_of(nuisances, observed, force, known)) == ["stiffness of the fat"]
     assert not effects_of(nuisances, observed, force, replace(known, assumed_sd=0.0))
 
@@ -80,18 +85,20 @@ def test_effects_of_geometry_follow_what_is_stated_of_the_leg(blank):
 def test_a_drawn_leg_is_known_unless_its_folder_says_otherwise():
     drawn = load_subject(SUBJECTS.find("3"))
     assert drawn.origin == "reconstructed"
-    assert accuracy_of(drawn) == DRAWN
+    assert accuracy_of(drawn) == ShapeAccuracy(**asdict(DRAWN), bones=BONES)
     stated = replace(drawn, accuracy=LegAccuracy(contour_sd=1.0, assumed_sd=0.1))
-    assert accuracy_of(stated) == ShapeAccuracy(0.1, contour_sd=1.0, aim_sd=AIM_SD_MM, direction_sd=DIRECTION_SD_DEG)
-    assert accuracy_of(replace(drawn, origin="measured")) == ShapeAccuracy()
+    assert accuracy_of(stated) == ShapeAccuracy(
+        0.1, contour_sd=1.0, aim_sd=AIM_SD_MM, direction_sd=DIRECTION_SD_DEG, bones=BONES
+    )
+    assert accuracy_of(replace(drawn, origin="measured")) == ShapeAccuracy(bones=BONES)
 
 
 def test_modes_of_an_outline_have_its_error_s_covariance_along_the_arc(blank):
     observed, force, nuisances = blank
-    effects = effects_of(nuisances, observed, force, ShapeAccuracy())
+    effects = effects_of(nuisances, observed, force, ShapeAccuracy(bones=BONES))
     for part in LAYERS:
         modes = np.array([e for name, e in effects.items() if name.startswith(f"outline of the {part}")])
-        hats = {name: m for name, m in errors_of_geometry().items() if name.startswith(f"outline of the {part}")}
+        hats = {name: m for name, m in errors_of_geometry(BONES).items() if name.startswith(f"outline of the {part}")}
         arcs = np.array([m.arc for m in hats.values()])
         apart = (arcs[:, None] - arcs[None, :]) / CONTOUR_ARC_MM
         courses = [nuisances.geometric[name]["force"] for name in hats]
@@ -107,8 +114,8 @@ def test_modes_of_an_outline_have_its_error_s_covariance_along_the_arc(blank):
 def test_errors_of_the_correction_count_where_it_is_applied(blank):
     observed, force, nuisances = blank
     correction = read_correction(REFERENCE)
-    without = effects_of(nuisances, observed, force, ShapeAccuracy())
-    effects = effects_of(nuisances, observed, force, ShapeAccuracy(), correction, (1.0, 0.8))
+    without = effects_of(nuisances, observed, force, ShapeAccuracy(bones=BONES))
+    effects = effects_of(nuisances, observed, force, ShapeAccuracy(bones=BONES), correction, (1.0, 0.8))
     added = {name.removeprefix("3D correction: ") for name in effects.keys() - without.keys()}
     assert added == set(correction.errors)
     deep = np.argmax(observed.displacement)
@@ -117,10 +124,10 @@ def test_errors_of_the_correction_count_where_it_is_applied(blank):
 
 
 def test_errors_of_the_geometry_are_one_standard_deviation_each():
-    errors = errors_of_geometry()
+    errors = errors_of_geometry(BONES)
     outlines = [error for error in errors.values() if isinstance(error, MeshMotion)]
     assert {error.size for error in outlines} == {CONTOUR_SD_MM}
-    assert {error.outline for error in outlines} == {*LAYERS, *LIMBS[CALF]}
+    assert {error.outline for error in outlines} == {*LAYERS, *BONES}
     assert errors["aim"] == LateralPlacement(offset_mm=AIM_SD_MM)
     assert errors["direction"] == LateralPlacement(tilt_deg=DIRECTION_SD_DEG)
     assert len(outlines) + 2 == len(errors)

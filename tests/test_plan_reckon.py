@@ -9,6 +9,7 @@ import pytest
 from making_diagnosed import diagnosed
 from making_diagnosis import NOISE
 
+from legfem.geometry.section import CALF, LIMBS
 from legfem.inverse import plan as reckoning
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.linearised import nuisance_effects
@@ -38,7 +39,7 @@ def chance(found: Diagnosis, others: list[Candidate], noise=NOISE, repeats: int 
     predictor = found.weighted_base.problem.predictor
 
     def nuisances(design, blank, force):
-        return nuisance_effects(predictor.responses.nuisances, blank, force, ShapeAccuracy())
+        return nuisance_effects(predictor.responses.nuisances, blank, force, ShapeAccuracy(bones=LIMBS[CALF]))
 
     worth = evaluate_design(Design("again", (RAMP,) * repeats), others, predictor, nuisances, noise, 0.01)
     assert worth is not None and worth.chance == pytest.approx(min(worth.chances.values()), abs=1)

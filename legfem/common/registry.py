@@ -3,7 +3,7 @@
 import logging
 from importlib import import_module
 from importlib.metadata import entry_points
-from inspect import getmembers, isabstract, isclass
+from inspect import getmembers, isabstract, isclass, signature
 from pkgutil import iter_modules
 from types import ModuleType
 from typing import Any
@@ -12,9 +12,13 @@ _log = logging.getLogger("legfem")
 
 
 def made_in(module: ModuleType, base: Any) -> list[Any]:
-    """Return an instance of each class that a module defines, of a base, and that isn't abstract."""
+    """Return an instance of each class that a module defines, of a base, that isn't abstract and is made of nothing."""
     kinds = (kind for _, kind in getmembers(module, isclass) if kind.__module__ == module.__name__)
-    return [kind() for kind in kinds if issubclass(kind, base) and not isabstract(kind)]
+    return [kind() for kind in kinds if issubclass(kind, base) and not isabstract(kind) and _of_nothing(kind)]
+
+
+def _of_nothing(kind: type) -> bool:
+    return all(one.default is not one.empty for one in signature(kind).parameters.values())
 
 
 def registered(folder: ModuleType, base: Any, group: str) -> list[Any]:

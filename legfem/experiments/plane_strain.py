@@ -173,7 +173,7 @@ class PlaneStrainIndentation(indentation.IndentationTest):
     def __post_init__(self) -> None:
         """Check that the section can have the indenter."""
         self.indenter.check_lies_along("subject.toml")
-        if self._bones_give_way and {t.region for t in self._springs} != set(self.section.bones):
+        if self._springs and {t.region for t in self._springs} != set(self.section.bones):
             remedy = f"give one for each of {' and '.join(self.section.bones)}; stiff springs hold a bone"
             raise InputError("mechanisms", "BoneSprings", "not every bone is on springs", remedy)
 
@@ -199,12 +199,8 @@ class PlaneStrainIndentation(indentation.IndentationTest):
 
     @property
     def _springs(self) -> list[BoneSprings]:
+        """Of bones that are bodies on springs, in place of held outlines."""
         return [term for term in self.mechanisms if isinstance(term, BoneSprings)]
-
-    @property
-    def _bones_give_way(self) -> bool:
-        """Whether the bones are bodies on springs, in place of held outlines."""
-        return bool(self._springs)
 
     @cached_in_process
     def section_mesh(self) -> SectionMesh:
@@ -217,7 +213,7 @@ class PlaneStrainIndentation(indentation.IndentationTest):
     @property
     def _meshed_by(self) -> tuple[SectionMeshSettings, MPI.Intracomm, bool, bool]:
         """What the mesh of a section under an indenter depends on: how fine it is, and what moves by itself in it."""
-        return self.settings.mesh, self.comm, self._bones_give_way, bool(self.model.at("face"))
+        return self.settings.mesh, self.comm, bool(self._springs), bool(self.model.at("face"))
 
     @cached_in_process
     def _moving(self) -> dict[str, tuple[FloatArray, ...]]:
@@ -353,7 +349,7 @@ class PlaneStrainIndentation(indentation.IndentationTest):
         return f"{text}; use less depth, or check how soft it is beside its neighbours"
 
     def _made(self) -> indentation.IndentationModel:
-        meshed, free = self.section_mesh, self._bones_give_way
+        meshed, free = self.section_mesh, bool(self._springs)
         spaces = build_spaces(
             *meshed.tagged,
             self.settings.formulation,

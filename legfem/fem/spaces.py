@@ -70,7 +70,7 @@ class LegSpaces:
 
     def cells(self, region: str) -> NDArray[np.int32]:
         """Return the cells of a region."""
-        return _cells_of(self.cell_tags, self.regions[region])
+        return np.asarray(self.cell_tags.indices[np.isin(self.cell_tags.values, self.regions[region])])
 
     @property
     def dimension(self) -> int:
@@ -193,15 +193,11 @@ def _element(formulation: Formulation, mesh: Any, degree: int, regions: int) -> 
     return basix.ufl.mixed_element([basix.ufl.blocked_element(enriched, shape=shape), pressure])
 
 
-def _cells_of(cell_tags: Any, tags: Tags) -> NDArray[np.int32]:
-    return np.asarray(cell_tags.indices[np.isin(cell_tags.values, tags)])
-
-
 def _elsewhere(space: Any, cell_tags: Any, regions: Mapping[str, Tags]) -> list[NDArray[np.int32]]:
     """Return the dofs of every region's pressure that no cell of the region has."""
     used, unused = fem.Function(space), []
     for number, tags in enumerate(regions.values(), 1):
-        used.x.array[space.sub(number).dofmap.list[_cells_of(cell_tags, tags)]] = 1.0
+        used.x.array[space.sub(number).dofmap.list[cell_tags.indices[np.isin(cell_tags.values, tags)]]] = 1.0
     # Another rank may hold the only cell of a region at a node.
     used.x.scatter_reverse(la.InsertMode.add)
     used.x.scatter_forward()

@@ -163,6 +163,10 @@ class Mechanism:
         """Return the middle (2,) and the radius, mm, of where in the section it acts; None of no one place."""
         return None
 
+    def in_limb(self, section: "LegSection") -> "Sequence[Mechanism]":
+        """Return what there is of it in a limb."""
+        return (self,)
+
     def starts(self, observed: Observations) -> tuple[Values, ...]:
         """Return values that searches begin at: the misfit may have several minima."""
         first, *rest = self.parameters

@@ -1,7 +1,7 @@
 """A leg's diagnosis: its recordings, library, mechanisms and accuracy, and what is unlikely of what was found."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -15,7 +15,6 @@ from legfem.common.numbers import share
 from legfem.common.progress import Progress, Silent, Until
 from legfem.common.wording import Argument
 from legfem.data import Recording
-from legfem.geometry.section import CALF, LIMBS
 from legfem.inverse.accuracy import check_measured
 from legfem.inverse.answer import FitNotice, Notice, doubted
 from legfem.inverse.catalogue import DEEP_C10, LAWS, deep_stiffness
@@ -43,9 +42,9 @@ from legfem.legs.plausibility import doubts_about, doubts_about_stiffness
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import Subject
 from legfem.legs.unknowns import Geometry
-from legfem.mechanisms import OCCURRENCES, Mechanism, mechanisms
+from legfem.mechanisms import OCCURRENCES, Mechanism, mechanisms_of
 from legfem.mechanisms.muscle import MuscleFibres
-from legfem.mechanisms.rig import EndEffects, SupportCompliance
+from legfem.mechanisms.rig import EndEffects
 
 
 @dataclass(eq=False)
@@ -90,7 +89,7 @@ class Diagnoser:
 
     def mechanisms_of(self, subject: Subject) -> list[Mechanism]:
         """Return all mechanisms, those of a subject's leg."""
-        return with_correction(mechanisms(), self.correction, subject.section.bones)
+        return with_correction(mechanisms_of(subject.section), self.correction)
 
     def _responses(self, subject: Subject, observed: Observations) -> tuple[SolvedResponses, SolvedResponses]:
         """Return a leg's full solutions, on the default mesh and on coarser ones."""
@@ -195,7 +194,7 @@ class Diagnoser:
         stiffening, forces = STIFFENING[subject.tissues["deep"].law], replace(observed, channels=())
 
         def answer(library: Library) -> Diagnosis:
-            alone = replace(library, missing=dict.fromkeys((one.name for one in mechanisms()), UNTRIED))
+            alone = replace(library, missing=dict.fromkeys((one.name for one in self.mechanisms_of(subject)), UNTRIED))
             given = self.given(subject, forces, lambda _: alone, None)
             return replace(diagnose(given, None, Silent(), seed), provisional=True)
 
@@ -257,7 +256,7 @@ def accuracy_of(subject: Subject) -> ShapeAccuracy:
     InputError
         If an effect was measured that legfem doesn't know, or that is impossible.
     """
-    check_measured(subject.directory / "subject.toml", subject.measured, mechanisms())
+    check_measured(subject.directory / "subject.toml", subject.measured, mechanisms_of(subject.section))
     known = accuracy_of_shape(subject)
     measured = elastography_priors(subject.elastography)
     if (prior := subject.stiffness_prior) is not None:
@@ -277,14 +276,10 @@ WITHOUT_ENDS: Mapping[str, str] = {
 """What can't be left out of a base model without the cylinder's ends, and why."""
 
 
-def with_correction(
-    every: Sequence[Mechanism], correction: TabulatedCorrection | None, bones: Iterable[str] = LIMBS[CALF]
-) -> list[Mechanism]:
-    """Return mechanisms: a leg's bones on springs, and the cylinder's ends with its correction, where there is one."""
-    own: dict[type[Mechanism], Mechanism] = {SupportCompliance: SupportCompliance(tuple(bones))}
-    if correction is not None:
-        own[EndEffects] = EndEffects(correction)
-    return [own.get(type(one), one) for one in every]
+def with_correction(every: Sequence[Mechanism], correction: TabulatedCorrection | None) -> list[Mechanism]:
+    """Return mechanisms, the cylinder's ends with a leg's correction where there is one."""
+    ends = EndEffects(correction)
+    return [ends if isinstance(one, EndEffects) else one for one in every]
 
 
 def notices_of(found: Diagnosis, subject: object) -> tuple[Notice, ...]:

@@ -118,7 +118,7 @@ class LegVariants(Picklable):
         return settings
 
     def _terms(self, variant: str) -> list[Any]:
-        return [term for m in shown_in(variant) for term in m.terms(self.base)]
+        return [term for m in shown_in(variant, self.base.section) for term in m.terms(self.base)]
 
 
 _DEPTH_STEP_MM = 1.0
@@ -154,8 +154,9 @@ def solved_responses(
     planned = planned_sights(Site(subject.section, subject.indenter), [one.name for one in subject.sights])
 
     def responses(settings: PlaneStrainSettings) -> SolvedResponses:
-        test = plane_strain_test(subject, settings)
-        test = replace(test, motions=errors_of_geometry(tuple(subject.section.bones)))
+        # Muscles are deep tissue, and known by name to what acts in them.
+        test = replace(plane_strain_test(subject.with_muscles(()), settings), section=subject.section)
+        test = replace(test, motions=errors_of_geometry(subject.section.bones))
         variants = LegVariants(replace(test, sights=(*subject.sights, *planned)))
         depends_on = {**test.fingerprint(), "model": "plane strain with mechanisms", "depth_mm": depth}
         return SolvedResponses(variants, depth, folder, depends_on)

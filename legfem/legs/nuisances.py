@@ -6,15 +6,15 @@ of them.
 """
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
 
 from legfem.experiments.plane_strain import LateralPlacement
-from legfem.geometry.section import CALF, LAYERS, LIMBS
+from legfem.geometry.section import LAYERS
 from legfem.inverse.accuracy import GEOMETRY_DOF, Accuracy, Cause, ShapeError
-from legfem.legs.subject import TYPICAL_ACCURACY, Subject
+from legfem.legs.subject import TYPICAL_ACCURACY, LegAccuracy, Subject
 from legfem.meshing.section import MeshMotion
 
 CONTOUR_SD_MM = 0.5
@@ -50,8 +50,8 @@ class ShapeAccuracy(Accuracy):
     contour_sd: float = CONTOUR_SD_MM
     aim_sd: float = AIM_SD_MM
     direction_sd: float = DIRECTION_SD_DEG
-    bones: tuple[str, ...] = LIMBS[CALF]
     contact_sd: float | None = None
+    bones: tuple[str, ...] = field(kw_only=True)
 
     @property
     def shape_errors(self) -> tuple[ShapeError, ...]:
@@ -88,7 +88,7 @@ def _hat(part: str, arc: float) -> str:
     return f"outline of the {part} at {arc:+.0f} mm"
 
 
-DRAWN = ShapeAccuracy(0.05, contour_sd=0.2, aim_sd=0.5, direction_sd=0.5)
+DRAWN = LegAccuracy(0.2, 0.5, 0.5, 0.05)
 """Of a leg that was drawn and simulated: as far as another code rounds the same polygons, and takes
 the same constants for laws of its own."""
 
@@ -99,12 +99,13 @@ def accuracy_of_shape(subject: Subject) -> ShapeAccuracy:
     A leg that was drawn is known but for rounding, a typical calf only roughly, unless the folder says otherwise.
     """
     given = TYPICAL_ACCURACY if subject.typical_shape and not subject.accuracy.stated else subject.accuracy
-    usual = ShapeAccuracy() if subject.origin == "measured" or given.stated else DRAWN
+    if subject.origin != "measured" and not given.stated:
+        given = replace(DRAWN, contact_sd=given.contact_sd)
     stated = {name: sd for name, sd in asdict(given).items() if sd is not None}
-    return replace(usual, **stated, bones=tuple(subject.section.bones))
+    return ShapeAccuracy(**stated, bones=tuple(subject.section.bones))
 
 
-def errors_of_geometry(bones: Sequence[str] = LIMBS[CALF]) -> dict[str, MeshMotion | LateralPlacement]:
+def errors_of_geometry(bones: Iterable[str]) -> dict[str, MeshMotion | LateralPlacement]:
     """Return errors of outlines of layers and bones, aim and direction by name, by which forces are differentiated."""
     found: dict[str, MeshMotion | LateralPlacement] = {
         _hat(outline, arc): MeshMotion(outline, arc) for outline in LAYERS for arc in _HATS

@@ -246,7 +246,6 @@ class SubjectFile(input_files.NamedFile):
     def _groups_of_muscles(self) -> "SubjectFile":
         kinds = dict.fromkeys(chain(*LIMBS.values()), "bone") | {n.lower(): one.kind for n, one in self.regions.items()}
         there = [name for name, kind in kinds.items() if kind == "muscle"]
-        taken = [muscle.lower() for own in self.groups.values() for muscle in own]
         for group, own in self.groups.items():
             refused = partial(input_files.trouble, f"groups.{group}")
             if kind := kinds.get(group.lower()):
@@ -255,10 +254,9 @@ class SubjectFile(input_files.NamedFile):
                 raise refused("has no muscle", "name its muscles, or leave the group out")
             for muscle in own:
                 if muscle.lower() not in there:
-                    named = f"there are {', '.join(there)}" if there else "say under [regions] which outlines are"
-                    raise refused(f"{muscle!r} is no muscle of this section", named)
-                if taken.count(muscle.lower()) > 1:
-                    raise refused(f"{muscle!r} stands in more than one place", "name each muscle once, in one group")
+                    problem = f"{muscle!r} is no muscle under [regions], or is in a group already"
+                    raise refused(problem, f"left are {', '.join(there) or 'none'}")
+                there.remove(muscle.lower())
         return self
 
     @model_validator(mode="before")

@@ -54,7 +54,7 @@ class SectionGeometry:
     def __call__(self, site: int, stiffness: Stiffness) -> NuisanceChanges:
         """Return the changes at a site by each geometry, near the stiffness (MPa) that is asked for first."""
         if site not in self._known:
-            subject, observed, request = self.leg.sites[site].with_muscles(()), self.tests[site].observed, self.request
+            subject, observed, request = self.leg.sites[site], self.tests[site].observed, self.request
             folder = request.responses or (None if request.out is None else request.out / "responses")
             centre = stiffness_at(rounded(stiffness[0]), STIFFENING[subject.tissues["deep"].law])
             _, responses = solved_responses(subject, observed, folder)

@@ -12,6 +12,7 @@ named where recordings can't show it, but C10's interval counts it (`legfem.inve
 """
 
 import sys
+from collections.abc import Sequence
 from functools import cache
 from itertools import pairwise
 
@@ -20,11 +21,22 @@ import numpy as np
 from legfem.common.registry import registered
 from legfem.common.resources import resource
 from legfem.common.units import FloatArray
+from legfem.geometry.section import LegSection
 from legfem.inverse.mechanism import Mechanism, Occurrence, Solution, Stiffness, TissueMechanism, Values, shape
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Prior
 
-__all__ = ["GROUP", "Mechanism", "Solution", "Stiffness", "TissueMechanism", "Values", "mechanism_named", "mechanisms"]
+__all__ = [
+    "GROUP",
+    "Mechanism",
+    "Solution",
+    "Stiffness",
+    "TissueMechanism",
+    "Values",
+    "mechanism_named",
+    "mechanisms",
+    "mechanisms_of",
+]
 
 GROUP = "legfem.mechanisms"
 
@@ -36,20 +48,25 @@ def mechanisms() -> tuple[Mechanism, ...]:
     return tuple(found[name] for name in sorted(found))
 
 
-def mechanism_named(name: str) -> Mechanism:
-    """Return the mechanism of a name.
+def mechanisms_of(section: LegSection | None) -> Sequence[Mechanism]:
+    """Return the mechanisms of a limb: of its own bones, and of muscles by name. Of none those that know no limb."""
+    return mechanisms() if section is None else [own for one in mechanisms() for own in one.in_limb(section)]
+
+
+def mechanism_named(name: str, section: LegSection | None = None) -> Mechanism:
+    """Return the mechanism of a name, of a limb.
 
     Raises
     ------
     KeyError
         If there is none.
     """
-    return {one.name: one for one in mechanisms()}[name]
+    return {one.name: one for one in mechanisms_of(section)}[name]
 
 
-def shown_in(variant: str) -> list[TissueMechanism]:
-    """Return the mechanisms that a variant of a body's model shows; none of the plain one."""
-    every = (one for one in mechanisms() if isinstance(one, TissueMechanism))
+def shown_in(variant: str, section: LegSection | None = None) -> list[TissueMechanism]:
+    """Return the mechanisms that a variant of a body's model, or of a limb's, shows; none of the plain one."""
+    every = (one for one in mechanisms_of(section) if isinstance(one, TissueMechanism))
     return [one for one in every if one.variant == variant]
 
 

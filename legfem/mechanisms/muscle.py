@@ -1,16 +1,18 @@
 """Muscle: compressible, fibrous, stiffening, tensing, or stiffer in one place than elsewhere."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cache
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.stats import norm
+from shapely import union_all
 
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.geometry.indenter import Site
-from legfem.geometry.section import across, first_crossing
+from legfem.geometry.section import LegSection, across, first_crossing
 from legfem.inverse.advice import DEEPER, LabStep, either, recorded
 from legfem.inverse.elastography import HIGHEST_RATIO
 from legfem.inverse.fibre_correction import read_fibres
@@ -314,13 +316,61 @@ class UnevenMuscle(TissueMechanism):
 
     def solution(self, values: Values) -> Solution:
         """Return the model with one lump."""
-        given = {
-            "excess": values["factor"] - 1,
-            "depth": values["depth"],
-            "side": values["side"],
-            "radius": values["radius"],
-        }
+        given = {"excess": values["factor"] - 1, **{name: values[name] for name in ("depth", "side", "radius")}}
         return Solution(self.variant, {f"deep.stiff_lump.{name}": float(value) for name, value in given.items()})
+
+    def in_limb(self, section: LegSection) -> Sequence[Mechanism]:
+        """Return it, and the muscles that are known by name: together as often there as it is by itself."""
+        grouped = {one for own in section.groups.values() for one in own}
+        if not (names := [*section.groups, *(one for one in section.muscles if one not in grouped)]):
+            return (self,)
+        kin, share = "some part of the muscle is stiffer or softer than the rest of it", 0.5 * self.expected
+        muscles = [NamedMuscle.called(name).restated(expected=share / len(names), kin=kin) for name in names]
+        return (self.restated(expected=share, kin=kin), *muscles)
+
+
+@dataclass(frozen=True)
+class NamedMuscle(TissueMechanism):
+    """A muscle, or a group of muscles, that is stiffer or softer than the rest of the deep tissue.
+
+    Parameters
+    ----------
+    muscle
+        Its name.
+    """
+
+    muscle: str
+
+    name = "muscle-stiffness"
+    statement = "a muscle is stiffer or softer than the rest"
+    parameters = UnevenMuscle.parameters[:1]
+    next_experiment = UnevenMuscle.next_experiment
+    measured_sd = 0.15
+    """An estimate: moduli of both to 10 % each."""
+    strengths = (0.3, 0.6, 1.8, 5.0)
+
+    @classmethod
+    def called(cls, muscle: str) -> "NamedMuscle":
+        """Return the mechanism of a muscle, or group, with its name in all that it says."""
+        rest, words = "the rest of the muscle", muscle.replace("_", " ")
+        said = f"the {words} is stiffer or softer than {rest}"
+        would_be = f"a {words} of {{}} times the stiffness of {rest}"
+        return cls(muscle).restated(name=f"{muscle}-stiffness", statement=said, would_be=would_be)
+
+    def acts_in(self, values: Values, site: Site) -> tuple[FloatArray, float]:
+        """Return the muscle's middle, and the radius of a disk as large."""
+        area = union_all([site.section.polygon(one) for one in site.section.muscles_of(self.muscle)])
+        return np.array(area.centroid.coords[0]), float(np.sqrt(area.area / np.pi))
+
+    def terms(self, leg: IndentedLeg) -> Sequence[Any]:
+        """Return the muscle's excess of stiffness."""
+        from legfem.mechanics.terms import Excess
+
+        return [Excess(self.muscle, "deep", leg.tissues.deep)]
+
+    def solution(self, values: Values) -> Solution:
+        """Return the model with the excess."""
+        return Solution(parameters={f"{self.muscle}.stiffness.excess": values["factor"] - 1})
 
 
 def _saturating(factor: float) -> float:

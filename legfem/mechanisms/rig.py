@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.geometry.section import CALF, LIMBS
+from legfem.geometry.section import LegSection
 from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.mechanism import (
     IndentedLeg,
@@ -79,10 +79,10 @@ class SupportCompliance(TissueMechanism):
     Parameters
     ----------
     bones
-        Their names.
+        Their names; without them it has no solution.
     """
 
-    bones: tuple[str, ...] = LIMBS[CALF]
+    bones: tuple[str, ...] = ()
 
     name = "support-compliance"
     statement = "the leg's support or the rig gave way: bones and frame moved with the force"
@@ -116,6 +116,10 @@ class SupportCompliance(TissueMechanism):
     def displacement_loss(self, values: Values, observed: Observations, force: FloatArray) -> FloatArray:
         """Return what the springs take up, were they in series."""
         return values["compliance"] * force
+
+    def in_limb(self, section: LegSection) -> Sequence[Mechanism]:
+        """Return the same of the limb's bones."""
+        return (SupportCompliance(tuple(section.bones)),)
 
     def share(self, values: Values) -> float:
         """Return how much of what bones do otherwise than a frame there is."""

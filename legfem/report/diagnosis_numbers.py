@@ -74,7 +74,7 @@ def known_of(found: Diagnosis, subject: Recorded) -> list[Known]:
     if isinstance(subject, Subject):
         rows += wave_rows(subject)
         for one in subject.measured:
-            strength = mechanism_named(one.effect).parameters[0]
+            strength = mechanism_named(one.effect, subject.section).parameters[0]
             name, unit = f"{plain(one.effect)}, measured by itself: {strength.statement}", spaced_unit(strength.unit)
             rows.append(Known(name, f"{one.value:.3g} ± {one.sd:.2g}{unit} (sd)", data, one.source))
         rows.append(Known("girth of the section", f"{girth(subject.section):.0f} mm", data, "contours"))

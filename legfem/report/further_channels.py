@@ -16,11 +16,12 @@ from legfem.inverse.catalogue import symbol_of
 from legfem.inverse.channel_readings import StationChannel
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.fit import ChannelFit, Fit
+from legfem.inverse.predictor import values_of
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.subject import Subject
 from legfem.report import page as web
 from legfem.report.curves import Curves, Dash, Line, curves_figure, law_line
-from legfem.report.diagnosis_curves import BASE_COLOUR, BASE_NAME, REPAIRED_COLOUR, matched, shown_models
+from legfem.report.diagnosis_curves import BASE_COLOUR, BASE_NAME, REPAIRED_COLOUR, matched, plain, shown_models
 from legfem.report.pressed_section import still_section
 from legfem.report.style import DATA_COLOUR
 from legfem.report.words import LAW_NAMES
@@ -292,12 +293,17 @@ def misfit_in_section(found: Diagnosis, subject: Subject) -> list[web.StillSecti
             how = "stiffer" if float(sign.direction @ fitted.augmented_residual) > 0 else "softer"
             words = f"a {how} region here matches {100 * share:.0f} %"
             marks.append(web.Mark(words, float(x), -float(y), radius, REPAIRED_COLOUR))
+    for model in found.models[:1]:
+        for m in model.fit.mechanisms:
+            if (region := m.acts_in(values_of(model.fit.values, m), site)) is not None:
+                (x, y), radius = region
+                marks.append(web.Mark(f"named: {plain(m.name)}", float(x), -float(y), radius, REPAIRED_COLOUR))
     if not (marks or arrows):
         return []
     caption = (
         "Where the misfit lies. Small circles: where a channel departs from the base model; arrows: by how much, at "
         "each place. Large circles: where a stiffer or softer region of the muscle would match the misfit, and how "
-        "much of it; other causes may match it, too."
+        "much of it; other causes may match it, too. A muscle by name is drawn as a circle as large, about its middle."
     )
     return [replace(still_section(subject), caption=caption, marks=marks, arrows=arrows)]
 

@@ -25,10 +25,9 @@ from legfem.inverse.responses import SolvedResponses
 from legfem.inverse.screening import Complete
 from legfem.inverse.search import SearchError
 from legfem.inverse.verdict import Diagnosis
-from legfem.legs.diagnosis import WITHOUT_ENDS, Diagnoser, with_correction
+from legfem.legs.diagnosis import WITHOUT_ENDS, Diagnoser
 from legfem.legs.finite_element_models import solved_responses
 from legfem.legs.subject import Subject
-from legfem.mechanisms import mechanisms
 from legfem.report.diagnosis_headline import headline
 from studies.cases.instruments import recorded
 from studies.cases.sealed_case import DEPTH_MM, SealedCase, sealed_leg
@@ -247,7 +246,7 @@ class Lab:
             return None
         diagnoser, law = Diagnoser(self.folder, self.correction), subject.tissues["deep"].law
         observed = diagnoser.observations(subject)
-        able, _ = shown_mechanisms(with_correction(mechanisms(), self.correction), observed, WITHOUT_ENDS)
+        able, _ = shown_mechanisms(diagnoser.mechanisms_of(subject), observed, WITHOUT_ENDS)
         follows = any(isinstance(one, TissueMechanism) and one.along_path for one in able)
         keys = [stations.key for stations in observed.protocols] if follows else []
         key = repr((case.leg, sorted(keys)))

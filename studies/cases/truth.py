@@ -167,7 +167,7 @@ class Truths:
         deep = {"deep.C10": kpa_to_mpa(case.c10_kpa), "deep.C20": kpa_to_mpa(case.c20_kpa)}
         settings, solution = TRUTH_SETTINGS, Solution()
         for name, v in effects.items():
-            mechanism = mechanism_named(name)
+            mechanism = mechanism_named(name, self.leg.section)
             assert isinstance(mechanism, TissueMechanism)
             first = mechanism.parameters[0].name
             if name == "contact-slip":

@@ -112,7 +112,7 @@ def diagnosed(given: Concealed, number: int, folder: Path, jobs: int, progress: 
                 with_correction(MECHANISMS, correction),
                 Identity("calf", "An idealised calf", "simulated"),
                 "leg",
-                accuracy=ShapeAccuracy(),
+                accuracy=ShapeAccuracy(bones=()),
                 ends=correction if ends else None,
                 ruled_out=with_ends if ends else WITHOUT_ENDS,
                 possible=OCCURRENCES,

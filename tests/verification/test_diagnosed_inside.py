@@ -21,7 +21,7 @@ from legfem.data import Recording, segment_all
 from legfem.data.recording import RecordedChannel
 from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.geometry.indenter import Site
-from legfem.geometry.section import across
+from legfem.geometry.section import CALF, LIMBS, across
 from legfem.inverse.diagnose import DiagnosisInput, diagnose
 from legfem.inverse.errors import IMAGE_LEFT
 from legfem.inverse.library import Detail, Library
@@ -140,7 +140,7 @@ def library_of(observed: Observations) -> Library:
 
 
 def diagnosed(observed: Observations, library: Library) -> Diagnosis:
-    known = ShapeAccuracy()
+    known = ShapeAccuracy(bones=LIMBS[CALF])
     given = DiagnosisInput(
         observed, INSTRUMENT, LAW, library, mechanisms(), MADE, "leg", accuracy=known, ruled_out=WITHOUT_ENDS
     )
@@ -258,7 +258,7 @@ def test_a_plan_s_chance_of_images_is_how_often_they_show_the_effect():
             test,
             candidates,
             base.problem.predictor,
-            lambda _, blank, readings: nuisance_effects(changes, blank, readings, ShapeAccuracy()),
+            lambda _, blank, readings: nuisance_effects(changes, blank, readings, ShapeAccuracy(bones=LIMBS[CALF])),
             alone.errors.noise,
             0.01,
         )

@@ -52,7 +52,11 @@ def test_an_aim_does_to_a_film_beside_stiff_fat_what_another_code_says():
     subject = load_subject(SUBJECTS.find("3"), need_recordings=False)
     settings = PlaneStrainSettings()
     settings = replace(settings, mesh=settings.mesh.refined(1 / COARSENING))
-    models = LegVariants(replace(plane_strain_test(subject, settings), sights=(SENSELS,), motions=errors_of_geometry()))
+    models = LegVariants(
+        replace(
+            plane_strain_test(subject, settings), sights=(SENSELS,), motions=errors_of_geometry(subject.section.bones)
+        )
+    )
     solved = SolvedResponses(models, DEPTH, None, {})
     fat = mechanism_named("superficial-stiffness")
     assert isinstance(fat, TissueMechanism)

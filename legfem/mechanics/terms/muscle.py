@@ -170,6 +170,36 @@ class StiffnessGradient(EnergyTerm):
 
 
 @dataclass(frozen=True)
+class Excess(EnergyTerm):
+    r"""What of the distortion energy is more in a region within another: :math:`e\, U_\text{distortion}`.
+
+    It is added to the energy of the region around, of which it is a part; nothing happens at ``excess = 0``.
+
+    Parameters
+    ----------
+    region : str
+        Region of the body; the parameter is named ``<region>.stiffness.excess``.
+    within : str
+        The region around.
+    law : Hyperelastic
+        That region's, whose symbols are shared.
+    excess : float
+        :math:`e`.
+    """
+
+    within: str
+    law: Hyperelastic
+    excess: float = 0.0
+    effect = "stiffness"
+    numbers = ("excess",)
+
+    def energy_density(self, body: Body, F: Expr) -> Expr:
+        """Return what is added to the energy (MPa) at a deformation gradient."""
+        (excess,) = self.scalars(body)
+        return excess * body.symbols.of(self.within, self.law).distortion_energy(F)
+
+
+@dataclass(frozen=True)
 class UnevenStiffness(EnergyTerm):
     r"""What of the distortion energy is more about some points of a region.
 
