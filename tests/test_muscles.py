@@ -14,12 +14,16 @@ from making_limbs import MUSCLES, pressed, two_muscles, write_limb
 
 import legfem as lf
 from legfem.common.errors import InputError
+from legfem.common.progress import Silent
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
+from legfem.legs.diagnosis import Diagnoser
 from legfem.legs.finite_element_models import plane_strain_test
 from legfem.legs.loading import load_subject
+from legfem.legs.plan import Expected, plan_before
 from legfem.legs.subject import Subject
 from legfem.mechanics.terms import Excess
 from legfem.mechanisms import mechanisms, mechanisms_of
+from legfem.mechanisms.muscle import NamedMuscle
 from legfem.meshing.section import SectionMeshSettings, mesh_section, section_regions
 from studies.making.plane_leg import OtherCase
 
@@ -236,6 +240,18 @@ def test_three_sites_tell_two_muscles_apart(sited: Path):
         one = fit.estimates[name]
         assert one.value == pytest.approx(planted, rel=0.1)
         assert one.ci95[0] < planted < one.ci95[1]
+
+
+@pytest.mark.slow
+def test_a_plan_says_which_muscles_sites_tell(sited: Path, tmp_path: Path):
+    """Three sites identify 0.58 ± 0.06 and 1.18 ± 0.11 kPa, all three stiffnesses free."""
+    legs = [load_subject(sited, need_recordings=False, site=name) for name in SITES]
+    diagnoser, expected = Diagnoser(tmp_path, None), Expected(8e-4, 0.0, 10.0, 0.5)
+    muscles = [one for one in diagnoser.mechanisms_of(legs[0]) if isinstance(one, NamedMuscle)]
+    _, told = plan_before(legs[0], legs[1:], diagnoser, expected, Silent(), muscles)
+    assert ("gastrocnemius", "soleus") in told[0].alike
+    assert told[-1].test.endswith("at lateral, behind, too") and told[-1].alike == []
+    assert 0.05 < told[-1].sd["gastrocnemius"] < 0.15 and 0.05 < told[-1].sd["soleus"] < 0.15
 
 
 @pytest.mark.slow

@@ -79,7 +79,7 @@ def test_a_plan_names_the_best_test_and_what_no_test_shows(tmp_path):
 
 
 def test_the_command_of_a_plan_writes_its_page(tmp_path, monkeypatch):
-    monkeypatch.setattr("legfem.api.diagnosis.plan_before", lambda *_: pages.ranked())
+    monkeypatch.setattr("legfem.api.diagnosis.plan_before", lambda *_: (pages.ranked(), []))
     leg, out = write_subject(tmp_path / "leg"), tmp_path / "out"
     asked = ["--subject-dir", str(leg), "--depth", "12", "--out", str(out), "--jobs", "1"]
     done = CliRunner().invoke(app, [*asked, "--library", str(tmp_path / "library")])
@@ -91,7 +91,7 @@ def test_the_command_of_a_plan_writes_its_page(tmp_path, monkeypatch):
 
 
 def test_a_plan_is_made_in_python_as_by_the_command(tmp_path, monkeypatch):
-    monkeypatch.setattr("legfem.api.diagnosis.plan_before", lambda *_: pages.ranked())
+    monkeypatch.setattr("legfem.api.diagnosis.plan_before", lambda *_: (pages.ranked(), []))
     leg = write_subject(tmp_path / "leg")
     found = lf.plan(leg, depth=12.0, library=tmp_path / "library")
     frame = found.to_frame()

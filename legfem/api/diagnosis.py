@@ -24,9 +24,9 @@ from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.diagnosis import Diagnoser
 from legfem.legs.finite_element_models import library_folder
 from legfem.legs.loading import load_subject
-from legfem.legs.plan import Expected, plan_after, plan_before
+from legfem.legs.plan import Expected, MusclesTold, plan_after, plan_before
 from legfem.legs.plausibility import doubts_about, room_before
-from legfem.legs.schema import SUBJECTS
+from legfem.legs.schema import SUBJECTS, site_names
 from legfem.legs.subject import SitedLeg, Subject
 from legfem.report.diagnosis_document import versions
 from legfem.report.folder import NUMBERS, REPORT, ReportFile, keep_another, made_in_place
@@ -138,6 +138,8 @@ class PlannedTests(Result):
     """Stiffness and test that the plan is made for."""
     ranked: tuple[DesignValue, ...]
     doubts: tuple[Doubt, ...] = ()
+    muscles: tuple[MusclesTold, ...] = ()
+    """How well tests tell muscles that the leg has by name; none without such."""
 
     def summary(self) -> str:
         """Tests by their chances, and what each would show."""
@@ -145,7 +147,7 @@ class PlannedTests(Result):
 
     def document(self) -> dict[str, Any]:
         """What ``plan.json`` holds."""
-        return plan_document(self.ranked, self.subject.id)
+        return plan_document(self.ranked, self.subject.id, self.muscles)
 
     def plot(self) -> Figure:
         """Chance of every test to detect an effect of usual strength."""
@@ -166,7 +168,8 @@ class PlannedTests(Result):
         return out / REPORT
 
     def _page(self) -> WebPage:
-        return plan_web_page(self.ranked, self.subject, self.expected, self.doubts, versions(), command_line())
+        given = self.subject, self.expected, self.doubts, versions(), command_line()
+        return plan_web_page(self.ranked, *given, self.muscles)
 
     def to_frame(self) -> pd.DataFrame:
         """Return the chance of every test to tell an effect from another: a row each."""
@@ -241,5 +244,8 @@ def plan(
     log_doubts(doubts)
     expected = Expected(kpa_to_mpa(c10), kpa_to_mpa(c20), depth, rate)
     diagnoser = Diagnoser(folder, read_correction(REFERENCE), jobs)
+    sites = site_names(subject.directory / SUBJECTS.file) if subject.section.muscles and subject.site else ()
+    others = [load_subject(subject.directory, False, False, name) for name in sites if name != subject.site]
     with progress_on(quiet=not progress) as told:
-        return PlannedTests(subject, expected, tuple(plan_before(subject, diagnoser, expected, told)), doubts)
+        ranked, muscles = plan_before(subject, others, diagnoser, expected, told)
+    return PlannedTests(subject, expected, tuple(ranked), doubts, tuple(muscles))

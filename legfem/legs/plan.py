@@ -1,9 +1,10 @@
 """Plans for a subject: after an ambiguous diagnosis, and before any test."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.linalg import inv
 
 from legfem.channels.kind import FramesFile
 from legfem.channels.kinds import FILE_OF, plans
@@ -20,7 +21,7 @@ from legfem.inverse.library import Detail
 from legfem.inverse.library_tasks import rounded
 from legfem.inverse.linearised import LinearisedProblem, nuisance_effects
 from legfem.inverse.map_fit import fit
-from legfem.inverse.mechanism import TissueMechanism, shown_mechanisms
+from legfem.inverse.mechanism import Mechanism, TissueMechanism, null_of, prior_of, shown_mechanisms
 from legfem.inverse.observations import Observations, blank_observations
 from legfem.inverse.plan import (
     Candidate,
@@ -40,9 +41,12 @@ from legfem.legs.correction_of_leg import choose_correction
 from legfem.legs.diagnosis import Diagnoser, accuracy_of, ruled_out_of
 from legfem.legs.subject import Subject
 from legfem.mechanisms import mechanisms
+from legfem.mechanisms.muscle import NamedMuscle
 from legfem.solve.protocol import Protocol
 
 USUAL_GAIN_SD = 0.01
+_OPEN = 1e-4
+"""Weight of what is known of a muscle's stiffness beforehand: nothing within a factor of a million."""
 REPEATS = 3
 
 
@@ -151,25 +155,67 @@ def _beside(tests: Sequence[Design], channels: Sequence[StationChannel]) -> list
     ]
 
 
-def plan_before(subject: Subject, diagnoser: Diagnoser, expected: Expected, progress: Progress) -> list[DesignValue]:
-    """Return what tests of a leg would tell, the most telling first.
+@dataclass(frozen=True, eq=False)
+class MusclesTold:
+    """How well a test is expected to tell how stiff muscles are that are known by name, all of them unknown at once.
+
+    Parameters
+    ----------
+    test
+        In words.
+    names
+        ``deep``, for the rest of the muscle, then the k muscles and groups.
+    covariance
+        (k + 1, k + 1): of the logarithms of their C10.
+    """
+
+    test: str
+    names: tuple[str, ...]
+    covariance: FloatArray
+
+    @property
+    def sd(self) -> dict[str, float]:
+        """Standard deviation of each one's C10, over it."""
+        return dict(zip(self.names, map(float, np.sqrt(np.diag(self.covariance))), strict=True))
+
+    @property
+    def alike(self) -> list[tuple[str, str]]:
+        """Pairs that aren't told apart: of which one may be twice as stiff as the other within two standard errors."""
+        own = np.diag(self.covariance)
+        of_ratios = own[:, None] + own - 2 * self.covariance
+        return [(self.names[i], self.names[j]) for i, j in np.argwhere(np.triu(of_ratios, 1) > (0.5 * np.log(2)) ** 2)]
+
+
+def plan_before(
+    subject: Subject,
+    others: Sequence[Subject],
+    diagnoser: Diagnoser,
+    expected: Expected,
+    progress: Progress,
+    asked: Sequence[Mechanism] = (),
+) -> tuple[list[DesignValue], list[MusclesTold]]:
+    """Return what tests of a leg would tell, the most telling first, and of muscles that are known by name.
 
     Parameters
     ----------
     subject
         The leg, without recordings.
+    others
+        The same at its other sites.
     diagnoser
         Whose folder keeps the leg's responses.
     expected
         Stiffness and test.
     progress
         Told of solutions.
+    asked
+        Mechanisms that are weighed; all that the leg may have without them.
     """
     site = Site(subject.section, subject.indenter)
     tests = designs(expected.depth, expected.rate, expected.depth, site)
     ends = choose_correction("auto", subject)
     every = _at_all(tests)
-    able, _ = shown_mechanisms(diagnoser.mechanisms_of(subject), every, ruled_out_of(subject, ends))
+    able, _ = shown_mechanisms(asked or diagnoser.mechanisms_of(subject), every, ruled_out_of(subject, ends))
     complete, _ = diagnoser.tabulating(subject, every, rounded(expected.c10), progress, able)
     # Usual effects are far from those at nodes.
     near = [m for m in able if isinstance(m, TissueMechanism) and not m.nodes]
@@ -183,7 +229,41 @@ def plan_before(subject: Subject, diagnoser: Diagnoser, expected: Expected, prog
     force = predictor(values)
     problem = LinearisedProblem(predictor, error_model(observed.with_force(force), noise, force))
     candidates = prior_candidates(fit(problem, (), values, evaluations=0), able)
-    return ranked(_reckoned(tests, candidates, predictor, subject, noise, USUAL_GAIN_SD))
+    found = ranked(_reckoned(tests, candidates, predictor, subject, noise, USUAL_GAIN_SD))
+    muscles = [m for m in able if isinstance(m, NamedMuscle)]
+    if not muscles:
+        return found, []
+    names, same = ("deep", *(m.muscle for m in muscles)), tests[0]
+    told = [
+        MusclesTold(test.name, names, _left_by(muscles, values, test, predictor, subject))
+        for test in _solved([same, *(test for test in tests if test.channels)], predictor)
+    ]
+    if others:
+        # Sites share nothing but their tissues.
+        each = (plan_before(one, (), diagnoser, expected, progress, muscles)[1][:1] for one in others)
+        elsewhere = [one for first in each for one in first if one.names == names]
+        left = inv(sum(inv(one.covariance) for one in (told[0], *elsewhere)))
+        told.append(MusclesTold(f"{same.name}, at {', '.join(one.site for one in others)}, too", names, left))
+    return found, told
+
+
+def _left_by(
+    muscles: Sequence[NamedMuscle], values: Mapping[str, float], test: Design, predictor: Predictor, subject: Subject
+) -> FloatArray:
+    """Return the covariance of ln C10 of the deep tissue and of muscles that a test leaves, nothing known of them."""
+    start = {**values, **{m.strength_name: null_of(m.parameters[0]) for m in muscles}}
+    new = replace(predictor, observed=blank_observations(test.protocols, test.channels), measured=None)
+    readings = new(start, muscles)
+    effects = nuisance_effects(new.library.nuisances, new.observed, readings, accuracy_of(subject))
+    observed, images = new.observed.with_values(readings), new.images_elsewhere(start, muscles)
+    errors = error_model(observed, _stated(subject, observed), readings, effects, images=images)
+    fitted = fit(LinearisedProblem(replace(new, observed=observed), errors), muscles, start, evaluations=0)
+    own = [fitted.free.index(name) for name in (DEEP_C10, *(m.strength_name for m in muscles))]
+    known = np.diag(np.where(np.isin(np.arange(len(fitted.free)), own), _OPEN, 1.0))
+    # C10 of a muscle is its factor times that of the rest.
+    scale = np.diag([prior_of(fitted.parameters[k]).sd for k in own])
+    scale[:, 0] = scale[0, 0]
+    return np.asarray(scale @ inv(fitted.jacobian.T @ fitted.jacobian + known)[np.ix_(own, own)] @ scale.T)
 
 
 def _reckoned(
@@ -201,13 +281,16 @@ def _reckoned(
         accuracy = replace(known, contour_sd=0.0) if test.outlines_known else known
         return nuisance_effects(library.nuisances, blank, readings, accuracy)
 
-    def is_solved(test: Design) -> bool:
-        blank = blank_observations(test.protocols, test.channels)
-        return blank.with_channels(library.beside.names) is blank
-
-    able = [test for test in tests if is_solved(test)]
+    able = _solved(tests, predictor)
     found = [evaluate_design(test, candidates, predictor, nuisances, noise, gain_sd) for test in able]
     return [one for one in found if one is not None]
+
+
+def _solved(tests: Sequence[Design], predictor: Predictor) -> list[Design]:
+    """Return the tests of which all that they read is known."""
+    blank = [blank_observations(test.protocols, test.channels) for test in tests]
+    known = predictor.library.beside.names
+    return [test for test, one in zip(tests, blank, strict=True) if one.with_channels(known) is one]
 
 
 def _at_all(tests: Sequence[Design]) -> Observations:

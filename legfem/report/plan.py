@@ -1,7 +1,7 @@
 """A plan in sentences and numbers: which tests would show which effects."""
 
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ from legfem.common.units import mpa_to_kpa
 from legfem.data import Instrument
 from legfem.geometry.section import girth
 from legfem.inverse.plan import DesignValue
-from legfem.legs.plan import Expected
+from legfem.legs.plan import Expected, MusclesTold
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import Subject
 from legfem.report import page as web
@@ -44,9 +44,10 @@ def _needs(one: DesignValue) -> str:
     return f"; needed: {one.design.effort}" if one.design.effort else ""
 
 
-def plan_document(ranked: Sequence[DesignValue], subject: str) -> dict[str, Any]:
+def plan_document(ranked: Sequence[DesignValue], subject: str, muscles: Sequence[MusclesTold] = ()) -> dict[str, Any]:
     """Return the plan as JSON types."""
     return {
+        "muscles": [{"test": one.test, "C10_relative_sd": one.sd, "not_told_apart": one.alike} for one in muscles],
         "schema": SCHEMA,
         "subject": subject,
         "origin": "simulated",
@@ -75,6 +76,7 @@ def plan_web_page(
     doubts: Sequence[Doubt],
     versions: Mapping[str, str],
     command: str = "",
+    muscles: Sequence[MusclesTold] = (),
 ) -> web.WebPage:
     """Return the page of a plan.
 
@@ -92,6 +94,8 @@ def plan_web_page(
         Of the programs that made it.
     command
         That was given; empty where there was none.
+    muscles
+        How well tests tell muscles by name.
     """
     names = effects_of(ranked)
     never = [plain(name) for name in names if all(one.chances[name, NOTHING] < _UNLIKELY for one in ranked)]
@@ -100,11 +104,6 @@ def plan_web_page(
         for k, one in enumerate(ranked, 1)
     ]
     whichever = "Chance that the test identifies the cause, whichever it is"
-    chances = web.WebTable(
-        "Chance that a test detects an effect; tests by their rank",
-        ["effect", *(f"({k})" for k in range(1, len(ranked) + 1))],
-        [[plain(n), *(percent(one.chances[n, NOTHING]) for one in ranked)] for n in names],
-    )
     steps = [
         *(f"Test {k}: {one.design.name}{_needs(one)}." for k, one in enumerate(ranked[:3], 1)),
         f"Put the recordings into the folder's recordings/, then: legfem diagnose {options_of(subject)}",
@@ -119,7 +118,7 @@ def plan_web_page(
         _known(subject, expected),
         [
             web.Chapter(RANKED, [web.Bars(whichever, ("test", "chance"), tests, greatest=100.0)]),
-            web.Chapter(SHOWN, [web.Prose(NOTE), chances]),
+            web.Chapter(SHOWN, [web.Prose(NOTE), *_tables(ranked, names, muscles)]),
             web.Chapter("The leg", [still_section(subject)]),
             web.Chapter("What to do next", [web.Bullets(steps)]),
             web.Chapter("What was not weighed", [web.Bullets(NOT_TESTED["plan"])]),
@@ -127,6 +126,23 @@ def plan_web_page(
         web.Repeat(command, versions, inputs=subject.directory),
         DataKind("simulated data", f"no test has been made yet; section of the leg: {subject.origin}"),
     )
+
+
+def _tables(
+    ranked: Sequence[DesignValue], names: Sequence[str], muscles: Sequence[MusclesTold]
+) -> Iterator[web.WebTable]:
+    yield web.WebTable(
+        "Chance that a test detects an effect; tests by their rank",
+        ["effect", *(f"({k})" for k in range(1, len(ranked) + 1))],
+        [[plain(n), *(percent(one.chances[n, NOTHING]) for one in ranked)] for n in names],
+    )
+    if muscles:
+        caption = "Expected standard deviation of C10, over C10, of muscles and of the rest (deep), all unknown at once"
+        yield web.WebTable(
+            caption,
+            ["test", *muscles[0].names, "not told apart: one may be twice as stiff as the other"],
+            [[one.test, *map(percent, one.sd.values()), "; ".join(map(" and ".join, one.alike))] for one in muscles],
+        )
 
 
 def _headline(ranked: Sequence[DesignValue], names: Sequence[str], never: Sequence[str]) -> web.Headline:
