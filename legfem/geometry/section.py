@@ -1,8 +1,8 @@
 """The leg's cross-section: closed contours by name, the fascia's thickness; smooth curves through contours' points."""
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -81,11 +81,6 @@ class LegSection(Pictured):
     def muscles_of(self, name: str) -> tuple[str, ...]:
         """Return the muscles of a group; of a muscle itself."""
         return self.groups.get(name, (name,))
-
-    def with_muscles(self, names: Iterable[str]) -> "LegSection":
-        """Return the section with the outlines of those muscles and groups alone."""
-        kept = {one: self.muscles[one] for name in names for one in self.muscles_of(name)}
-        return replace(self, muscles=kept)
 
     def contour(self, part: str) -> FloatArray:
         """Return the contour of ``part``, one of `parts`; (n, 2), mm."""

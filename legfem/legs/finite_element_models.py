@@ -191,12 +191,9 @@ def plane_strain_test(
     subject: Subject, settings: PlaneStrainSettings | None = None, mechanisms: Sequence[Term] = ()
 ) -> PlaneStrainIndentation:
     """Return the cylinder pressed into a subject's section; the deep tissue's law covers both of the paper's."""
-    given = (
-        subject.section.with_muscles(subject.muscles),
-        subject.indenter,
-        tissues_of(subject),
-        settings or PlaneStrainSettings(),
-    )
+    own = [one for name in subject.muscles for one in subject.section.muscles_of(name)]
+    section = replace(subject.section, muscles={one: subject.section.muscles[one] for one in own})
+    given = section, subject.indenter, tissues_of(subject), settings or PlaneStrainSettings()
     return PlaneStrainIndentation(*given, mechanisms=mechanisms, sights=subject.sights)
 
 
