@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import shapely
 from making_diagnosed import BASE, diagnosed_of
 from making_diagnosis import GRID, INSTRUMENT, NOISE, ClosedForm, force_at, mechanisms_in, ramps, two_rates
+from making_limbs import MUSCLES, two_muscles, write_limb
 
 from legfem.channels.kinds import CHANNELS, FILE_OF
 from legfem.common.units import FloatArray
@@ -28,6 +31,7 @@ from legfem.inverse.predictor import Predictor
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
 from legfem.mechanisms import Stiffness, TissueMechanism, Values, mechanism_named
+from legfem.mechanisms.muscle import NamedMuscle
 from legfem.report.curves import Curves
 from legfem.report.further_channels import (
     channel_arrows,
@@ -321,6 +325,19 @@ def test_the_section_is_marked_where_channels_depart() -> None:
         away = skin.distance(seen_at("lateral_force"))
         assert away > 24.9
     assert not misfit_in_section(diagnosed_of(replace(both, channels=()), ("force-drift",), library=Seen()), subject)
+
+
+def test_the_section_is_marked_where_the_muscle_lies_that_is_named(tmp_path: Path):
+    folder = write_limb(tmp_path / "leg", two_muscles(), MUSCLES)
+    subject = load_subject(folder, need_recordings=False)
+    found = diagnosed_of(recorded(seen(ramps()), {}), ("force-drift",), library=Seen())
+    fitted = SimpleNamespace(mechanisms=[NamedMuscle.called("soleus")], values={"soleus-stiffness.factor": 2.0})
+    found = replace(found, models=(SimpleNamespace(fit=fitted),))
+    (mark,) = misfit_in_section(found, subject)[0].marks
+    assert mark.name == "named: soleus stiffness"
+    muscle = subject.section.polygon("soleus")
+    assert muscle.contains(shapely.Point(mark.x, -mark.y))
+    assert np.pi * mark.radius**2 == pytest.approx(muscle.area)
 
 
 def test_what_is_left_at_places_is_drawn_as_arrows() -> None:

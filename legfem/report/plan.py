@@ -140,7 +140,7 @@ def _tables(
         caption = "Expected standard deviation of C10, over C10, of muscles and of the rest (deep), all unknown at once"
         yield web.WebTable(
             caption,
-            ["test", *muscles[0].names, "not told apart: one may be twice as stiff as the other"],
+            ["test", *muscles[0].names, "not distinguished: one may be twice as stiff as the other"],
             [[one.test, *map(percent, one.sd.values()), "; ".join(map(" and ".join, one.alike))] for one in muscles],
         )
 
