@@ -13,9 +13,15 @@ from making import circle
 from making_limbs import MUSCLES, pressed, two_muscles, write_limb
 
 import legfem as lf
+from legfem.channels import Sight
+from legfem.channels.kinds.section_image import INSIDE
 from legfem.common.errors import InputError
 from legfem.common.progress import Silent
+from legfem.data import Recording
+from legfem.data.recording import RecordedChannel
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
+from legfem.geometry.indenter import Site
+from legfem.geometry.section import across
 from legfem.legs.diagnosis import Diagnoser
 from legfem.legs.finite_element_models import plane_strain_test
 from legfem.legs.loading import load_subject
@@ -25,7 +31,7 @@ from legfem.mechanics.terms import Excess
 from legfem.mechanisms import mechanisms, mechanisms_of
 from legfem.mechanisms.muscle import NamedMuscle
 from legfem.meshing.section import SectionMeshSettings, mesh_section, section_regions
-from studies.making.plane_leg import OtherCase
+from studies.making.plane_leg import OtherCase, OtherCode
 
 
 def grouped(**groups: list[str]) -> str:
@@ -268,3 +274,36 @@ def test_one_site_does_not_tell_two_muscles_apart(sited: Path):
 def test_no_region_of_a_muscle_is_asked_for_in_3d(sited: Path):
     with pytest.raises(InputError, match="gastrocnemius: is no region of a leg in 3D"):
         lf.identify(sited, site="behind", identify=BOTH, model="3d", progress=False)
+
+
+@pytest.mark.slow
+def test_displacements_inside_name_the_muscle_that_is_stiffer(tmp_path: Path):
+    """Another code's gastrocnemius of twice the rest's stiffness, in images whose errors are alike over 4 mm."""
+    leg = load_subject(write_limb(tmp_path / "leg", two_muscles(), MUSCLES), need_recordings=False)
+    deep = replace(leg.tissues["deep"], law="neo-hookean", C20=None, D2=None)
+    leg, site = replace(leg, tissues={**leg.tissues, "deep": deep}), Site(leg.section, leg.indenter)
+    down, left = np.meshgrid(np.arange(20.0, 50.0, 4.0), np.arange(-20.0, 21.0, 5.0))
+    points = site.touch + np.outer(left, across(site.direction)) + np.outer(down, site.direction)
+    sight = Sight(INSIDE.name, tuple((float(x), float(y), way) for x, y in points for way in (0, 1)))
+    case = OtherCase(0.8, muscles={"gastrocnemius": 1.6})
+    pressed_leg = OtherCode(leg, case, 0.7, sights=[sight]).solve(12.0, 0.75)
+    rng, time, frames = np.random.default_rng(58), np.arange(0.0, 24.0, 0.1), np.arange(0.0, 24.0, 2.0)
+    courses = [pressed_leg.channels[f"{INSIDE.name}:{k}"] for k in range(len(sight.places))]
+    moves = np.array([np.interp(0.5 * frames, pressed_leg.displacement, course) for course in courses]).T
+    apart = np.linalg.norm(points[:, None] - points[None], axis=-1)
+    alike = np.linalg.cholesky(np.exp(-apart / 4.0) + 1e-9 * np.eye(len(points)))
+    errors = alike @ rng.laplace(0.0, np.sqrt(0.5), (len(frames), len(points), 2))
+    values, course = (moves + 0.3 * errors.reshape(moves.shape)).ravel(), np.tile(range(len(courses)), len(frames))
+    inside = RecordedChannel(
+        INSIDE.name, np.repeat(frames, len(courses)), values, INSIDE.usual, None, course, sight.places
+    )
+    recordings = []
+    for k in range(3):
+        force = (1 + 0.005 * rng.standard_normal()) * np.interp(0.5 * time, pressed_leg.displacement, pressed_leg.force)
+        force, at = (one + sd * rng.standard_normal(len(time)) for one, sd in ((force, 0.02), (0.5 * time, 0.01)))
+        recordings.append(Recording(time, at, force, f"trial{k + 1}", channels=() if k else (inside,)))
+    found = lf.diagnose(replace(leg, recordings=tuple(recordings)), library=tmp_path / "kept", progress=False)
+    assert found.verdict == "named"
+    assert found.diagnosis.best.names == ("gastrocnemius-stiffness",)
+    assert 1.4 < found.diagnosis.best.fit.values["gastrocnemius-stiffness.factor"] < 2.4
+    assert "the gastrocnemius is stiffer or softer than the rest of the muscle" in " ".join(found.summary().split())
