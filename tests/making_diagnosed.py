@@ -122,7 +122,8 @@ def diagnosed_of(
     left = [m.name for m in able if (m.name in UNANSWERED if asked is None else m.name not in asked)]
     missing = dict.fromkeys(left, "simulations did not reach the end of the protocol")
     library = replace(library or ClosedForm(), missing=missing)
-    known = accuracy or ShapeAccuracy(bones=LIMBS[CALF])
+    # What is made in closed form begins at first contact.
+    known = accuracy or ShapeAccuracy(bones=LIMBS[CALF], contact_sd=0.0)
     given = DiagnosisInput(
         observed, INSTRUMENT, law, library, mechanisms(), MADE, "leg", identified, known, ruled_out=WITHOUT_ENDS
     )  # type: ignore[arg-type]

@@ -80,3 +80,4 @@ def test_the_key_says_nothing_of_the_leg_itself(tmp_path):
     without = accuracy_of_shape(replace(subject, accuracy=LegAccuracy()))
     assert accuracy_of_shape(subject) == replace(without, contact_sd=0.2)
     assert without.contact_sd is None and Accuracy().contact_sd == 0.0
+    assert accuracy_of_shape(replace(subject, typical_shape=True)).contact_sd == 0.2

@@ -98,7 +98,9 @@ def accuracy_of_shape(subject: Subject) -> ShapeAccuracy:
 
     A leg that was drawn is known but for rounding, a typical calf only roughly, unless the folder says otherwise.
     """
-    given = TYPICAL_ACCURACY if subject.typical_shape and not subject.accuracy.stated else subject.accuracy
+    given = subject.accuracy
+    if subject.typical_shape and not given.stated:
+        given = replace(TYPICAL_ACCURACY, contact_sd=given.contact_sd)
     if subject.origin != "measured" and not given.stated:
         given = replace(DRAWN, contact_sd=given.contact_sd)
     stated = {name: sd for name, sd in asdict(given).items() if sd is not None}
