@@ -15,7 +15,7 @@ import typer
 
 from legfem.commands.meshing import idealised_mesh, section_mesh, stocking_mesh
 from legfem.common.command_line import check_out_folder, command_context, leave_to_first_rank
-from legfem.common.documents import versions_of, write_atomically, write_document
+from legfem.common.documents import markdown_table, versions_of, write_atomically, write_document
 from legfem.common.progress import progress_on
 from legfem.legs.schema import SUBJECTS
 from legfem.meshing.exchange import NamedMesh, write_mesh
@@ -141,28 +141,17 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 def page(manifest: Mapping[str, Any]) -> str:
     """Return the page on the meshes, Markdown."""
     versions = ", ".join(f"{name} {version}" for name, version in manifest["versions"].items())
-    lines = [
-        *INTRODUCTION.format(versions=versions).splitlines(),
-        "",
-        "| file | what | nodes | region | elements | size | worst quality | mean | surfaces |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
+    rows = []
     for mesh in manifest["meshes"]:
-        first = (f"[{mesh['file']}]({mesh['file']})", mesh["title"], f"{mesh['nodes']:,}")
+        first = [f"[{mesh['file']}]({mesh['file']})", mesh["title"], f"{mesh['nodes']:,}"]
         last = ", ".join(mesh["surfaces"])
         for region, held in mesh["regions"].items():
-            row = (
-                *first,
-                region,
-                f"{held['elements']:,} {mesh['elements']}",
-                f"{held['size']:,.0f} {held['unit']}",
-                f"{held['quality']['worst']:.2f}",
-                f"{held['quality']['mean']:.2f}",
-                last,
-            )
-            lines.append(f"| {' | '.join(row)} |")
-            first, last = ("", "", ""), ""
-    return "\n".join(lines) + "\n"
+            sizes = f"{held['elements']:,} {mesh['elements']}", f"{held['size']:,.0f} {held['unit']}"
+            quality = (f"{held['quality'][name]:.2f}" for name in ("worst", "mean"))
+            rows.append([*first, region, *sizes, *quality, last])
+            first, last = [""] * 3, ""
+    header = ["file", "what", "nodes", "region", "elements", "size", "worst quality", "mean", "surfaces"]
+    return f"{INTRODUCTION.format(versions=versions)}\n\n{markdown_table(header, rows)}"
 
 
 @app.command()

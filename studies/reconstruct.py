@@ -7,17 +7,16 @@ contact law, smaller steps.
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 import typer
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict
 
 from legfem.common.command_line import check_out_folder, command_context, leave_to_first_rank, usable_cores
-from legfem.common.errors import InputError
+from legfem.common.input_files import parse_toml
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import kpa_to_mpa
 from legfem.data import Instrument
@@ -87,17 +86,7 @@ def read_definition(path: Path = DEFINITION) -> Reconstruction:
     InputError
         If the file is missing or a key is wrong.
     """
-    if not path.is_file():
-        raise InputError(path, "file", "not found", "give the path of a reconstruction.toml")
-    try:
-        with path.open("rb") as file:
-            return Reconstruction(**tomllib.load(file))
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(path, "TOML", str(error), "mend the line named") from None
-    except ValidationError as error:
-        first: Any = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"])
-        raise InputError(path, key, first["msg"], "compare with studies/frauziols/reconstruction.toml") from None
+    return parse_toml(path, Reconstruction, "a reconstruction")
 
 
 def test_of(definition: Reconstruction, name: str) -> PlaneStrainIndentation:
@@ -146,16 +135,9 @@ def reconstruct(out: Path, definition: Reconstruction, progress: Progress, jobs:
 def _write(out: Path, definition: Reconstruction, test: PlaneStrainIndentation, solved: Solved) -> None:
     noise = InstrumentNoise(Instrument(definition.force_sd_N, definition.displacement_sd_mm))
     generator = np.random.default_rng([definition.seed, int(out.name)])
+    path, speed = solved.path, (definition.rate_mm_per_s, definition.sampling_hz)
     recordings = [
-        record_path(
-            solved.path.displacement,
-            solved.path.force,
-            definition.rate_mm_per_s,
-            definition.sampling_hz,
-            noise,
-            generator,
-            f"trial{trial}",
-        )
+        record_path(path.displacement, path.force, *speed, noise, generator, f"trial{trial}")
         for trial in range(1, definition.trials + 1)
     ]
     write_subject_folder(

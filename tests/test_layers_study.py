@@ -19,6 +19,7 @@ from studies.cases.layers import (
     recorded,
     section_of,
 )
+from studies.cases.outcomes import Interval
 from studies.making.pressing import OtherCurve
 
 
@@ -54,9 +55,9 @@ def test_frames_follow_what_the_probe_saw():
 
 def test_the_page_counts_what_held():
     truth = drawn(1, 5, "limb")[0]
-    values = truth.deep, 1.2 * truth.superficial
-    ends = ((0.9 * truth.deep, 1.1 * truth.deep), (1.1 * truth.superficial, 1.3 * truth.superficial))
-    one = Identified(values, ends, (0.4, 0.6), 0.5)
+    muscle = Interval(truth.deep, 0.9 * truth.deep, 1.1 * truth.deep)
+    fat = Interval(1.2 * truth.superficial, 1.1 * truth.superficial, 1.3 * truth.superficial)
+    one = Identified((muscle, fat), (0.4, 0.6), 0.5)
     text = page([LayersOutcome(truth, 12.0, one, one, 1.0)])
     rows = [line for line in text.splitlines() if line.startswith("| force")]
     assert ["1/1" in row.split("|")[3] for row in rows] == [True, False, True, False]

@@ -7,6 +7,7 @@ import ufl
 
 from legfem.legs.loading import load_sites
 from legfem.solve.path import ForceCurve
+from studies.cases.outcomes import Interval
 from studies.leg3d import orientations
 from studies.leg3d.fibres import Told
 from studies.leg3d.planted import CYLINDER, Planted
@@ -14,8 +15,8 @@ from studies.leg3d.planted import CYLINDER, Planted
 
 def test_a_planted_leg_has_a_site_a_way_and_states_no_ratio(tmp_path, monkeypatch):
     d = np.linspace(0.0, 7.0, 15)
-    forces = {"along": 0.4 * d, "across": 0.3 * d}
-    monkeypatch.setattr(orientations, "pressed_curve", lambda _, way, kept: ForceCurve(d, forces[way], {}))
+    forces = {orientations.PRESSED["along"]: 0.4 * d, orientations.PRESSED["across"]: 0.3 * d}
+    monkeypatch.setattr(orientations, "true_curve", lambda _, kept, cylinder: ForceCurve(d, forces[cylinder], {}))
     planted = Planted(fibres=3.0)
     folder = orientations.sited_folder(planted, ("along", "across"), tmp_path / "leg", 1, tmp_path)
     along, across = load_sites(folder).sites
@@ -33,5 +34,5 @@ def test_the_hexahedra_s_cylinder_across_is_the_one_along_turned_about_its_trave
 
 
 def test_a_row_says_whether_the_interval_holds_the_truth():
-    told = Told(1.5, 1.0, 2.0, "weakly identifiable")
+    told = Told(Interval(1.5, 1.0, 2.0), "weakly identifiable")
     assert told.row(1.9)[1] == "yes" and told.row(2.1)[1] == "no"

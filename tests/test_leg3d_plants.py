@@ -10,10 +10,12 @@ from typer.testing import CliRunner
 
 from legfem.common.progress import Silent
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
+from legfem.inverse.estimates import Shown
+from studies.cases.outcomes import Interval
 from studies.leg3d import __main__ as study
 from studies.leg3d import plants
 from studies.leg3d.__main__ import app
-from studies.leg3d.plants import SOFTEST, STIFFEST, Found, PlantResult, counted, drawn, plant_result, plant_row
+from studies.leg3d.plants import SOFTEST, STIFFEST, PlantResult, counted, drawn, plant_result, plant_row
 
 MODELS = ("3d", "2d, the table's nearest leg", "2d, no correction")
 
@@ -32,7 +34,8 @@ def test_a_plant_is_identified_once_and_told_by_whether_it_is_held(tmp_path, mon
 
     def one(value: float) -> SimpleNamespace:
         at = 1e-3 * factor * value
-        return SimpleNamespace(value=at, ci95=(0.9 * at, 1.1 * at))
+        shown = Shown(1e3 * at, 1.0, (900 * at, 1100 * at), "kPa")
+        return SimpleNamespace(shown=shown)
 
     def identified(*asked):
         calls.append(asked)
@@ -51,25 +54,16 @@ def test_a_plant_is_identified_once_and_told_by_whether_it_is_held(tmp_path, mon
     assert counted([planted], results[:1]) == words
 
 
-def test_the_last_of_many_plants_are_the_same_by_themselves(tmp_path, monkeypatch):
+def test_many_plants_have_a_row_each(tmp_path, monkeypatch):
     def found(planted, seed, *_):
-        one = Found(planted.c10, planted.c10 - 0.01 * seed, planted.c10 + 0.01 * seed)
+        one = Interval(planted.c10, planted.c10 - 0.01 * seed, planted.c10 + 0.01 * seed)
         return PlantResult({name: one for name in MODELS}, {}, 3, 1.0)
 
     monkeypatch.setattr(study, "plant_result", found)
-
-    def rows(*asked: str) -> list[str]:
-        told = CliRunner().invoke(app, ["--plants", "4", *asked, "--out", str(tmp_path)])
-        assert told.exit_code == 0, told.output
-        return [row for row in told.output.splitlines() if row.startswith("| ") and row[2].isdigit()]
-
-    assert len(rows()) == 4 and rows("--first", "3") == rows()[2:]
-
-
-@pytest.mark.parametrize("asked", [["--plants", "2", "--first", "3"], ["--first", "2"]])
-def test_a_first_plant_has_to_be_one_of_many(tmp_path, asked):
-    told = CliRunner().invoke(app, [*asked, "--out", str(tmp_path / "out")])
-    assert told.exit_code == 2 and "--first" in told.output
+    told = CliRunner().invoke(app, ["--plants", "4", "--out", str(tmp_path)])
+    assert told.exit_code == 0, told.output
+    rows = [row for row in told.output.splitlines() if row.startswith("| ") and row[2].isdigit()]
+    assert [row.split()[1] for row in rows] == ["1", "2", "3", "4"]
 
 
 @pytest.mark.parametrize("other", [["--c10", "2"], ["--fibres", "3"]])

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from legfem.common.progress import Silent
+from studies.cases.outcomes import Interval
 from studies.cases.planted import KIND, Planted, PlantedTruth, planted_truths
 from studies.solvers import __main__ as solvers
 from studies.solvers.case import SolverCase, SolverWork
@@ -41,7 +42,7 @@ def planted_study(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Study:
     def identified(context: Path, truth: PlantedTruth) -> Planted:
         study.calls.append(truth)
         c10 = truth.c10_kpa + 1e-3 * len(study.calls)
-        return Planted(truth, c10, (0.1, 9.0), 1.0, (0.0, 9.0), "yes", "yes", len(study.calls))
+        return Planted(truth, Interval(c10, 0.1, 9.0), Interval(1.0, 0.0, 9.0), len(study.calls))
 
     kind = replace(KIND, run=identified)
 
@@ -79,8 +80,8 @@ def stockings_study(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Study:
     def identified(context: object, task: tuple[str, str]) -> Recovery:
         study.calls.append(task)
         kind, leg = task
-        both = 1.0, 2.0 + len(study.calls)
-        return Recovery(leg, kind, (3.0, 8.0), both, both, both, 9, 0.1, 1.0, 0.1, 7.0)
+        both = Interval(3.0, 2.0, 4.0), Interval(8.0, 7.0, 9.0 + len(study.calls))
+        return Recovery(leg, kind, (3.0, 8.0), both, 9, 0.1, 1.0, 0.1, 7.0)
 
     monkeypatch.setattr(stockings, "_identify", identified)
     return study

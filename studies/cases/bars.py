@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from legfem.common.documents import markdown_table
-from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
+from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.data import write_recording
 from legfem.inverse.fibre_ratio import ratio_of
 from legfem.inverse.intervals import VERDICTS, Identifiability
@@ -111,9 +111,8 @@ def identified(folder: Path, plant: Plant) -> Outcome:
         write_folder(where, plant, setup, np.random.default_rng([plant.seed, number]))
         (result,) = fit_specimens(load_specimen(where), ["reduced-polynomial"])
         estimates = [result.estimates[name] for name in (f"{ONE}.C10", ratio_of(ONE))]
-        for known, one, factor in zip((c10, ratio), estimates, (mpa_to_kpa(1.0), 1.0), strict=True):
-            interval = Interval(*(factor * number for number in (one.value, *one.ci95)))
-            known[setup.title] = Found(interval, one.identifiability)
+        for known, one in zip((c10, ratio), estimates, strict=True):
+            known[setup.title] = Found(Interval.of(one), one.identifiability)
         warned[setup.title] = any(one.code == SpecimenNotice.RATIO_UNDETERMINED for one in result.notices)
         converged[setup.title] = result.log.converged
     return Outcome(plant, c10, ratio, warned, converged)

@@ -79,14 +79,18 @@ def _preconditioning(trial: Pressed, v: Mapping[str, float]) -> FloatArray:
     return trial.force * (1.0 + v["strength"] * v["fading"] ** trial.trial * graded)
 
 
-def _support(trial: Pressed, v: Mapping[str, float]) -> FloatArray:
-    """Return the force where a hardening spring takes up part of the way."""
+def _in_series(trial: Pressed, taken: Callable[[FloatArray], FloatArray]) -> FloatArray:
+    """Return the force where something takes up a part of the way (mm), by the force."""
     pressed = np.linspace(0.0, trial.depth, 600)
     force = trial.elastic(pressed)
-    way = pressed + v["strength"] * force / (1.0 + v["hardening"] * force)
-    less = np.interp(trial.displacement, way, force)
+    less = np.interp(trial.displacement, pressed + taken(force), force)
     whole = np.maximum(trial.elastic(trial.displacement), 1e-9)
     return np.asarray(trial.force * np.where(trial.displacement > 0, less / whole, 1.0))
+
+
+def _support(trial: Pressed, v: Mapping[str, float]) -> FloatArray:
+    """Return the force on a spring that hardens."""
+    return _in_series(trial, lambda force: v["strength"] * force / (1.0 + v["hardening"] * force))
 
 
 def _contraction(trial: Pressed, v: Mapping[str, float]) -> FloatArray:
@@ -121,12 +125,7 @@ def _clipping(trial: Pressed, size: float) -> FloatArray:
 
 def _rig_bends(trial: Pressed, size: float) -> FloatArray:
     """Return the force where the rig gives way the more easily the harder it is pressed."""
-    pressed = np.linspace(0.0, trial.depth, 600)
-    force = trial.elastic(pressed)
-    way = pressed + 0.12 * size * force * (1.0 + force / force.max())
-    whole = np.maximum(trial.elastic(trial.displacement), 1e-9)
-    less = np.interp(trial.displacement, way, force)
-    return np.asarray(trial.force * np.where(trial.displacement > 0, less / whole, 1.0))
+    return _in_series(trial, lambda force: 0.12 * size * force * (1.0 + force / force.max()))
 
 
 def _twitch(trial: Pressed, size: float) -> FloatArray:

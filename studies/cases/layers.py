@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
@@ -20,17 +19,17 @@ from legfem.api.identification import identify
 from legfem.channels.kinds import CHANNELS
 from legfem.common.documents import markdown_table
 from legfem.common.errors import UnsolvedError
-from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
+from legfem.common.units import FloatArray
 from legfem.data.recording import RecordedChannel, Recording
-from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import LegSection
 from legfem.legs.placement import Calf, calf_section
-from legfem.legs.subject import Subject, TissueParameters
+from legfem.legs.subject import Subject
 from studies.cases.machine import Kind
-from studies.cases.outcomes import Rate
+from studies.cases.outcomes import Interval, Rate
 from studies.making.plane_leg import OtherCase, OtherCode
+from studies.making.pressed_legs import stated_leg
 from studies.making.pressing import OtherCurve
-from studies.making.recording import INSTRUMENT, Course, LabErrors, flicker, record
+from studies.making.recording import Course, LabErrors, flicker, record
 
 type Body = Literal["limb", "calf"]
 DEPTH_MM, LEAST_MM, RATE_MM_PER_S = 12.0, 5.0, 0.5
@@ -91,8 +90,7 @@ class Layers:
 class Identified:
     """Both layers' C10 (kPa) as they were found from some channels."""
 
-    values: tuple[float, ...]
-    intervals: tuple[tuple[float, float], ...]
+    layers: tuple[Interval, ...]
     shares: tuple[float, ...]
     """Of the thicknesses in what determines each."""
     p_value: float
@@ -136,26 +134,8 @@ def section_of(truth: Layers) -> LegSection:
 
 def leg_of(truth: Layers, fat_kpa: float) -> Subject:
     """Return the body with a stiffness of its fat, pressed from behind towards the bone."""
-    section = section_of(truth)
-    return Subject(
-        id=f"{truth.body}-{truth.number}",
-        title=f"A {truth.body} of two layers, simulated",
-        origin="simulated",
-        section=section,
-        indenter=Indenter(15.0, 50.0, section.bones["tibia"].mean(axis=0), 90.0),
-        tissues=MappingProxyType(
-            {
-                "deep": TissueParameters("neo-hookean", None, None, 28.0, None),
-                "superficial": TissueParameters("neo-hookean", kpa_to_mpa(fat_kpa), None, 22.5, None),
-                "fascia": TissueParameters("neo-hookean", kpa_to_mpa(100.0), None, 22.5, None),
-            }
-        ),
-        instrument=INSTRUMENT,
-        recordings=(),
-        directory=Path(),
-        plane_strain=True,
-        plane_strain_stated=True,
-    )
+    section, name = section_of(truth), f"{truth.body}-{truth.number}"
+    return stated_leg(name, section, section.bones["tibia"].mean(axis=0), 90.0, fat_kpa)
 
 
 def recorded(truth: Layers, curve: OtherCurve) -> Subject:
@@ -220,8 +200,7 @@ def _identified(subject: Subject) -> Identified:
     fit = found["neo-hookean"]
     every = [fit.estimates[name] for name in LAYERS]
     return Identified(
-        tuple(mpa_to_kpa(one.value) for one in every),
-        tuple((mpa_to_kpa(one.ci95[0]), mpa_to_kpa(one.ci95[1])) for one in every),
+        tuple(map(Interval.of, every)),
         tuple(sum(one.information_shares.get(name, 0.0) for name in THICKNESSES) for one in every),
         fit.goodness.p_value,
     )
@@ -229,8 +208,8 @@ def _identified(subject: Subject) -> Identified:
 
 def _line(truth: Layers, found: LayersOutcome) -> str:
     off = ", ".join(
-        f"{name} {100 * (value / truth.true(name) - 1):+.1f} %"
-        for name, value in zip(LAYERS, found.together.values, strict=True)
+        f"{name} {100 * (one.value / truth.true(name) - 1):+.1f} %"
+        for name, one in zip(LAYERS, found.together.layers, strict=True)
     )
     return f"{truth.body} {truth.number}: {off} ({found.seconds:.0f} s)"
 
@@ -260,11 +239,10 @@ def page(found: Sequence[LayersOutcome]) -> str:
 
 
 def _row(found: Sequence[LayersOutcome], results: Sequence[Identified], k: int) -> list[str]:
-    truths = np.array([one.truth.true(LAYERS[k]) for one in found])
-    off = np.abs(np.array([one.values[k] for one in results]) / truths - 1)
-    ends = np.array([one.intervals[k] for one in results])
-    held = int(np.sum((ends[:, 0] <= truths) & (truths <= ends[:, 1])))
-    width = (ends[:, 1] - ends[:, 0]) / (2 * truths)
+    pairs = [(own.layers[k], one.truth.true(LAYERS[k])) for own, one in zip(results, found, strict=True)]
+    off = np.array([abs(one.value / true - 1) for one, true in pairs])
+    held = sum(one.covers(true) for one, true in pairs)
+    width = [0.5 * one.width / true for one, true in pairs]
     return [
         str(Rate(held, len(found))),
         f"{100 * np.median(off):.1f} %",
@@ -278,8 +256,8 @@ def _row(found: Sequence[LayersOutcome], results: Sequence[Identified], k: int) 
 def _leg(one: LayersOutcome) -> list[str]:
     cells = [str(one.truth.number)]
     for k, name in enumerate(LAYERS):
-        low, high = one.together.intervals[k]
-        cells += [f"{one.truth.true(name):.3g}", f"{one.together.values[k]:.3g}", f"{low:.3g} to {high:.3g}"]
+        own = one.together.layers[k]
+        cells += [f"{one.truth.true(name):.3g}", f"{own.value:.3g}", f"{own.low:.3g} to {own.high:.3g}"]
     return [*cells, f"{one.depth:.3g}", f"{one.together.p_value:.2g}"]
 
 

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 from scipy.stats import binomtest
 
+from legfem.inverse.estimates import Estimate
+
 
 @dataclass(frozen=True)
 class Rate:
@@ -35,11 +37,16 @@ class Rate:
 
 @dataclass(frozen=True)
 class Interval:
-    """What was found of one parameter, kPa."""
+    """What was found of one parameter, kPa; of a ratio, without a unit."""
 
     value: float
     low: float
     high: float
+
+    @classmethod
+    def of(cls, one: Estimate) -> Interval:
+        """Return an estimate as people read it."""
+        return cls(one.shown.value, *one.shown.ci95)
 
     @property
     def width(self) -> float:
@@ -49,3 +56,7 @@ class Interval:
     def covers(self, truth: float) -> bool:
         """Tell whether the interval holds a truth."""
         return self.low <= truth <= self.high
+
+    def ends(self, truth: float) -> str:
+        """Return both ends, with a star where they don't hold a truth."""
+        return f"{self.low:.3f} to {self.high:.3f}{'' if self.covers(truth) else ' *'}"

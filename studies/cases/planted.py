@@ -34,7 +34,7 @@ from legfem.mechanics.contact import ContactSettings
 from legfem.meshing.section import SectionMeshSettings
 from legfem.solve.settings import StepSettings
 from studies.cases.machine import Kind
-from studies.cases.outcomes import Rate
+from studies.cases.outcomes import Interval, Rate
 from studies.making.recording import InstrumentNoise, record_path
 
 C10_KPA = (0.1, 5.0)
@@ -64,26 +64,12 @@ class PlantedTruth:
 
 @dataclass(frozen=True)
 class Planted:
-    """What identification made of a truth; values in kPa."""
+    """What identification made of a truth."""
 
     truth: PlantedTruth
-    c10: float
-    c10_interval: tuple[float, float]
-    c20: float
-    c20_interval: tuple[float, float]
-    c10_identifiability: str
-    c20_identifiability: str
+    c10: Interval
+    c20: Interval
     forward_solves: int
-
-    @property
-    def c10_covered(self) -> bool:
-        """Whether the interval holds the true C10."""
-        return self.c10_interval[0] <= self.truth.c10_kpa <= self.c10_interval[1]
-
-    @property
-    def c20_covered(self) -> bool:
-        """Whether the interval holds the true C20."""
-        return self.c20_interval[0] <= self.truth.c20_kpa <= self.c20_interval[1]
 
 
 def planted_truths(number: int, seed: int) -> list[PlantedTruth]:
@@ -108,7 +94,7 @@ def identify_truth(folder: Path, truth: PlantedTruth) -> Planted:
     """
     subject = _recorded(truth)
     request = SearchRequest(settings=IdentificationSettings(seed=truth.seed))
-    model = JointForward((_model(truth.subject, _depth(subject)),))
+    model = JointForward((_model(truth.subject, pressed_depth(subject, SearchRequest())),))
     (result,) = fit_leg(subject, ["reduced-polynomial"], request, forward=model)
     return _outcome(truth, result)
 
@@ -130,10 +116,6 @@ def _recorded(truth: PlantedTruth) -> Subject:
     return replace(subject, origin="simulated", recordings=trials)
 
 
-def _depth(subject: Subject) -> float:
-    return pressed_depth(subject, SearchRequest())
-
-
 @cache
 def _subject(name: str) -> Subject:
     return load_subject(SUBJECTS.find(name), need_recordings=False)
@@ -150,50 +132,25 @@ def _model(name: str, depth: float) -> PlaneStrainForward:
 
 
 def _outcome(truth: PlantedTruth, result: Fit[LegDetails]) -> Planted:
-    c10, c20 = result.estimates["deep.C10"], result.estimates["deep.C20"]
-    return Planted(
-        truth,
-        c10.shown.value,
-        c10.shown.ci95,
-        c20.shown.value,
-        c20.shown.ci95,
-        c10.identifiability,
-        c20.identifiability,
-        result.log.forward_solves,
-    )
-
-
-def coverage(found: Sequence[Planted], parameter: str) -> Rate:
-    """Share of the truths that a parameter's intervals cover."""
-    return Rate(sum(getattr(case, f"{parameter}_covered") for case in found), len(found))
+    c10, c20 = (Interval.of(result.estimates[name]) for name in ("deep.C10", "deep.C20"))
+    return Planted(truth, c10, c20, result.log.forward_solves)
 
 
 def page(found: Sequence[Planted]) -> str:
     """Return a row a truth, a star at an interval that misses, and how many hold."""
-    rows = [
-        [
-            one.truth.subject,
-            f"{one.truth.c10_kpa:.3f}",
-            f"{one.c10:.3f}",
-            _interval(one.c10_interval, one.c10_covered),
-            f"{one.truth.c20_kpa:.3f}",
-            f"{one.c20:.3f}",
-            _interval(one.c20_interval, one.c20_covered),
-            str(one.forward_solves),
-        ]
-        for one in found
-    ]
-    table = markdown_table(("subject", "true C10", "C10", "95 %", "true C20", "C20", "95 %", "solves"), rows)
-    held = [f"{name}: intervals hold {coverage(found, name)} of the truths." for name in ("c10", "c20")]
-    return "\n".join(["Planted truths (kPa), simulated data.", "", table, "", *held, ""])
-
-
-def _interval(interval: tuple[float, float], covered: bool) -> str:
-    return f"{interval[0]:.3f} to {interval[1]:.3f}{'' if covered else ' *'}"
+    header, rows, held = ["subject", "solves"], [[one.truth.subject, str(one.forward_solves)] for one in found], []
+    for name in ("C10", "C20"):
+        pairs = [(getattr(one, name.lower()), getattr(one.truth, f"{name.lower()}_kpa")) for one in found]
+        header += [f"true {name}", name, "95 %"]
+        for row, (one, true) in zip(rows, pairs, strict=True):
+            row += [f"{true:.3f}", f"{one.value:.3f}", one.ends(true)]
+        rate = Rate(sum(one.covers(true) for one, true in pairs), len(pairs))
+        held.append(f"{name}: intervals hold {rate} of the truths.")
+    return "\n".join(["Planted truths (kPa), simulated data.", "", markdown_table(header, rows), "", *held, ""])
 
 
 def _line(truth: PlantedTruth, one: Planted) -> str:
-    return f"C10 {truth.c10_kpa:.3f} -> {one.c10:.3f}, C20 {truth.c20_kpa:.3f} -> {one.c20:.3f} kPa"
+    return f"C10 {truth.c10_kpa:.3f} -> {one.c10.value:.3f}, C20 {truth.c20_kpa:.3f} -> {one.c20.value:.3f} kPa"
 
 
 def _asked(truth: PlantedTruth) -> object:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,15 +17,13 @@ from legfem.geometry.section import layer_thicknesses
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.diagnose import diagnose
-from legfem.inverse.library_build import build_library
-from legfem.inverse.library_tasks import STIFFENING, rounded
+from legfem.inverse.library_tasks import rounded
 from legfem.inverse.mechanism import TissueMechanism, shown_mechanisms
 from legfem.inverse.responses import SolvedResponses
 from legfem.inverse.screening import Complete
 from legfem.inverse.search import SearchError
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.diagnosis import WITHOUT_ENDS, Diagnoser
-from legfem.legs.finite_element_models import solved_responses
 from legfem.legs.subject import Subject
 from legfem.report.diagnosis_headline import headline
 from studies.cases.instruments import recorded
@@ -244,7 +241,7 @@ class Lab:
         subject = self.subject(case, programme, SUBSETS["all"][1])
         if subject is None:
             return None
-        diagnoser, law = Diagnoser(self.folder, self.correction), subject.tissues["deep"].law
+        diagnoser = Diagnoser(self.folder, self.correction)
         observed = diagnoser.observations(subject)
         able, _ = shown_mechanisms(diagnoser.mechanisms_of(subject), observed, WITHOUT_ENDS)
         follows = any(isinstance(one, TissueMechanism) and one.along_path for one in able)
@@ -252,11 +249,9 @@ class Lab:
         key = repr((case.leg, sorted(keys)))
         if key not in self._libraries:
             deeper = replace(observed, depths=(*observed.depths, DEEPEST_MM))
-            fine, coarse = solved_responses(subject, deeper, self.folder)
             if case.leg not in self._middles:
                 self._middles[case.leg] = rounded(diagnoser.identified(subject, progress).fit.values[DEEP_C10])
-            middle = self._middles[case.leg]
-            solve = partial(build_library, coarse, observed, able, 1, progress, middle, STIFFENING[law])
+            solve, fine = diagnoser.tabulating(subject, deeper, self._middles[case.leg], progress, able)
             every = solve() if self.whole else None
             self._libraries[key] = (solve if every is None else lambda _: every), fine
         return self._libraries[key]

@@ -94,8 +94,7 @@ def _free(nominal: Values) -> tuple[Parameter, ...]:
 
 
 def _intervals(found: Mapping[str, Estimate]) -> dict[str, Interval]:
-    shown = {name: found[name].shown for name in (*PARAMETERS, FAT)}
-    return {name: Interval(one.value, *one.ci95) for name, one in shown.items()}
+    return {name: Interval.of(found[name]) for name in (*PARAMETERS, FAT)}
 
 
 def page(found: Sequence[FoundLeg]) -> str:
@@ -106,7 +105,7 @@ def page(found: Sequence[FoundLeg]) -> str:
         cells = [f"{one.truth.number}", "felupe" if one.truth.by_other_code else "legfem, finer"]
         for name in PARAMETERS:
             both = one.together[name], one.best_alone(name)
-            cells += [f"{truth[name]:.3f}", *(_shown(i, truth[name]) for i in both)]
+            cells += [f"{truth[name]:.3f}", *(own.ends(truth[name]) for own in both)]
         rows.append([*cells, f"{one.agreement_p:.2f}"])
     head = ["leg", "pressed by"]
     for name in ("C10", "C20"):
@@ -134,10 +133,6 @@ def _summary(found: Sequence[FoundLeg], name: str) -> str:
 
 def _truths(truth: Truth) -> dict[str, float]:
     return dict(zip((*PARAMETERS, FAT), (truth.c10, truth.c20, truth.fat), strict=True))
-
-
-def _shown(one: Interval, truth: float) -> str:
-    return f"{one.low:.3f} to {one.high:.3f}{'' if one.covers(truth) else ' *'}"
 
 
 def _line(truth: Truth, one: FoundLeg) -> str:

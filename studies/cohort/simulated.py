@@ -21,20 +21,19 @@ from scipy.interpolate import CubicSpline
 
 from legfem.common.command_line import study_context
 from legfem.common.documents import write_atomically
-from legfem.common.errors import UnsolvedError
 from legfem.common.progress import Progress, progress_on
-from legfem.common.units import FloatArray, kpa_to_mpa
+from legfem.common.units import FloatArray
 from legfem.data import Recording
 from legfem.geometry.section import LegSection
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, finish
-from legfem.legs.finite_element_models import plane_strain_test
 from legfem.legs.folder import write_subject_folder
 from legfem.legs.loading import load_subject
 from legfem.legs.placement import Calf, calf_section
 from studies.cases.planted import TRUTH_SETTINGS
 from studies.command_line import DONE_IS_KEPT, Jobs, Out, Seed, new_app
-from studies.making.plane_leg import Lump, OtherCase, OtherCode
+from studies.making.plane_leg import Lump, OtherCase
+from studies.making.pressed_legs import true_force
 from studies.making.recording import INSTRUMENT, Course, LabErrors, record
 
 app = new_app()
@@ -155,15 +154,9 @@ def pressed(bare: Path, task: tuple[int, float, bool]) -> list[float]:
     """
     shape, c10, lumpy = task
     leg = load_subject(bare / f"shape-{shape}", need_recordings=False)
-    if by_felupe(shape) or lumpy:
-        found = OtherCode(leg, OtherCase(c10, lump=LUMP if lumpy else None)).solve(BEYOND_MM)
-        if found.displacement[-1] < DEPTH_MM:
-            raise UnsolvedError(f"shape {shape}, {c10:g} kPa: felupe stops at {found.displacement[-1]:g} mm")
-        return [float(f) for f in CubicSpline(found.displacement, found.force)(depths())]
-    solved = plane_strain_test(leg, TRUTH_SETTINGS).solve({"deep.C10": kpa_to_mpa(c10)}, BEYOND_MM)
-    if not solved.report.complete:
-        raise UnsolvedError(f"shape {shape}, {c10:g} kPa: {solved.report.reason}")
-    return [float(f) for f in solved.curve(depths())]
+    case = OtherCase(c10, lump=LUMP if lumpy else None)
+    settings = None if by_felupe(shape) or lumpy else TRUTH_SETTINGS
+    return [float(f) for f in true_force(leg, case, BEYOND_MM, DEPTH_MM, settings)(depths())]
 
 
 def depths() -> FloatArray:
@@ -183,7 +176,7 @@ def all_pressed(
     for shape in range(SHAPES):
         if not (bare / f"shape-{shape}").exists():
             write_leg(bare / f"shape-{shape}", shape, "right", (), f"shape {shape}")
-    store = Store(folder / "curves", list[float], modules=("studies.making.plane_leg", "studies.cases.planted"))
+    store = Store(folder / "curves", list[float], modules=("studies.making.pressed_legs", "studies.cases.planted"))
     with Workers(pressed, bare, processes) as workers:
         made = finish(workers, tasks, store, progress, "pressing", lambda task, _: f"shape {task[0]}, {task[1]:g} kPa")
     return [np.array(one) for one in made]

@@ -13,7 +13,6 @@ from pathlib import Path
 
 import numpy as np
 
-from legfem.common.errors import UnsolvedError
 from legfem.common.progress import Progress, Silent
 from legfem.data import segment_all
 from legfem.experiments.leg_3d import IdealisedLegIndentation
@@ -34,6 +33,7 @@ from legfem.meshing.structured import IdealisedLeg, LegMeshSettings
 from legfem.solve.path import ForceCurve
 from legfem.study.correction.cases import CorrectionCase, Material
 from studies.fibres.plane_base import DEPTH_MM, MECHANISMS, PLANE, RATE_MM_PER_S, TRIALS, plane_library, plane_responses
+from studies.leg3d.planted import whole_curve
 from studies.making.recording import INSTRUMENT, Course, LabErrors, record
 
 MESH = LegMeshSettings(contact_size=4.5, depth_size=9, edge_size=5, growth=0.45, far_size=24)
@@ -178,7 +178,4 @@ def _told(found: Diagnosis) -> str:
 def _solved(case: CorrectionCase) -> ForceCurve:
     given = case.material
     model = IdealisedLegIndentation(case.leg, case.cylinder, given.laws, 3, case.settings, mechanisms=given.mechanisms)
-    solved = model.solve(depth=case.depth)
-    if not solved.report.complete:
-        raise UnsolvedError(f"fibres of ratio {given.fibre_ratio:g}: {solved.report.reason}")
-    return solved.curve
+    return whole_curve(model, case.depth, f"fibres of ratio {given.fibre_ratio:g}")

@@ -1,5 +1,6 @@
 """``python -m studies.frauziols``."""
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -15,7 +16,7 @@ from legfem.study.doe.command import DoeOptions, run
 from legfem.study.doe.design import IDENTIFIED, PAPER
 from studies.command_line import DONE_IS_KEPT, Jobs, Out, Seed, new_app
 from studies.frauziols import convergence as convergence_study
-from studies.frauziols.claims import claims_page, gather_figures, verdict_documents, verdicts
+from studies.frauziols.claims import claims_page, gather_figures, verdicts
 from studies.frauziols.correction_figure import draw_correction
 
 app = new_app()
@@ -46,7 +47,7 @@ def claims(seed: Seed = 1, subject: str = "3", out: Out = None, jobs: Jobs = Non
             gather_figures(results, options)
             titles = [result.definition.title for result in results]
             write_atomically(folder / "verdict.md", claims_page(results, found, f"{_COMMAND} claims --seed {seed}"))
-            write_document(folder / "claims.json", {"schema": 1, "claims": verdict_documents(found, titles)})
+            write_document(folder / "claims.json", {"schema": 1, "studies": titles, "claims": list(map(asdict, found))})
             typer.echo("\n".join(f"{one.claim}: {one.verdict}" for one in found))
             typer.echo(f"verdicts: {folder / 'verdict.md'}")
 

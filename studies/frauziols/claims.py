@@ -2,9 +2,8 @@
 
 import shutil
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -292,20 +291,6 @@ CLAIMS: dict[str, Callable[[StudyResult], ClaimFinding]] = {
     "the outputs follow a normal law": _normal_outputs,
     "the test permits identifying the deep tissue": _identifies_deep,
 }
-
-
-def verdict_documents(found: Sequence[Verdict], titles: Sequence[str]) -> list[dict[str, Any]]:
-    """Claims as plain types."""
-    return [
-        {
-            "claim": verdict.claim,
-            "verdict": verdict.verdict,
-            "findings": [
-                {"study": title, **asdict(finding)} for title, finding in zip(titles, verdict.findings, strict=True)
-            ],
-        }
-        for verdict in found
-    ]
 
 
 def claims_page(results: Sequence[StudyResult], found: Sequence[Verdict], command: str) -> str:

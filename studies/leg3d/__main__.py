@@ -16,6 +16,7 @@ from legfem.common.units import mpa_to_kpa
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.elastography import HIGHEST_RATIO
 from legfem.legs.details import SpatialEvidence
+from studies.cases.outcomes import Interval
 from studies.command_line import new_app, write_results
 from studies.leg3d.other_code import PlantedByFelupe
 from studies.leg3d.planted import Planted
@@ -52,7 +53,6 @@ def leg3d(
     ] = Planted.fibres,
     seed: Annotated[int, typer.Option(min=0, help="Of the lab's errors.")] = 1,
     plants: Annotated[int, typer.Option(min=0, help="So many legs of random C10 and C20 in its place.")] = 0,
-    first: Annotated[int, typer.Option(min=1, help="Number of the plant that is begun with; all are by default.")] = 1,
     code: Annotated[CodeChoice, typer.Option(help="Whose hexahedra record the small leg.")] = CodeChoice.legfem,
     out: Out = None,
 ) -> None:
@@ -63,13 +63,6 @@ def leg3d(
     Example: python -m studies.leg3d --c10 1.2
     """
     with study_context("leg3d", out) as (folder, _), progress_on() as progress:
-        if first > max(plants, 1):
-            raise InputError(
-                "leg3d",
-                "--first",
-                f"{first} comes after the last of {plants} plants",
-                "give a smaller number, or more --plants",
-            )
         if plants:
             if (c10, c20, fibres) != (Planted.c10, Planted.c20, Planted.fibres):
                 raise InputError(
@@ -78,7 +71,7 @@ def leg3d(
                     "draws the small leg's C10 and C20",
                     "leave --c10, --c20 and --fibres, or it, out",
                 )
-            lines = _many(range(first - 1, plants), seed, folder, progress, code)
+            lines = _many(range(plants), seed, folder, progress, code)
             write_atomically(folder / "plants.md", "\n".join(lines) + "\n")
             typer.echo("\n".join(lines))
             return
@@ -86,18 +79,9 @@ def leg3d(
         results = identified(planted, seed, folder, progress)
         rows = []
         for name, result in results.items():
-            one = result.estimates[DEEP_C10]
-            low, high = map(mpa_to_kpa, one.ci95)
-            value = mpa_to_kpa(one.value)
-            rows.append(
-                [
-                    name,
-                    f"{value:.3f}",
-                    f"{low:.3f} to {high:.3f}",
-                    f"{100 * (value / c10 - 1):+.1f} %",
-                    "yes" if low <= c10 <= high else "no",
-                ]
-            )
+            one = Interval.of(result.estimates[DEEP_C10])
+            off, held = f"{100 * (one.value / c10 - 1):+.1f} %", "yes" if one.covers(c10) else "no"
+            rows.append([name, f"{one.value:.3f}", f"{one.low:.3f} to {one.high:.3f}", off, held])
         table = markdown_table(["model", "C10 (kPa)", "95 %", "off by", "covers"], rows)
         evidence = results["3d"].details.spatial
         assert isinstance(evidence, SpatialEvidence)

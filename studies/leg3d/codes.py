@@ -9,7 +9,6 @@ import typer
 
 from legfem.common.command_line import command_context
 from legfem.common.documents import markdown_table
-from legfem.common.errors import InputError
 from legfem.solve.path import ForceCurve
 from studies.command_line import new_app
 from studies.leg3d.fascia import SHOWN, layer
@@ -21,11 +20,11 @@ app = new_app()
 
 @app.command()
 def codes(
-    finer: Annotated[list[float] | None, typer.Option(help="Than felupe's default mesh; may be given again.")] = None,
-    step: Annotated[float, typer.Option(min=0.01, help="Greatest of felupe's, mm.")] = 0.5,
-    penalty: Annotated[float, typer.Option(min=0.1, help="On the stiffness of felupe's contact, a factor.")] = 1.0,
+    finer: Annotated[
+        list[float] | None, typer.Option(min=0.1, help="Than felupe's default mesh; may be given again.")
+    ] = None,
     hexahedra: Annotated[
-        list[float] | None, typer.Option(help="Likewise of legfem's hexahedra, which are left out by default.")
+        list[float] | None, typer.Option(min=0.1, help="Likewise of legfem's hexahedra, which are left out by default.")
     ] = None,
 ) -> None:
     """Press a small round leg by two codes. Simulated.
@@ -34,13 +33,11 @@ def codes(
     """
     with command_context():
         factors, others = finer or [1.0], hexahedra or []
-        if min(*factors, *others, 1.0) <= 0:
-            raise InputError("codes", "sizes", "one is not positive", "give 1 or so")
         rows = []
         for factor in factors:
             started = time.process_time()
-            test = OtherLeg(Planted(), factor, penalty)
-            found = test.solve(SHOWN[-1], step)
+            test = OtherLeg(Planted(), factor)
+            found = test.solve(SHOWN[-1])
             curve = ForceCurve(found.displacement, found.force, {})
             rows.append(_row(f"felupe, {factor:g}", test.unknowns, started, curve))
         for factor in others:

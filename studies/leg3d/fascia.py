@@ -13,7 +13,6 @@ import typer
 
 from legfem.common.command_line import command_context
 from legfem.common.documents import markdown_table
-from legfem.common.errors import InputError
 from legfem.experiments import leg_3d
 from legfem.experiments.indentation import IndentationTest
 from legfem.experiments.indenter_pose import Pose
@@ -78,7 +77,8 @@ ROWS: dict[str, Callable[[], IndentationTest]] = {
 @app.command()
 def fascia(
     number: Annotated[
-        list[int] | None, typer.Option(help="Of a row, from 1; may be given again. All by default.")
+        list[int] | None,
+        typer.Option(min=1, max=len(ROWS), help="Of a row, from 1; may be given again. All by default."),
     ] = None,
 ) -> None:
     """Press a small round leg by a layer and by membranes. Simulated.
@@ -87,8 +87,6 @@ def fascia(
     """
     with command_context():
         chosen = number or range(1, len(ROWS) + 1)
-        if min(chosen) < 1 or max(chosen) > len(ROWS):
-            raise InputError("fascia", "--number", "no such row", f"give 1 to {len(ROWS)}")
         rows = []
         for k in chosen:
             name, made = list(ROWS.items())[k - 1]

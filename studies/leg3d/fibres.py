@@ -6,15 +6,13 @@ import gc
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 from legfem.common.command_line import command_context
 from legfem.common.documents import markdown_table
-from legfem.common.errors import InputError
 from legfem.common.progress import Progress, progress_on
-from legfem.common.units import mpa_to_kpa
 from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO, parameter_of
 from legfem.inverse.estimates import Estimate
@@ -27,6 +25,7 @@ from legfem.legs.loading import load_sites
 from legfem.legs.model_3d import leg_models, start_of_ratio
 from legfem.legs.problem import pressed_depth
 from legfem.meshing.leg_sizes import SolidMeshSettings
+from studies.cases.outcomes import Interval
 from studies.command_line import new_app
 from studies.leg3d.orientations import FINE, WAYS, sited_folder
 from studies.leg3d.planted import Planted
@@ -46,7 +45,8 @@ ROUGH = SolidLegSettings(
 """Of the identification's tetrahedra: a third of the default's unknowns."""
 ELEMENTS = {"rough": ROUGH, "default": SolidLegSettings()}
 """Of the identification."""
-TESTS = {"along": ("along",), "along and across": tuple(WAYS)}
+type Tests = Literal["along", "along and across"]
+TESTS: dict[Tests, tuple[str, ...]] = {"along": ("along",), "along and across": tuple(WAYS)}
 
 app = new_app()
 
@@ -55,15 +55,14 @@ app = new_app()
 class Told:
     """What is said of a parameter, C10 in kPa."""
 
-    value: float
-    low: float
-    high: float
+    interval: Interval
     word: str
 
     def row(self, truth: float) -> list[str]:
         """Return the estimate with its interval, and whether that holds the truth."""
-        covers = "yes" if self.low <= truth <= self.high else "no"
-        return [f"{self.value:.3g} ({self.low:.3g} to {self.high:.3g})", covers, self.word]
+        one = self.interval
+        covers = "yes" if one.covers(truth) else "no"
+        return [f"{one.value:.3g} ({one.low:.3g} to {one.high:.3g})", covers, self.word]
 
 
 @dataclass(frozen=True)
@@ -80,7 +79,7 @@ class FibreResult:
     processor_s: float
 
 
-def found_of(planted: Planted, tests: str, elements: str, seed: int, out: Path, progress: Progress) -> FibreResult:
+def found_of(planted: Planted, tests: Tests, elements: str, seed: int, out: Path, progress: Progress) -> FibreResult:
     """Return what is found of a planted leg; it is kept, and so is every solve."""
 
     def made() -> FibreResult:
@@ -117,11 +116,7 @@ def found_of(planted: Planted, tests: str, elements: str, seed: int, out: Path, 
 
 
 def _told(one: Estimate) -> Told:
-    def shown(value: float) -> float:
-        return mpa_to_kpa(value) if one.parameter.name == DEEP_C10 else value
-
-    low, high = map(shown, one.ci95)
-    return Told(shown(one.value), low, high, one.identifiability)
+    return Told(Interval.of(one), one.identifiability)
 
 
 HEADER = [
@@ -146,9 +141,9 @@ def fibres(
         list[float] | None, typer.Option(help="Planted; 1, 2 and 3 by default; as often as wanted.")
     ] = None,
     c10: Annotated[float, typer.Option(min=0.05, help="Planted, kPa.")] = 1.2,
-    tests: Annotated[list[str] | None, typer.Option(help="'along' or 'along and across'; both by default.")] = None,
+    tests: Annotated[list[Tests] | None, typer.Option(help="Both by default.")] = None,
     elements: Annotated[
-        str, typer.Option(help="Of the identification: 'rough', or the 'default', some four times the work.")
+        Literal["rough", "default"], typer.Option(help="Of the identification; default: some four times the work.")
     ] = "rough",
     draws: Annotated[int, typer.Option(min=1, help="Of the lab's errors, for every leg.")] = 1,
     seed: Annotated[int, typer.Option(min=0, help="Of the lab's errors.")] = 1,
@@ -159,10 +154,6 @@ def fibres(
     Example: python -m studies.leg3d.fibres --ratio 2 --tests "along and across"
     """
     with command_context("run the same command again to go on"), progress_on() as progress:
-        for option, names, known in (("--tests", tests or (), TESTS), ("--elements", [elements], ELEMENTS)):
-            for name in names:
-                if name not in known:
-                    raise InputError(option, name, "is none", f"give one of {', '.join(known)}")
         rows, held = [], []
         for one in ratio or [1.0, 2.0, 3.0]:
             planted = Planted(c10, 0.0, one, mesh=FINE)

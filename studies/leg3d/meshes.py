@@ -12,7 +12,6 @@ import typer
 
 from legfem.common.command_line import command_context
 from legfem.common.documents import markdown_table
-from legfem.common.errors import InputError
 from legfem.common.units import kpa_to_mpa
 from legfem.experiments import leg_3d
 from legfem.experiments.indentation import IndentationTest
@@ -97,9 +96,11 @@ def _shown(depth: float) -> list[float]:
 @app.command()
 def meshes(
     subject: Annotated[Path | None, typer.Option(help="Folder of a subject; a small round leg by default.")] = None,
-    finer: Annotated[list[float] | None, typer.Option(help="Divides the default sizes; may be given again.")] = None,
+    finer: Annotated[
+        list[float] | None, typer.Option(min=0.1, help="Divides default sizes; may be given again.")
+    ] = None,
     contact: Annotated[
-        list[float] | None, typer.Option(help="Of elements under the cylinder (mm); may be given again.")
+        list[float] | None, typer.Option(min=0.1, help="Of elements under the cylinder (mm); may be given again.")
     ] = None,
     c10: Annotated[float, typer.Option(min=0.01, help="Of the deep tissue, kPa.")] = 1.0,
     c20: Annotated[float, typer.Option(min=0.0, help="Likewise.")] = 0.0,
@@ -112,8 +113,6 @@ def meshes(
     """
     with command_context():
         factors, sizes = finer or [1.0], contact or [leg_3d.SolidLegSettings().contact_size]
-        if min(*factors, *sizes) <= 0:
-            raise InputError("meshes", "sizes", "one is not positive", "give 1, 6 mm or so")
         test = round_leg()
         if subject is not None:
             given = load_subject(subject, need_recordings=False, need_instrument=False)

@@ -8,12 +8,9 @@ from pathlib import Path
 
 from legfem.data.recording import write_recording
 from legfem.experiments.indenter_pose import Cylinder
-from legfem.experiments.leg_3d import IdealisedLegIndentation, IdealisedLegSettings
-from legfem.jobs.store import Store
 from legfem.mechanics.indenters import FiniteCylinder, RigidIndenter
 from legfem.meshing.structured import LegMeshSettings
-from legfem.solve.path import ForceCurve
-from studies.leg3d.planted import CYLINDER, LEG, Planted, folder_of, recorded, whole_curve
+from studies.leg3d.planted import CYLINDER, Planted, folder_of, recorded, true_curve
 
 FINE = LegMeshSettings(contact_size=3, depth_size=5, edge_size=2.5, growth=0.4, far_size=14)
 """Of both presses' hexahedra: finer than that of one along the leg, whose ends are elsewhere."""
@@ -29,28 +26,14 @@ class Across(Cylinder):
         return FiniteCylinder(self.radius, self.length / 2, self.edge_radius, 1.0, 0.0, 0.0)
 
 
-def pressed_curve(planted: Planted, way: str, kept: Path) -> ForceCurve:
-    """Return the leg's force in 3D by hexahedra, of one of `WAYS`; it is kept in a folder.
-
-    Raises
-    ------
-    UnsolvedError
-        If the solution stops short.
-    """
-    cylinder = CYLINDER if way == "along" else Across(length=CYLINDER.length)
-
-    def solved() -> ForceCurve:
-        settings = replace(IdealisedLegSettings(), mesh=planted.mesh)
-        test = IdealisedLegIndentation(LEG, cylinder, planted.tissues, 3, settings, mechanisms=planted.mechanisms)
-        return whole_curve(test, planted.depth, f"the leg in 3D, {way}")
-
-    return Store(kept, ForceCurve, modules=(__name__,)).get_or_make((planted, way), solved)
+PRESSED = {"along": CYLINDER, "across": Across(length=CYLINDER.length)}
+"""By the name of the way."""
 
 
 def sited_folder(planted: Planted, ways: tuple[str, ...], out: Path, seed: int, kept: Path) -> Path:
     """Write a folder with a site for each way, recorded with a lab's errors; no ratio is stated."""
     shutil.rmtree(out, ignore_errors=True)
-    curves = {way: pressed_curve(planted, way, kept) for way in ways}
+    curves = {way: true_curve(planted, kept, PRESSED[way]) for way in ways}
     first = next(iter(curves.values()))
     folder = folder_of(replace(planted, fibres=1.0), first, out, seed)
     shutil.rmtree(folder / "recordings")

@@ -204,11 +204,9 @@ class OtherLeg(OtherPressing):
         Its tissues.
     finer
         Than the default mesh, a factor.
-    penalty
-        On the contact's stiffness, a factor.
     """
 
-    def __init__(self, planted: Planted, finer: float = 1.0, penalty: float = 1.0) -> None:
+    def __init__(self, planted: Planted, finer: float = 1.0) -> None:
         self.mesh = mesh_quarter(LEG, CYLINDER, finer)
         self.planted, self.tissues = planted, planted.tissues
         free = np.flatnonzero(~self.mesh.held.ravel())
@@ -218,7 +216,7 @@ class OtherLeg(OtherPressing):
         super().__init__(list(self._made()), kept, travel, _IMAGES)
         self.start = -(LEG.radius + CYLINDER.radius) * travel
         modulus = self.tissues["superficial"].shear_modulus
-        self.penalty = penalty * _PENALTY * modulus / CYLINDER.radius
+        self.penalty = _PENALTY * modulus / CYLINDER.radius
         self._shape = face_shapes()
         self._solver: Any = None
 

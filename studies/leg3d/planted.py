@@ -115,8 +115,8 @@ def whole_curve(test: IndentationTest, depth: float, what: str = "the leg in 3D"
     return found.curve
 
 
-def true_curve(planted: Planted, kept: Path) -> ForceCurve:
-    """Return the leg's force in 3D by hexahedra; it is kept in a folder.
+def true_curve(planted: Planted, kept: Path, cylinder: Cylinder = CYLINDER) -> ForceCurve:
+    """Return the leg's force in 3D by hexahedra, along it unless another cylinder is given; it is kept in a folder.
 
     Raises
     ------
@@ -126,11 +126,11 @@ def true_curve(planted: Planted, kept: Path) -> ForceCurve:
 
     def solved() -> ForceCurve:
         settings = replace(IdealisedLegSettings(), mesh=planted.mesh)
-        test = IdealisedLegIndentation(LEG, CYLINDER, planted.tissues, 3, settings, mechanisms=planted.mechanisms)
+        test = IdealisedLegIndentation(LEG, cylinder, planted.tissues, 3, settings, mechanisms=planted.mechanisms)
         return whole_curve(test, planted.depth)
 
     store = Store(kept, ForceCurve, modules=(__name__,))
-    return store.get_or_make(planted, solved)
+    return store.get_or_make((planted, cylinder), solved)
 
 
 def recorded(curve: ForceCurve, depth: float, seed: int) -> list[Recording]:

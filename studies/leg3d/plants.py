@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 
 from legfem.common.progress import Progress
-from legfem.common.units import mpa_to_kpa
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, LawName
 from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.fit import Fit
@@ -23,6 +22,7 @@ from legfem.legs.identification import as_leg, fit_leg
 from legfem.legs.loading import load_subject
 from legfem.legs.model_3d import SOLVES, LegModels
 from legfem.legs.problem import section_forward
+from studies.cases.outcomes import Interval
 from studies.leg3d.planted import Planted
 
 
@@ -59,25 +59,12 @@ GREATEST_RATIO = 1.0
 
 
 @dataclass(frozen=True)
-class Found:
-    """A stiffness that a model found, kPa."""
-
-    value: float
-    low: float
-    high: float
-
-    def covers(self, truth: float) -> bool:
-        """Tell whether the interval holds a value."""
-        return self.low <= truth <= self.high
-
-
-@dataclass(frozen=True)
 class PlantResult:
     """What both models found of one plant."""
 
-    c10: dict[str, Found]
+    c10: dict[str, Interval]
     """By model."""
-    c20: dict[str, Found]
+    c20: dict[str, Interval]
     """Likewise; none of a neo-Hookean plant."""
     full_solves: int
     """In 3D."""
@@ -103,8 +90,8 @@ def plant_result(planted: Planted, seed: int, folder: Path, progress: Progress) 
         assert evidence is not None
         c20 = results if planted.c20 else {}
         found = PlantResult(
-            {name: _found(one, DEEP_C10) for name, one in results.items()},
-            {name: _found(one, DEEP_C20) for name, one in c20.items()},
+            {name: Interval.of(one.estimates[DEEP_C10]) for name, one in results.items()},
+            {name: Interval.of(one.estimates[DEEP_C20]) for name, one in c20.items()},
             evidence.full_solves,
             time.process_time() - started,
         )
@@ -148,12 +135,6 @@ def counted(plants: list[Planted], results: list[PlantResult]) -> str:
     return f"C10 in its interval in {c10} of {len(plants)}, C20 in {c20} of {len(both)}."
 
 
-def _found(result: Fit[LegDetails], name: str) -> Found:
-    one = result.estimates[name]
-    low, high = map(mpa_to_kpa, one.ci95)
-    return Found(mpa_to_kpa(one.value), low, high)
-
-
-def _told(one: Found, truth: float) -> str:
+def _told(one: Interval, truth: float) -> str:
     mark = "" if one.covers(truth) else ", missed"
     return f"{one.value:.3f} ({one.low:.3f} to {one.high:.3f}){mark}"

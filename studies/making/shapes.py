@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 from scipy.interpolate import CubicHermiteSpline
 from shapely import Polygon
 
-from legfem.common.errors import InputError
+from legfem.common.input_files import parse_toml
 from legfem.common.units import FloatArray
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape, check_shape, shape_of_contours
 from legfem.geometry.section import outward_normals
@@ -100,16 +99,7 @@ def read_legs(path: Path) -> dict[str, ParametricLeg]:
     InputError
         If the file can't be read, or a key is unknown, missing or has an impossible value.
     """
-    try:
-        return _LegsFile.model_validate(tomllib.loads(Path(path).read_text("utf-8"))).legs
-    except FileNotFoundError:
-        raise InputError(path, "file", "not found", "check the path") from None
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(path, "TOML", str(error), "correct the syntax") from None
-    except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"])
-        raise InputError(path, key, first["msg"], "compare with studies/stockings/legs.toml") from None
+    return parse_toml(path, _LegsFile, "legs in 3D").legs
 
 
 def round_leg(

@@ -118,13 +118,8 @@ def find(rows: Indentations, model: ProbeModel, folder: Path, jobs: int, seed: i
             drawn = draw_population(
                 losses, KEPT, SWEEPS, np.random.default_rng(seed), thin=THIN, with_thickness=with_thickness
             )
-            start = drawn.states[-1]
-            fits.append(
-                (
-                    drawn,
-                    prediction.predict_left_out(losses, used.compliance, start, seed, progress.advance, with_thickness),
-                )
-            )
+            more = drawn.states[-1], seed, progress.advance, with_thickness
+            fits.append((drawn, prediction.predict_left_out(losses, used.compliance, *more)))
     (drawn, predicted), (_, alike) = fits
     compliance = used.compliance
     by_method = {
@@ -221,19 +216,12 @@ def own_table(found: Found, site: str, every: int = 5) -> str:
         middle, low, high = (row[f"{name}_C10{end}_kPa"] for end in ("", "_low", "_high"))
         return f"{middle:.2g} ({low:.2g} to {high:.2g})"
 
-    return markdown_table(
-        ["person", "skin and fat (mm)", "muscle (mm)", "fat: C10 (kPa)", "muscle: C10 (kPa)"],
-        [
-            [
-                row["person"],
-                f"{row['superficial_mm']:.1f}",
-                f"{row['deep_mm']:.1f}",
-                cell(row, "superficial"),
-                cell(row, "deep"),
-            ]
-            for _, row in table.iterrows()
-        ],
-    )
+    rows = [
+        [row["person"], *(f"{row[f'{name}_mm']:.1f}" for name in TISSUES), *(cell(row, name) for name in TISSUES)]
+        for _, row in table.iterrows()
+    ]
+    heads = ["person", "skin and fat (mm)", "muscle (mm)", "fat: C10 (kPa)", "muscle: C10 (kPa)"]
+    return markdown_table(heads, rows)
 
 
 def errors_table(found: Found) -> str:
@@ -328,10 +316,7 @@ def run(data: Path, model: ProbeModel, out: Path, jobs: int, seed: int) -> None:
             "people": len(used.people),
             "emulator_error": {"force": found.emulator_error[0], "share": found.emulator_error[1]},
             "error_percent": {
-                name: {
-                    **{site: 100 * float(one) for site, one in zip(used.sites, errors, strict=True)},
-                    "mean": 100 * float(errors.mean()),
-                }
+                name: dict(zip((*used.sites, "mean"), 100 * np.append(errors, errors.mean()), strict=True))
                 for name, errors in found.errors.items()
             },
             "unpredictable": told,

@@ -11,6 +11,7 @@ from legfem.inverse.catalogue import LawName
 from legfem.specimens.folder import load_specimen
 from legfem.specimens.laws import ONE
 from legfem.specimens.problem import fit_specimens
+from studies.cases.outcomes import Interval
 
 
 @dataclass(frozen=True)
@@ -21,9 +22,8 @@ class Fitted:
     law: str
     recordings: int
     used: int
-    values: dict[str, float]
+    stiffness: dict[str, Interval]
     """C10 and what else the law has."""
-    intervals: dict[str, tuple[float, float]]
     chi_square: float
     """Over its degrees of freedom."""
     converged: bool
@@ -32,8 +32,8 @@ class Fitted:
         """Return the cells of a table."""
         cells = [f"{self.folder}", self.law, f"{self.used} of {self.recordings}"]
         for name in ("C10", "C20"):
-            low, high = self.intervals.get(name, (0.0, 0.0))
-            cells.append(f"{self.values[name]:.3g} ({low:.3g} to {high:.3g})" if name in self.values else "")
+            one = self.stiffness.get(name)
+            cells.append("" if one is None else f"{one.value:.3g} ({one.low:.3g} to {one.high:.3g})")
         return [*cells, f"{self.chi_square:.3g}", "yes" if self.converged else "no"]
 
 
@@ -41,15 +41,13 @@ def fitted(law: LawName, path: Path) -> Fitted:
     """Fit all recordings of a folder by one law, each specimen with a stiffness of its own."""
     folder = load_specimen(path)
     (fit,) = fit_specimens(folder, [law])
-    named = {name.removeprefix(f"{ONE}."): one.shown for name, one in fit.estimates.items() if name.startswith(ONE)}
-    stiff = {name: one for name, one in named.items() if name in ("C10", "C20")}
+    named = {name: fit.estimates.get(f"{ONE}.{name}") for name in ("C10", "C20")}
     return Fitted(
         folder.id,
         law,
         len(folder.recordings) + len(folder.left_out),
         len(fit.tests),
-        {name: one.value for name, one in stiff.items()},
-        {name: one.ci95 for name, one in stiff.items()},
+        {name: Interval.of(one) for name, one in named.items() if one is not None},
         fit.goodness.chi_square / fit.goodness.degrees_of_freedom,
         fit.log.converged,
     )

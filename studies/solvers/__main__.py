@@ -93,23 +93,14 @@ def measured_apart(case: SolverCase, out: Path) -> SolverWork | None:
     return work
 
 
+_COLUMNS = ("cells", "solver", "ranks", "unknowns", "non-\nzeros (M)", "tan-\ngents", "s a factor-\nisation or\nsolve")
+_MORE = ("iterations:\nmedian\n(most)", "s the\nstep", "by the\nclock", "peak\n(GiB)", "before\nsolving")
+
+
 def solvers_table(measured: Measured) -> Table:
     """Return a row a case."""
     table = Table(title="One load step of the idealised leg; seconds of the processor")
-    for name in (
-        "cells",
-        "solver",
-        "ranks",
-        "unknowns",
-        "non-\nzeros (M)",
-        "tan-\ngents",
-        "s a factor-\nisation or\nsolve",
-        "iterations:\nmedian\n(most)",
-        "s the\nstep",
-        "by the\nclock",
-        "peak\n(GiB)",
-        "before\nsolving",
-    ):
+    for name in (*_COLUMNS, *_MORE):
         table.add_column(name, justify="right")
     for case, work in measured.items():
         if work is None:
@@ -117,20 +108,11 @@ def solvers_table(measured: Measured) -> Table:
             continue
         iterates = case.solver == "iterative"
         counts = f"{median(work.iterations):.0f} ({max(work.iterations)})" if iterates else "-"
-        table.add_row(
-            f"{work.cells} {case.cells[:5]}.",
-            case.solver,
-            str(case.ranks),
-            f"{work.unknowns}",
-            f"{work.nonzeros / 1e6:.1f}",
-            f"{work.tangents}{'' if work.complete else ' (stopped)'}",
-            f"{work.linear_seconds:.2f}",
-            counts,
-            f"{work.total_seconds:.1f}",
-            f"{work.wall_seconds:.1f}",
-            f"{work.peak_GiB:.2f}",
-            f"{work.start_GiB:.2f}",
-        )
+        tangents = f"{work.tangents}{'' if work.complete else ' (stopped)'}"
+        sizes = f"{work.cells} {case.cells[:5]}.", case.solver, str(case.ranks), str(work.unknowns)
+        seconds = f"{work.total_seconds:.1f}", f"{work.wall_seconds:.1f}"
+        solves = f"{work.nonzeros / 1e6:.1f}", tangents, f"{work.linear_seconds:.2f}", counts
+        table.add_row(*sizes, *solves, *seconds, f"{work.peak_GiB:.2f}", f"{work.start_GiB:.2f}")
     return table
 
 

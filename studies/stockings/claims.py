@@ -19,12 +19,12 @@ from legfem.meshing.leg_sizes import settings_for_cells
 from legfem.stockings.equilibrium import EquilibriumSolver, LegModel3D
 from legfem.stockings.fabric import CompressionClass, fitted_stocking, stocking_load
 from legfem.stockings.leg import default_veins
-from legfem.stockings.pressures import PressureProbe, TissuePressures, tissue_pressures
+from legfem.stockings.pressures import PressureProbe, tissue_pressures
 from studies.making.shapes import ParametricLeg, horizontal_curvature, parametric_leg
 from studies.stockings.truth import D1
 
-PAPER_KPA = (3.25, 8.17)
-"""Mean C10 of muscle and fat in the paper."""
+LAWS = {"deep": NeoHookean(kpa_to_mpa(3.25), D1), "superficial": NeoHookean(kpa_to_mpa(8.17), D1)}
+"""Of the mean C10 of muscle and fat in the paper."""
 FAT_FACTORS = (0.7, 1.0, 1.5)
 CLASSES: tuple[CompressionClass, ...] = ("1", "2", "3")
 
@@ -93,8 +93,7 @@ def solve_variant(leg: ParametricLeg, variant: Variant, cells: int) -> Pressures
     """Put a variant's stocking on and return its pressures."""
     scaled = {name: getattr(leg, name) * variant.fat_factor for name in ("fat_mm", "shin_fat_mm")}
     shape = parametric_leg(leg.model_copy(update=scaled))
-    laws = dict(zip(("deep", "superficial"), (NeoHookean(kpa_to_mpa(c), D1) for c in PAPER_KPA), strict=True))
-    model = LegModel3D(shape, laws, settings_for_cells(shape, cells))
+    model = LegModel3D(shape, LAWS, settings_for_cells(shape, cells))
     worn = EquilibriumSolver(model, fitted_stocking(shape, variant.compression_class)).solve()
     level = float(np.median(calf_levels(shape)))
     calf = int(np.argmin(np.abs(shape.levels - level)))
@@ -120,82 +119,41 @@ def correlations(rows: Sequence[Pressures]) -> tuple[Correlation, ...]:
     one = [r for r in rows if r.variant.compression_class == "2"]
     plain = [r for r in rows if r.variant.fat_factor == 1.0]
     asked = (
-        (
-            "pressure at the veins, by mean interface pressure; all classes, fat as it is",
-            plain,
-            "mean_interface",
-            "mean_at_veins",
-        ),
-        ("pressure at the veins, by mean interface pressure; class 2", one, "mean_interface", "mean_at_veins"),
-        ("greatest pressure in fat, by mean fat thickness; class 2", one, "fat_thickness", "greatest_in_fat"),
-        (
-            "greatest pressure in fat, by greatest interface pressure; class 2",
-            one,
-            "greatest_interface",
-            "greatest_in_fat",
-        ),
-        (
-            "greatest pressure in fat, by greatest curvature of the bare leg; class 2",
-            one,
-            "greatest_curvature",
-            "greatest_in_fat",
-        ),
+        (plain, "all classes, fat as it is", "mean_interface", "mean_at_veins"),
+        (one, "class 2", "mean_interface", "mean_at_veins"),
+        (one, "class 2", "fat_thickness", "greatest_in_fat"),
+        (one, "class 2", "greatest_interface", "greatest_in_fat"),
+        (one, "class 2", "greatest_curvature", "greatest_in_fat"),
     )
     return tuple(_correlation(*entry) for entry in asked)
 
 
-def _correlation(statement: str, rows: Sequence[Pressures], x: str, y: str) -> Correlation:
+_WORDS = {
+    "mean_interface": "mean interface pressure",
+    "greatest_interface": "greatest interface pressure",
+    "fat_thickness": "mean fat thickness",
+    "greatest_curvature": "greatest curvature of the bare leg",
+    "mean_at_veins": "pressure at the veins",
+    "greatest_in_fat": "greatest pressure in fat",
+}
+
+
+def _correlation(rows: Sequence[Pressures], which: str, x: str, y: str) -> Correlation:
     a, b = (np.array([getattr(row, name) for row in rows]) for name in (x, y))
-    linear, ranked = pearsonr(a, b), spearmanr(a, b)
-    return Correlation(
-        statement,
-        len(rows),
-        float(linear.statistic),
-        float(linear.pvalue),
-        float(ranked.statistic),
-        float(ranked.pvalue),
-    )
+    numbers = map(float, (*pearsonr(a, b), *spearmanr(a, b)))
+    return Correlation(f"{_WORDS[y]}, by {_WORDS[x]}; {which}", len(rows), *numbers)
 
 
 KIB_PER_GIB = 1024.0**2
 
 
-@dataclass(frozen=True)
-class SizedState:
-    """One state on one mesh."""
+def sized_state(shape: LegShape, cells: int, comm: MPI.Intracomm) -> str:
+    """Solve for the paper's stiffness under a stocking of class 2, on about so many tetrahedra; say what it took.
 
-    tetrahedra: int
-    unknowns: int
-    ranks: int
-    mesh_s: float
-    solve_s: float
-    """By the clock."""
-    tangents: int
-    iterations: tuple[int, ...]
-    """Of the linear solver, tangent by tangent."""
-    peak_GiB: float
-    """Sum over ranks, the meshing included."""
-    pressures: TissuePressures
-
-    def __str__(self) -> str:
-        """Return one line."""
-        veins = ", ".join(f"{mpa_to_kpa(p):.4f}" for p in self.pressures.at_veins)
-        return (
-            f"{self.tetrahedra} tetrahedra, {self.unknowns} unknowns, {self.ranks} ranks: mesh "
-            f"{self.mesh_s:.0f} s, state {self.solve_s:.0f} s ({self.tangents} tangents, "
-            f"iterations {', '.join(map(str, self.iterations))}), peak {self.peak_GiB:.1f} GiB; "
-            f"veins {veins} kPa, muscle {mpa_to_kpa(self.pressures.mean_in_muscle):.4f} kPa, fat "
-            f"{mpa_to_kpa(self.pressures.greatest_in_fat):.4f} kPa"
-        )
-
-
-def sized_state(shape: LegShape, cells: int, comm: MPI.Intracomm) -> SizedState:
-    """Solve for the paper's stiffness under a stocking of class 2, on about so many tetrahedra."""
+    Times are by the clock, the peak of memory is the sum over ranks, the meshing included.
+    """
     started = time.perf_counter()
-    tissues = {
-        name: NeoHookean(kpa_to_mpa(value), D1) for name, value in zip(("deep", "superficial"), PAPER_KPA, strict=True)
-    }
-    model = LegModel3D(shape, tissues, settings_for_cells(shape, cells), comm=comm)
+    model = LegModel3D(shape, LAWS, settings_for_cells(shape, cells), comm=comm)
     counts: list[int] = []
 
     def count(solver: object, iteration: int, residual: float) -> None:
@@ -209,16 +167,13 @@ def sized_state(shape: LegShape, cells: int, comm: MPI.Intracomm) -> SizedState:
     state = model.solve(None, load.pressure)
     solved = time.perf_counter()
     veins = default_veins(shape, float(calf_levels(shape)[2]))
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / KIB_PER_GIB
-    mesh = model.compression.leg_mesh.mesh
-    return SizedState(
-        mesh.topology.index_map(3).size_global,
-        model.compression.spaces.unknowns,
-        comm.size,
-        meshed - started,
-        solved - meshed,
-        state.report.factorisations,
-        tuple(counts),
-        float(comm.allreduce(peak)),
-        tissue_pressures(PressureProbe(model.compression), state, load, veins),
+    peak = comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / KIB_PER_GIB)
+    found = tissue_pressures(PressureProbe(model.compression), state, load, veins)
+    at_veins = ", ".join(f"{mpa_to_kpa(p):.4f}" for p in found.at_veins)
+    return (
+        f"{model.compression.leg_mesh.mesh.topology.index_map(3).size_global} tetrahedra, "
+        f"{model.compression.spaces.unknowns} unknowns, {comm.size} ranks: mesh {meshed - started:.0f} s, state "
+        f"{solved - meshed:.0f} s ({state.report.factorisations} tangents, iterations {', '.join(map(str, counts))}), "
+        f"peak {peak:.1f} GiB; veins {at_veins} kPa, muscle {mpa_to_kpa(found.mean_in_muscle):.4f} kPa, fat "
+        f"{mpa_to_kpa(found.greatest_in_fat):.4f} kPa"
     )

@@ -18,7 +18,6 @@ from legfem.common.progress import progress_on
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, finish, key_of
 from studies.making.shapes import parametric_leg, read_legs
-from studies.stockings import command as page
 from studies.stockings.claims import Correlation, Pressures, Variant, correlations, sized_state, solve_variant, variants
 from studies.stockings.truth import NOISE, TRUTHS, Recovery, recover, true_leg, write_subject
 
@@ -68,25 +67,17 @@ def pressure_table(rows: Sequence[Pressures]) -> str:
 
 def correlation_table(rows: Sequence[Correlation]) -> str:
     """Return the claims' correlations."""
-    head = ("claim", "legs", "Pearson r (p)", "Spearman rho (p)")
-    return markdown_table(
-        head,
-        [
-            (
-                row.statement,
-                str(row.count),
-                f"{row.pearson:+.2f} ({row.pearson_p:.1g})",
-                f"{row.spearman:+.2f} ({row.spearman_p:.1g})",
-            )
-            for row in rows
-        ],
-    )
+    cells = []
+    for one in rows:
+        both = (one.pearson, one.pearson_p), (one.spearman, one.spearman_p)
+        cells.append((one.statement, str(one.count), *(f"{r:+.2f} ({p:.1g})" for r, p in both)))
+    return markdown_table(("claim", "legs", "Pearson r (p)", "Spearman rho (p)"), cells)
 
 
 def _recovery(row: Recovery) -> tuple[str, ...]:
     estimates = (
-        f"{value:.2f} [{low:.2f}, {high:.2f}]{'' if held else ' (missed)'}"
-        for value, low, high, held in zip(row.found, row.low, row.high, row.covered, strict=True)
+        f"{one.value:.2f} [{one.low:.2f}, {one.high:.2f}]{'' if held else ' (missed)'}"
+        for one, held in zip(row.found, row.covered, strict=True)
     )
     return (
         row.leg,
@@ -151,7 +142,7 @@ def identify(legs: Path, out: Path, cells: int, jobs: int) -> None:
             lambda task, row: f"{task}: {row}",
             asked=lambda task: (task, cells, Contents(_folder(legs, *task))),
         )
-    text = f"{page.recovery_summary(rows)}\n\n{page.recovery_table(rows)}\n"
+    text = f"{recovery_summary(rows)}\n\n{recovery_table(rows)}\n"
     write_document(out / "recovery.json", json_types([asdict(row) for row in rows]))
     write_atomically(out / "recovery.md", text)
     print(f"{text}report: {out / 'recovery.md'}")
@@ -172,7 +163,7 @@ def claims(out: Path, cells: int, jobs: int) -> None:
             asked=lambda variant: (variant, legs[variant.leg].model_dump()),
         )
     found = correlations(rows)
-    text = f"{page.correlation_table(found)}\n\n{page.pressure_table(rows)}\n"
+    text = f"{correlation_table(found)}\n\n{pressure_table(rows)}\n"
     write_document(
         out / "claims.json", json_types({"legs": [asdict(r) for r in rows], "claims": [asdict(c) for c in found]})
     )

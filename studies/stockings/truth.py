@@ -23,6 +23,7 @@ from legfem.stockings.equilibrium import Equilibrium, EquilibriumSolver, LegMode
 from legfem.stockings.fabric import CompressionClass, Stocking, fitted_stocking
 from legfem.stockings.identification import identify_in_stocking
 from legfem.stockings.loading import load_leg
+from studies.cases.outcomes import Interval
 from studies.making.scans import SegmentationNoise, simulated_scan
 from studies.making.shapes import ParametricLeg, parametric_leg
 
@@ -125,9 +126,7 @@ class Recovery:
     leg: str
     kind: str
     planted: tuple[float, float]
-    found: tuple[float, float]
-    low: tuple[float, float]
-    high: tuple[float, float]
+    found: tuple[Interval, Interval]
     solves: int
     """Equilibria of the search."""
     rms_mm: float
@@ -138,12 +137,12 @@ class Recovery:
     @property
     def covered(self) -> tuple[bool, bool]:
         """Whether the intervals hold the planted values."""
-        muscle, fat = (low <= true <= high for low, true, high in zip(self.low, self.planted, self.high, strict=True))
+        muscle, fat = (one.covers(true) for one, true in zip(self.found, self.planted, strict=True))
         return muscle, fat
 
     def __str__(self) -> str:
         """Return a line that says what was found."""
-        found = ", ".join(f"{value:.3g}" for value in self.found)
+        found = ", ".join(f"{one.value:.3g}" for one in self.found)
         planted = ", ".join(f"{value:.3g}" for value in self.planted)
         return f"found {found} kPa, planted {planted} kPa ({self.solves} equilibria)"
 
@@ -159,14 +158,12 @@ def _recovery(fit: StockingFit, kind: str, seconds: float) -> Recovery:
     leg, best = fit.details.leg, fit.details.best
     assert best is not None and leg.registration is not None
     truth = TRUTHS[leg.id]
-    muscle, fat = (known.shown for known in fit.estimates.values())
+    muscle, fat = map(Interval.of, fit.estimates.values())
     return Recovery(
         leg.id,
         kind,
         (truth.deep_kPa, truth.superficial_kPa),
-        (muscle.value, fat.value),
-        (muscle.ci95[0], fat.ci95[0]),
-        (muscle.ci95[1], fat.ci95[1]),
+        (muscle, fat),
         fit.log.forward_solves,
         best.rms,
         best.weighted_misfit,
