@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import signal
 from collections import Counter
@@ -22,7 +23,7 @@ from legfem.commands.meshing import app
 from legfem.meshing.exchange import extruded, measure, named_mesh, write_mesh
 from legfem.meshing.section import REGIONS, SKIN, mesh_section
 from legfem.meshing.structured import IdealisedLeg, LegMeshSettings, mesh_leg
-from studies.meshes import REFERENCES, checksum, make, page, quality_of_file, read_manifest
+from studies.meshes import MANIFEST, REFERENCES, checksum, make, page, quality_of_file
 
 MESHES = Path(__file__).resolve().parents[1] / "meshes"
 
@@ -246,7 +247,7 @@ def test_what_is_wrong_is_said_in_a_line(words, message, tmp_path, monkeypatch):
 
 
 def test_reference_meshes_are_those_of_the_manifest():
-    manifest = read_manifest(MESHES)
+    manifest = json.loads((MESHES / MANIFEST).read_text())
     names = {mesh["file"] for mesh in manifest["meshes"]}
     assert names == {path.name for path in MESHES.glob("*.msh")}
     assert names == {f"{reference.name}.msh" for reference in REFERENCES}
@@ -260,7 +261,7 @@ def test_reference_meshes_are_those_of_the_manifest():
 def test_a_reference_mesh_is_what_its_command_makes(name, tmp_path):
     """Whatever gmsh's version, which may number and place nodes otherwise."""
     (reference,) = (entry for entry in REFERENCES if entry.name == name)
-    (kept,) = (m for m in read_manifest(MESHES)["meshes"] if m["file"] == f"{name}.msh")
+    (kept,) = (m for m in json.loads((MESHES / MANIFEST).read_text())["meshes"] if m["file"] == f"{name}.msh")
     entry = make(reference, tmp_path)
     assert entry["command"] == kept["command"]
     assert entry["nodes"] == pytest.approx(kept["nodes"], rel=0.05)

@@ -27,7 +27,7 @@ def test_an_absent_folder_is_one_line(tmp_path):
 def test_the_data_are_read():
     meat = read_meat(DATA)
     assert len(meat) == 98
-    assert sum(test.is_beef for test in meat.values()) == 78
+    assert sum(test.material.startswith("beef") for test in meat.values()) == 78
     phantom = read_phantoms(DATA, "EF10_75T")[0]
     assert (phantom.radius, phantom.height) == (25.0, 30.0)
     assert phantom.recording.displacement[-1] == pytest.approx(20.0, abs=0.01)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import pytest
 from mpi4py import MPI
@@ -12,7 +12,7 @@ from legfem.experiments.indenter_pose import Cylinder
 from legfem.jobs.store import Store
 from legfem.meshing.structured import IdealisedLeg, mesh_leg
 from studies.solvers.__main__ import cases_of, run, solvers_table
-from studies.solvers.case import SolverCase, SolverWork, document, measure, mesh_of_size
+from studies.solvers.case import SolverCase, SolverWork, measure, mesh_of_size
 
 SMALL = SolverCase(3000, "iterative")
 
@@ -72,5 +72,5 @@ def test_measured_cases_are_not_measured_again(tmp_path, capsys):
     run([SMALL], tmp_path)
     assert "20000" in capsys.readouterr().out
     found = json.loads((tmp_path / "result.json").read_text())["cases"]
-    assert found == [document(SMALL, made(15, 10.0))]
+    assert found == [{"case": asdict(SMALL), "work": asdict(made(15, 10.0))}]
     assert "20000" in (tmp_path / "report.txt").read_text()

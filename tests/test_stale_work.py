@@ -60,7 +60,7 @@ def solvers_study(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Study:
 
     study = Study(run, 2, folder / "result.json")
 
-    def measured(case: SolverCase, out: Path) -> SolverWork:
+    def measured(case: SolverCase) -> SolverWork:
         study.calls.append(case)
         work = SolverWork(3000, 99, 7, True, 8, 8, [15] * 8, 1.0, 2.0, 2.0, 0.3, 0.6, 0.2)
         return replace(work, tangents=len(study.calls))
@@ -81,7 +81,7 @@ def stockings_study(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Study:
         study.calls.append(task)
         kind, leg = task
         both = Interval(3.0, 2.0, 4.0), Interval(8.0, 7.0, 9.0 + len(study.calls))
-        return Recovery(leg, kind, (3.0, 8.0), both, 9, 0.1, 1.0, 0.1, 7.0)
+        return Recovery(leg, kind, (3.0, 8.0), both, 9, 0.1, 1.0, 7.0)
 
     monkeypatch.setattr(stockings, "_identify", identified)
     return study
@@ -93,7 +93,7 @@ def claims_study(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Study:
     def solved(cells: int, variant: Variant) -> Pressures:
         study.calls.append(variant)
         x = float(np.random.default_rng(len(study.calls)).random())
-        return Pressures(variant, x, x, (x, 1.0), x**2, x, x, x, x, True)
+        return Pressures(variant, x, x, (x, 1.0), x**2, x, x, x, True)
 
     monkeypatch.setattr(stockings, "_claim", solved)
     return study

@@ -20,7 +20,7 @@ from studies.solvers.__main__ import app as solvers_app
 
 
 def test_solvers_of_which_none_ends_exit_nonzero(tmp_path, monkeypatch):
-    monkeypatch.setattr(solvers, "measured_apart", lambda case, out: None)
+    monkeypatch.setattr(solvers, "measured_apart", lambda case: None)
     done = CliRunner().invoke(solvers_app, ["--size", "2000", "--out", str(tmp_path)])
     assert done.exit_code == 1
     assert "solvers: nothing was solved" in done.output

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from legfem.common.command_line import CheckedCommand
-from studies.cases import bars, layers, planted, reach, sealed_command, sites
+from studies.cases import bars, layers, peers, planted, reach, sealed_command, sites
 from studies.cases.machine import Kind, command_of
 from studies.command_line import new_app
 
@@ -22,6 +22,7 @@ app = new_app()
 for name, kind in KINDS.items():
     app.command(name)(command_of(name, kind))
 app.command("sealed", cls=CheckedCommand)(sealed_command.sealed)
+app.command("peers")(peers.peers)
 app.command("picture")(sealed_command.picture)
 
 

@@ -193,9 +193,8 @@ def _table(found: Sequence[Outcome], name: Literal["C10", "ratio"]) -> str:
 
 
 def _beside_truth(one: Outcome, setup: Setup, name: Literal["C10", "ratio"]) -> tuple[Found, float]:
-    if name == "C10":
-        return one.c10[setup.title], one.plant.c10_kpa
-    return one.ratio[setup.title], one.plant.ratio
+    found, true = (one.c10, one.plant.c10_kpa) if name == "C10" else (one.ratio, one.plant.ratio)
+    return found[setup.title], true
 
 
 def _line(plant: Plant, one: Outcome) -> str:

@@ -52,7 +52,6 @@ READING_MM, BIAS_MM, GAIN, SLOW_MM, LAG_S = 0.3, 0.5, 0.03, 0.1, 0.2
 """Of thicknesses: standard deviation of a reading, greatest bias, gain and lag either way, and slow error's sd."""
 THICKNESSES = ("fat_thickness", "muscle_thickness")
 LAYERS = ("deep.C10", "superficial.C10")
-MODULES = ("legfem.legs.identification", "studies.cases.layers")
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,6 @@ COUNTED = Path(__file__).parent / "sealed-1511.json"
 """What `docs/static/coverage.svg` shows: the sealed cases of seed 1511."""
 _KINDS = {"none": "nothing", "single": "one effect", "pair": "two effects", "outside": "outside the library"}
 _COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#999999", "#000000", "#F0E442")
-_SHARES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
 
 
 @dataclass(frozen=True)

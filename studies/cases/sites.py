@@ -38,7 +38,6 @@ class FoundLeg:
     alone: dict[str, dict[str, Interval]]
     """By site."""
     agreement_p: float
-    misfit_p: float
     solves: int
     converged: bool
 
@@ -80,7 +79,6 @@ def identified(folder: Path, truth: Truth) -> FoundLeg:
         _intervals(joint.estimates),
         alone,
         joint.agreement.p_value,
-        joint.goodness.p_value,
         joint.log.forward_solves,
         joint.log.converged,
     )

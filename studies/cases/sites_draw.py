@@ -56,20 +56,11 @@ def truths(number: int, seed: int, depth_mm: float = 12.0) -> list[Truth]:
     """Return what is planted in as many legs."""
     found = []
     for k in range(number):
-        generator = np.random.default_rng([seed, k])
-        low, high = np.log(C10_KPA)
-        found.append(
-            Truth(
-                k,
-                seed,
-                float(np.exp(generator.uniform(low, high))),
-                float(generator.uniform(*C20_KPA)),
-                float(FAT_KPA * FAT_FACTOR ** generator.uniform(-1, 1)),
-                float(generator.uniform(*_GIRTH_MM)),
-                float(generator.uniform(*_FAT_MM)),
-                depth_mm,
-            )
-        )
+        draw = np.random.default_rng([seed, k]).uniform
+        c10, c20, factor = np.exp(draw(*np.log(C10_KPA))), draw(*C20_KPA), FAT_FACTOR ** draw(-1, 1)
+        sizes = FAT_KPA * factor, draw(*_GIRTH_MM), draw(*_FAT_MM)
+        c10, c20, fat, girth_mm, fat_mm = (float(one) for one in (c10, c20, *sizes))
+        found.append(Truth(k, seed, c10, c20, fat, girth_mm, fat_mm, depth_mm))
     return found
 
 

@@ -40,6 +40,8 @@ app = new_app()
 SHAPES, DEPTH_MM, RATE_MM_PER_S, TRIALS = 8, 14.0, 0.5, 3
 BEYOND_MM = 15.0
 """Depth that solutions are asked for: felupe may stop short of it, but not of what is recorded."""
+KEPT_AT = np.linspace(0.0, DEPTH_MM, 141)
+"""mm, of curves."""
 GRID_KPA = tuple(float(c) for c in np.geomspace(0.25, 2.6, 7).round(4))
 LAB = LabErrors(gain_sd=0.01, air=3.0)
 DIRECTION_DEG = 90.0
@@ -145,7 +147,7 @@ def by_felupe(shape: int) -> bool:
 
 
 def pressed(bare: Path, task: tuple[int, float, bool]) -> list[float]:
-    """Return the true force (n,), N, at `depths`, of a shape, a C10 (kPa), and with or without the lump.
+    """Return the true force (n,), N, at `KEPT_AT`, of a shape, a C10 (kPa), and with or without the lump.
 
     Raises
     ------
@@ -156,12 +158,7 @@ def pressed(bare: Path, task: tuple[int, float, bool]) -> list[float]:
     leg = load_subject(bare / f"shape-{shape}", need_recordings=False)
     case = OtherCase(c10, lump=LUMP if lumpy else None)
     settings = None if by_felupe(shape) or lumpy else TRUTH_SETTINGS
-    return [float(f) for f in true_force(leg, case, BEYOND_MM, DEPTH_MM, settings)(depths())]
-
-
-def depths() -> FloatArray:
-    """Return where curves are kept, mm."""
-    return np.linspace(0.0, DEPTH_MM, 141)
+    return [float(f) for f in true_force(leg, case, BEYOND_MM, DEPTH_MM, settings)(KEPT_AT)]
 
 
 OF_GRID = tuple((shape, c10, False) for shape in range(SHAPES) for c10 in GRID_KPA)
@@ -198,7 +195,7 @@ def recorded(test: Tested, force: FloatArray, spread: Spread, seed: int) -> list
     time = np.arange(0.0, DEPTH_MM / RATE_MM_PER_S + 1e-9, 0.1)
     at = RATE_MM_PER_S * time
     factor = spread.drift if test.drifted else 1.0
-    course = Course(time, at, factor * np.asarray(CubicSpline(depths(), force)(at)))
+    course = Course(time, at, factor * np.asarray(CubicSpline(KEPT_AT, force)(at)))
     return record([course] * TRIALS, LAB, generator)
 
 
@@ -272,7 +269,7 @@ def simulated(
 
 def left_out(grids: FloatArray) -> float:
     """Return the greatest relative error of `between` from 2 mm on by every other stiffness of the grid."""
-    from_2_mm = depths() >= 2.0
+    from_2_mm = KEPT_AT >= 2.0
     log = np.log(GRID_KPA)
     between_others = CubicSpline(log[::2], grids[:, ::2], axis=1)(log[1::2])
     return float(np.abs(between_others / grids[:, 1::2] - 1)[..., from_2_mm].max())

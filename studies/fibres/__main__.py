@@ -14,8 +14,8 @@ from legfem.common.documents import markdown_table, write_atomically
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import FloatArray
 from legfem.inverse.fibre_correction import TABLE
-from legfem.jobs.pool import Workers
 from legfem.report.style import save
+from legfem.study.correction.calibration import run_cases
 from studies.command_line import DONE_IS_KEPT, Jobs, Out, new_app, write_results
 from studies.fibres import concealed
 from studies.fibres.bare import AT_MM, RATIOS, case_of, correction_of
@@ -91,12 +91,8 @@ def fibres(
             return
         progress.stage("pressing legs with fibres", len(RATIOS))
         cases = [case_of(ratio, coarse) for ratio in RATIOS]
-        by_ratio = {}
-        with Workers(correction_of, folder / "solved", processes) as workers:
-            for case, one in workers.run(cases):
-                by_ratio[case.material.fibre_ratio] = one
-                progress.advance(f"ratio {case.material.fibre_ratio:g}")
-        found = {ratio: by_ratio[ratio] for ratio in RATIOS}
+        solved = run_cases(cases, folder / "solved", processes, progress)
+        found = {ratio: correction_of(one) for ratio, one in zip(RATIOS, solved, strict=True)}
         rows = markdown_table(
             ["shear moduli along / across", *(f"P at {d:g} mm" for d in AT_MM), "force over none"],
             [

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from legfem.common.units import FloatArray
 from legfem.experiments.leg_3d import IdealisedLegSettings
 from legfem.inverse.correction import smooth_ratio
 from legfem.meshing.structured import LegMeshSettings
-from legfem.study.correction.cases import CorrectionCase, Material, remembered_case
+from legfem.study.correction.cases import CaseOutcome, CorrectionCase, Material
 
 C10_KPA = 1.0
 DEPTH_MM = 15.0
@@ -32,12 +31,9 @@ def case_of(ratio: float, coarse: bool = False) -> CorrectionCase:
     )
 
 
-def correction_of(folder: Path, case: CorrectionCase) -> tuple[FloatArray, FloatArray]:
+def correction_of(outcome: CaseOutcome) -> tuple[FloatArray, FloatArray]:
     """Return P and the 3D force (N) at `AT_MM`."""
-    outcome = remembered_case(folder, case)
     reached = min(outcome.spatial.depth, outcome.plane.depth)
     if reached < AT_MM[-1]:
-        raise UnsolvedError(
-            f"fibres of ratio {case.material.fibre_ratio:g} stop at {reached:.3g} mm of {AT_MM[-1]:g} mm"
-        )
+        raise UnsolvedError(f"fibres: a leg stops at {reached:.3g} mm of {AT_MM[-1]:g} mm")
     return smooth_ratio(outcome.spatial, outcome.plane, AT_MM), outcome.spatial(AT_MM)

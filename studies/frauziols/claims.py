@@ -204,13 +204,18 @@ def _small_fascia(result: StudyResult) -> ClaimFinding:
         tests = analysis.main("fascia")
         if not tests:
             return ClaimFinding(None, "the fascia is not a factor", "")
-        greatest = max(abs(test.value) for test in analysis.main())
-        shares[analysis.metric.label] = max(abs(test.value) for test in tests) / greatest
+        shares[analysis.metric.label] = _share(tests, analysis)
     worst = max(shares, key=lambda name: shares[name])
     text = (
         f"its larger coefficient over the metric's largest: {min(shares.values()):.0%} to {shares[worst]:.0%} ({worst})"
     )
     return ClaimFinding(shares[worst] < NEGLIGIBLE, text, "the response figure, panels B and C")
+
+
+def _share(tests: list[CoefficientTest], analysis: MetricAnalysis) -> float:
+    """Return the largest coefficient of some over the metric's largest main effect."""
+    largest, whole = (max(abs(test.value) for test in some) for some in (tests, analysis.main()))
+    return largest / whole
 
 
 def _insignificant(
@@ -221,8 +226,7 @@ def _insignificant(
         tests = chosen(analysis)
         if not tests:
             return ClaimFinding(None, f"{what} is not a factor", "")
-        greatest = max(abs(test.value) for test in analysis.main())
-        largest = max(largest, max(abs(test.value) for test in tests) / greatest)
+        largest = max(largest, _share(tests, analysis))
         found += [t for t in tests if t.significant]
     count = sum(len(chosen(analysis)) for analysis in result.analyses)
     text = (

@@ -1,7 +1,7 @@
 """How far a default curve is from the converged one: mesh, steps, contact, curvature."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -229,20 +229,14 @@ def _verdict(found: Convergence) -> str:
 
 
 def _as_json(found: Convergence) -> dict[str, Any]:
-    richardson = found.richardson
     document: dict[str, Any] = json_types(
         {
             "schema": 1,
-            "displacement_mm": found.depths,
+            **asdict(found.richardson),
+            **{name: getattr(found, name) for name in ("default_error", "contact_change")},
             "default_force_N": found.default(found.depths),
             "mesh_force_N": [curve(found.depths) for curve in found.meshes],
-            "observed_order": richardson.order,
-            "extrapolated_force_N": richardson.extrapolated,
-            "grid_convergence_index": richardson.grid_convergence_index,
-            "default_relative_error": found.default_error,
-            "stiffer_contact_relative_change": found.contact_change,
-            "curvature_relative_change": found.curvature_change(),
-            "curvature_windows_mm": WINDOWS,
+            "curvature_change": dict(zip(map(str, WINDOWS), found.curvature_change(), strict=False)),
             "unknowns": [report.unknowns for report in found.mesh_reports],
             "default_factorisations": found.default_report.factorisations,
             "default_seconds": found.default_report.seconds,

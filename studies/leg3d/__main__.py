@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -17,26 +16,20 @@ from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.elastography import HIGHEST_RATIO
 from legfem.legs.details import SpatialEvidence
 from studies.cases.outcomes import Interval
-from studies.command_line import new_app, write_results
+from studies.command_line import Out, new_app, write_results
 from studies.leg3d.other_code import PlantedByFelupe
 from studies.leg3d.planted import Planted
 from studies.leg3d.plants import HEADER, counted, drawn, identified, plant_result, plant_row
 
 app = new_app()
-Out = Annotated[Path | None, typer.Option(help="Folder for results; results/leg3d by default.")]
 
 
-class CodeChoice(StrEnum):
-    """Whose hexahedra record the small leg."""
-
-    legfem = "legfem"
-    felupe = "felupe"
+Code = Literal["legfem", "felupe"]
+_BY: dict[Code, type[Planted]] = {"legfem": Planted, "felupe": PlantedByFelupe}
+"""Whose hexahedra record the small leg."""
 
 
-_BY = {CodeChoice.legfem: Planted, CodeChoice.felupe: PlantedByFelupe}
-
-
-def _many(numbers: range, seed: int, folder: Path, progress: Progress, code: CodeChoice) -> list[str]:
+def _many(numbers: range, seed: int, folder: Path, progress: Progress, code: Code) -> list[str]:
     of = _BY[code]
     legs = [of(one.c10, one.c20) for one in (drawn(number, seed) for number in numbers)]
     found = [plant_result(leg, seed + k, folder, progress) for k, leg in zip(numbers, legs, strict=True)]
@@ -53,7 +46,7 @@ def leg3d(
     ] = Planted.fibres,
     seed: Annotated[int, typer.Option(min=0, help="Of the lab's errors.")] = 1,
     plants: Annotated[int, typer.Option(min=0, help="So many legs of random C10 and C20 in its place.")] = 0,
-    code: Annotated[CodeChoice, typer.Option(help="Whose hexahedra record the small leg.")] = CodeChoice.legfem,
+    code: Annotated[Code, typer.Option(help="Whose hexahedra record the small leg.")] = "legfem",
     out: Out = None,
 ) -> None:
     """Identify a leg, pressed in 3D by other elements, with `--model 3d` and `--model 2d`.
@@ -65,12 +58,8 @@ def leg3d(
     with study_context("leg3d", out) as (folder, _), progress_on() as progress:
         if plants:
             if (c10, c20, fibres) != (Planted.c10, Planted.c20, Planted.fibres):
-                raise InputError(
-                    "leg3d",
-                    "--plants",
-                    "draws the small leg's C10 and C20",
-                    "leave --c10, --c20 and --fibres, or it, out",
-                )
+                remedy = "leave --c10, --c20 and --fibres, or it, out"
+                raise InputError("leg3d", "--plants", "draws the small leg's C10 and C20", remedy)
             lines = _many(range(plants), seed, folder, progress, code)
             write_atomically(folder / "plants.md", "\n".join(lines) + "\n")
             typer.echo("\n".join(lines))
@@ -103,7 +92,7 @@ def leg3d(
             "c10_kPa": c10,
             "c20_kPa": c20,
             "fibre_ratio": fibres,
-            "code": code.value,
+            "code": code,
             "seed": seed,
             "rows": rows,
             "confirmations": steps,

@@ -45,7 +45,7 @@ ROUGH = SolidLegSettings(
 """Of the identification's tetrahedra: a third of the default's unknowns."""
 ELEMENTS = {"rough": ROUGH, "default": SolidLegSettings()}
 """Of the identification."""
-type Tests = Literal["along", "along and across"]
+Tests = Literal["along", "along and across"]
 TESTS: dict[Tests, tuple[str, ...]] = {"along": ("along",), "along and across": tuple(WAYS)}
 
 app = new_app()

@@ -101,7 +101,6 @@ class Found:
 def find(rows: Indentations, model: ProbeModel, folder: Path, jobs: int, seed: int) -> Found:
     """Solve the probe, fit the population, and predict everyone from the others."""
     with progress_on() as progress:
-        progress.stage("the probe on two layers", POINTS + CHECKED)
         asked = np.vstack([points(POINTS, 1), points(CHECKED, 2)])
         solved = solve_points(model, asked, folder / "solves", jobs, progress)
         if all(one.problem for one in solved):
@@ -207,23 +206,6 @@ def people_table(found: Found) -> pd.DataFrame:
     return pd.DataFrame(table).sort_values(["site", "person"])
 
 
-def own_table(found: Found, site: str, every: int = 5) -> str:
-    """Return some people's stiffness at a site, by that of the muscle, in Markdown."""
-    table = people_table(found)
-    table = table[table["site"] == site].sort_values("deep_C10_kPa")[::every]
-
-    def cell(row: Any, name: str) -> str:
-        middle, low, high = (row[f"{name}_C10{end}_kPa"] for end in ("", "_low", "_high"))
-        return f"{middle:.2g} ({low:.2g} to {high:.2g})"
-
-    rows = [
-        [row["person"], *(f"{row[f'{name}_mm']:.1f}" for name in TISSUES), *(cell(row, name) for name in TISSUES)]
-        for _, row in table.iterrows()
-    ]
-    heads = ["person", "skin and fat (mm)", "muscle (mm)", "fat: C10 (kPa)", "muscle: C10 (kPa)"]
-    return markdown_table(heads, rows)
-
-
 def errors_table(found: Found) -> str:
     """Return the table of prediction errors, in Markdown."""
     names = [*(SITES[site] for site in found.rows.sites), "mean of sites"]
@@ -295,8 +277,6 @@ def run(data: Path, model: ProbeModel, out: Path, jobs: int, seed: int) -> None:
             + np.array2string(found.drawn["mean_slope"].mean(axis=0), precision=2)
             + " +- "
             + np.array2string(found.drawn["mean_slope"].std(axis=0), precision=2),
-            "",
-            own_table(found, CALF) if CALF in used.sites else "",
         ]
     )
     print(text)

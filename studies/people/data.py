@@ -111,29 +111,20 @@ def read_indentations(folder: Path) -> Indentations:
     try:
         table = pd.read_csv(path, dtype={"SubID": str, "Location": str})
     except (OSError, ValueError) as error:
-        raise InputError(
-            str(path),
-            "table",
-            f"can't be read ({type(error).__name__})",
-            "give --data the folder of the MULTIS table (doi 10.18735/S5R97F)",
-        ) from error
+        remedy = "give --data the folder of the MULTIS table (doi 10.18735/S5R97F)"
+        raise InputError(str(path), "table", f"can't be read ({type(error).__name__})", remedy) from error
     missing = {"SubID", "Location", *_NUMBERS} - set(table.columns)
     if missing:
-        raise InputError(
-            str(path), sorted(missing)[0], "no such column", "give the table as it is published, with all its columns"
-        )
+        remedy = "give the table as it is published, with all its columns"
+        raise InputError(str(path), sorted(missing)[0], "no such column", remedy)
     numbers = table[list(_NUMBERS)].apply(pd.to_numeric, errors="coerce")
     positive = numbers[["MaxForce", "maxForce_normArea", "Thickness", "Fat", "Muscle", "Total_Stiff"]]
     good = np.isfinite(numbers).all(axis=1) & (positive > 0).all(axis=1)
     good &= table["Location"].isin(SITES) & table["SubID"].notna()
     table, numbers = table[good], numbers[good]
     if not len(table):
-        raise InputError(
-            str(path),
-            "",
-            "contains no person with all numbers",
-            "give forces in N, thicknesses in mm, pressures in MPa",
-        )
+        remedy = "give forces in N, thicknesses in mm, pressures in MPa"
+        raise InputError(str(path), "", "contains no person with all numbers", remedy)
     people = tuple(sorted(set(table["SubID"])))
     sites = tuple(site for site in SITES if site in set(table["Location"]))
     get = {name: numbers[name].to_numpy(dtype=float) for name in _NUMBERS}

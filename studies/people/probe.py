@@ -19,7 +19,7 @@ from legfem.experiments.axisymmetric import AxisymmetricSettings, Layer
 from legfem.experiments.bodies import Faces, PunchOnLayer
 from legfem.experiments.flat_punch import FlatPunchIndentation
 from legfem.jobs.pool import Workers
-from legfem.jobs.store import Store
+from legfem.jobs.store import Store, finish
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.structured import MeridianMeshSettings
 from legfem.solve.settings import StepSettings
@@ -99,22 +99,13 @@ def points(count: int, seed: int) -> FloatArray:
 
 
 def solve_points(
-    model: ProbeModel, asked: FloatArray, folder: Path, jobs: int, progress: Progress | None = None
+    model: ProbeModel, asked: FloatArray, folder: Path, jobs: int, progress: Progress
 ) -> list[SolvedPoint]:
     """Return solutions (in order) at points (n, 3); those that are done are kept in a folder."""
     store = Store(folder, SolvedPoint, model, [__name__])
-    found: list[SolvedPoint] = []
-    with Workers(_kept, (model, store), jobs) as workers:
-        for one in workers.in_order([tuple(float(x) for x in point) for point in asked]):
-            found.append(one)
-            if progress is not None:
-                progress.advance("point")
-    return found
-
-
-def _kept(context: tuple[ProbeModel, Store[SolvedPoint]], point: tuple[float, ...]) -> SolvedPoint:
-    model, store = context
-    return store.get_or_make(point, lambda: solve_point(model, point))
+    tasks = [tuple(float(x) for x in point) for point in asked]
+    with Workers(solve_point, model, jobs) as workers:
+        return finish(workers, tasks, store, progress, "the probe on two layers", lambda *_: "point")
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,11 +32,6 @@ class MeatTest:
         """Of the test with its day, ``230331|RDG1 1A``: several days have tests of one name."""
         return self.recording.trial
 
-    @property
-    def is_beef(self) -> bool:
-        """Whether it is meat and not silicone."""
-        return self.material.startswith("beef")
-
 
 @dataclass(frozen=True, eq=False)
 class Phantom:

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from statistics import median
+from tempfile import TemporaryDirectory
 from typing import Annotated
 
 import typer
@@ -22,7 +23,7 @@ from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
 from legfem.jobs.store import Store
 from studies.command_line import DONE_IS_KEPT, Out, new_app
-from studies.solvers.case import SolverCase, SolverWork, document, run_apart
+from studies.solvers.case import SolverCase, SolverWork, run_apart
 
 Measured = dict[SolverCase, SolverWork | None]
 """None where the process ended without a result: killed, most often for its memory."""
@@ -58,12 +59,12 @@ def run(cases: Sequence[SolverCase], out: Path) -> bool:
     with progress_on() as progress:
         progress.stage("load steps", len(cases))
         for case in cases:
-            work = store.get(case) or measured_apart(case, out)
+            work = store.get(case) or measured_apart(case)
             if work is not None:
                 store.put(case, work)
             measured[case] = work
             progress.advance(f"{case.solver}, {case.cells}, {case.ranks} ranks, about {case.size}")
-    found = [document(case, work) for case, work in measured.items() if work is not None]
+    found = [{"case": asdict(case), "work": asdict(work)} for case, work in measured.items() if work is not None]
     path = write_document(out / "result.json", {"schema": 1, "cases": found})
     console = Console(width=125, record=True)
     console.print(solvers_table(measured))
@@ -72,25 +73,18 @@ def run(cases: Sequence[SolverCase], out: Path) -> bool:
     return bool(found)
 
 
-def measured_apart(case: SolverCase, out: Path) -> SolverWork | None:
+def measured_apart(case: SolverCase) -> SolverWork | None:
     """Measure a case in fresh processes; None if they end without a result."""
-    given, result = out / ".case.json", out / ".work.json"
-    write_document(given, asdict(case))
-    result.unlink(missing_ok=True)
-    command = [sys.executable, "-m", "studies.solvers.case", str(given), str(result)]
-    if case.ranks > 1:
-        command = ["mpirun", "-n", str(case.ranks), *command]
     # Another run's environment would keep mpirun from starting.
     inherited = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX"))}
-    try:
+    with TemporaryDirectory() as folder:
+        given, result = Path(folder, "case.json"), Path(folder, "work.json")
+        write_document(given, asdict(case))
+        command = [sys.executable, "-m", "studies.solvers.case", str(given), str(result)]
+        if case.ranks > 1:
+            command = ["mpirun", "-n", str(case.ranks), *command]
         status = run_apart(command, {**inherited, "OMP_NUM_THREADS": "1"})
-    finally:
-        given.unlink(missing_ok=True)
-    if status or not result.is_file():
-        return None
-    work = SolverWork(**json.loads(result.read_text())["work"])
-    result.unlink()
-    return work
+        return None if status or not result.is_file() else SolverWork(**json.loads(result.read_text()))
 
 
 _COLUMNS = ("cells", "solver", "ranks", "unknowns", "non-\nzeros (M)", "tan-\ngents", "s a factor-\nisation or\nsolve")

@@ -12,7 +12,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from mpi4py import MPI
@@ -204,17 +204,12 @@ def peak_memory(comm: MPI.Intracomm) -> float:
     return float(comm.allreduce(kibibytes)) / 2**20
 
 
-def document(case: SolverCase, work: SolverWork) -> dict[str, Any]:
-    """Return a case and its work for a file."""
-    return {"case": asdict(case), "work": asdict(work)}
-
-
 def _main(given: str, out: str) -> None:
     end_with_starter()
     case = SolverCase(**json.loads(Path(given).read_text()))
     work = measure(case)
     if MPI.COMM_WORLD.rank == 0:
-        write_document(Path(out), document(case, work))
+        write_document(Path(out), asdict(work))
 
 
 if __name__ == "__main__":

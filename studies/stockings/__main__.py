@@ -2,24 +2,13 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 from legfem.common.command_line import check_out_folder, command_context, leave_to_first_rank, usable_cores
 from studies.command_line import Jobs, new_app
-
-
-class Part(StrEnum):
-    """What to do."""
-
-    MAKE = "make"
-    IDENTIFY = "identify"
-    CLAIMS = "claims"
-    SIZES = "sizes"
-
 
 app = new_app()
 
@@ -27,7 +16,7 @@ app = new_app()
 @app.command()
 def stockings(
     part: Annotated[
-        Part,
+        Literal["make", "identify", "claims", "sizes"],
         typer.Argument(
             help="make: simulate six legs' scans; identify: find the planted stiffnesses; claims: "
             "the paper's two claims on legs of different shape; sizes: one state by size of mesh, "
@@ -46,19 +35,19 @@ def stockings(
 
     Example: python -m studies.stockings make; python -m studies.stockings identify
     """
-    if part is not Part.SIZES:
+    if part != "sizes":
         leave_to_first_rank()
     with command_context():
         from studies.stockings import command
 
         check_out_folder(out)
         processes = jobs or usable_cores()
-        if part is Part.MAKE:
+        if part == "make":
             check_out_folder(legs)
             command.make(legs, seed, processes)
-        elif part is Part.IDENTIFY:
+        elif part == "identify":
             command.identify(legs, out, cells, processes)
-        elif part is Part.CLAIMS:
+        elif part == "claims":
             command.claims(out, cells, processes)
         else:
             command.sizes(cells)

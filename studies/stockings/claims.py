@@ -55,7 +55,6 @@ class Pressures:
     mean_in_muscle: float
     fat_thickness: float
     """Mean around the leg at the calf."""
-    least_fat_thickness: float
     greatest_curvature: float
     """Of the bare skin at the calf (1/mm)."""
     converged: bool
@@ -99,7 +98,6 @@ def solve_variant(leg: ParametricLeg, variant: Variant, cells: int) -> Pressures
     calf = int(np.argmin(np.abs(shape.levels - level)))
     probe = PressureProbe(model.compression)
     found = tissue_pressures(probe, worn.state, worn.load, default_veins(shape, level))
-    fat = fat_thickness_around(shape)[calf]
     return Pressures(
         variant,
         mpa_to_kpa(found.mean_interface),
@@ -107,8 +105,7 @@ def solve_variant(leg: ParametricLeg, variant: Variant, cells: int) -> Pressures
         tuple(map(mpa_to_kpa, found.at_veins)),
         mpa_to_kpa(found.greatest_in_fat),
         mpa_to_kpa(found.mean_in_muscle),
-        float(fat.mean()),
-        float(fat.min()),
+        float(fat_thickness_around(shape)[calf].mean()),
         float(horizontal_curvature(shape)[calf].max()),
         worn.converged,
     )

@@ -131,7 +131,6 @@ class Recovery:
     """Equilibria of the search."""
     rms_mm: float
     chi_square: float
-    registration_rms_mm: float
     cpu_s: float
 
     @property
@@ -156,7 +155,7 @@ def recover(folder: Path, kind: str, cells: int) -> Recovery:
 
 def _recovery(fit: StockingFit, kind: str, seconds: float) -> Recovery:
     leg, best = fit.details.leg, fit.details.best
-    assert best is not None and leg.registration is not None
+    assert best is not None
     truth = TRUTHS[leg.id]
     muscle, fat = map(Interval.of, fit.estimates.values())
     return Recovery(
@@ -167,6 +166,5 @@ def _recovery(fit: StockingFit, kind: str, seconds: float) -> Recovery:
         fit.log.forward_solves,
         best.rms,
         best.weighted_misfit,
-        leg.registration.residual,
         seconds,
     )
