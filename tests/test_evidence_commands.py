@@ -84,6 +84,7 @@ LONG = {
     "legfem.study correction": "likewise",
     "studies.stockings identify": "twenty minutes: tests/test_stocking.py identifies one small leg",
     "studies.stockings claims": "six minutes: tests/test_stale_work.py runs it without its solves",
+    "studies.cases peers": "wants recordings of known truth, and minutes for each: tests/test_peers.py tries its parts",
     "studies.cohort.simulated": "136 pressings at least: tests/test_cohort_on_engines.py runs a cohort",
     "studies.cohort.scored": "wants what studies.cohort.simulated made",
 }

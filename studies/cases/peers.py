@@ -94,8 +94,9 @@ def page(rows: Sequence[Mapping[str, Any]]) -> str:
         middle = [f"{one:.2g}" for one in sizes.median()]
         lines.append([str(by), held, right if by in NAMING else "-", f"{sizes[NUMBERS[0]].max():.0f}", *middle])
     head = ("", "interval holds C10", "first named is what is there", "most that C10 is off (%)", *NUMBERS)
-    cells = frame.map(lambda one: f"{one:.3g}" if isinstance(one, float) else str(one)).to_numpy().tolist()
-    return f"{markdown_table(head, lines)}\nMedians of sizes.\n\n{markdown_table(list(frame), cells)}"
+    told = frame.drop(columns="right").assign(held=frame["held"].map({True: "yes", False: "no"}))
+    cells = told.map(lambda one: f"{one:.3g}" if isinstance(one, float) else str(one)).to_numpy().tolist()
+    return f"{markdown_table(head, lines)}\nMedians of sizes.\n\n{markdown_table(list(told), cells)}"
 
 
 def peers(
