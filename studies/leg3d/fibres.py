@@ -45,7 +45,7 @@ ROUGH = SolidLegSettings(
 """Of the identification's tetrahedra: a third of the default's unknowns."""
 ELEMENTS = {"rough": ROUGH, "default": SolidLegSettings()}
 """Of the identification."""
-Tests = Literal["along", "along and across"]
+type Tests = Literal["along", "along and across"]
 TESTS: dict[Tests, tuple[str, ...]] = {"along": ("along",), "along and across": tuple(WAYS)}
 
 app = new_app()
@@ -141,7 +141,7 @@ def fibres(
         list[float] | None, typer.Option(help="Planted; 1, 2 and 3 by default; as often as wanted.")
     ] = None,
     c10: Annotated[float, typer.Option(min=0.05, help="Planted, kPa.")] = 1.2,
-    tests: Annotated[list[Tests] | None, typer.Option(help="Both by default.")] = None,
+    tests: Annotated[list[Tests] | None, typer.Option(help="along, or 'along and across'; both by default.")] = None,
     elements: Annotated[
         Literal["rough", "default"], typer.Option(help="Of the identification; default: some four times the work.")
     ] = "rough",
