@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import matplotlib
+import numpy as np
 from matplotlib.figure import Figure
 from pydantic import TypeAdapter
 
@@ -74,12 +75,7 @@ def draw(path: Path, every: Sequence[Counted]) -> None:
                 off = [[rate.share - low], [high - rate.share]]
                 axes.errorbar(at, rate.share, off, fmt="o", color=colour, capsize=2, label=name if not place else None)
                 axes.annotate(f"{rate.count}/{rate.total}", (at, -0.19), ha="center", rotation=90, fontsize=7)
-        axes.set(
-            xticks=range(len(_KINDS)),
-            xticklabels=_KINDS.values(),
-            ylim=(-0.2, 1.03),
-            yticks=[0.0, 0.2, 0.4, 0.6, 0.8, 1.0],
-        )
+        axes.set(xticks=range(len(_KINDS)), xticklabels=_KINDS.values(), ylim=(-0.2, 1.03), yticks=np.linspace(0, 1, 6))
     left.axhline(0.95, color="0.7", lw=1)
     panel(left, "a", "C10's interval holds the truth")
     panel(right, "b", "what is there is said first")
