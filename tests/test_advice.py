@@ -135,6 +135,14 @@ def test_an_identification_asks_for_what_its_recordings_lack(tmp_path, depth, tr
     assert all(one in to_do for one in said) and not any(one in to_do for one in unsaid)
 
 
+@pytest.mark.parametrize(("contact", "said"), [(0.4, "([accuracy] contact_sd_mm)"), (0.1, "--prior")])
+def test_what_is_next_is_told_where_recordings_have_all_that_would_help(tmp_path, contact, said):
+    fit = result("reduced-polynomial", measured_curve(3, 26.0), subject_in(tmp_path))
+    shares = {"recordings": 0.9 - contact, "contact": contact, "shape": 0.1}
+    fit = replace(fit, estimates={name: replace(weak(one), error_shares=shares) for name, one in fit.estimates.items()})
+    assert said in dict(page_of([fit]).headline.answers)["What to do"]
+
+
 def test_a_trial_that_cuts_the_others_short_is_named_and_no_deeper_press_is_asked_for(tmp_path):
     presses = [press(air=1.0, depth=depth, seed=k, trial=f"trial{k + 1}") for k, depth in enumerate((30.0, 30.0, 5.0))]
     subject = replace(subject_in(tmp_path), recordings=tuple(presses), instrument=INSTRUMENT)

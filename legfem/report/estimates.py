@@ -186,6 +186,10 @@ def rests_on(parameters: Mapping[str, Estimate], likewise: str) -> list[str]:
     ]
 
 
+_MUCH = 0.25
+"""Share of an error's square from which it is worth to be told."""
+
+
 def how_to_narrow(parameters: Mapping[str, Estimate], steps: Sequence[str], ends: str) -> list[str]:
     """Return a sentence for what isn't identifiable, by what rules its interval.
 
@@ -210,11 +214,14 @@ def how_to_narrow(parameters: Mapping[str, Estimate], steps: Sequence[str], ends
             lines.append(f"The search for {symbol} ended at its bound: check units and sizes, or search further.")
         elif found.one_number and found.identifiability != "identifiable":
             better = f"{symbol} better{f' than to ± {share(half)}' if half <= 1 else ''}"
-            groups.setdefault(main_source(found.error_shares), []).append(better)
+            shares = dict(found.error_shares)
+            if not steps and any(one > _MUCH for of, one in shares.items() if of != "recordings"):
+                shares["recordings"] = 0.0  # no recording helps: what is next does
+            groups.setdefault(main_source(shares), []).append(better)
     recordings = ", or ".join([*steps, known]) if steps else f"recordings have all that would help much; {known}"
     remedies: Mapping[ErrorSource, str] = {"recordings": recordings, "ends": ends}
     for source, names in groups.items():
-        remedy = remedies.get(source) or f"most of the uncertainty comes from {WORDS['sources_of_error'][source]}"
+        remedy = remedies.get(source) or f"much of the uncertainty comes from {WORDS['sources_of_error'][source]}"
         lines.append(f"To know {' and '.join(names)}: {remedy}.")
     return lines
 
