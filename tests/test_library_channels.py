@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
+from legfem.geometry.section import CALF, LIMBS
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.channel_readings import PlannedChannel
 from legfem.inverse.library import ChannelTables, Library, NuisanceChanges, Table, pair_strength
@@ -16,6 +17,7 @@ from legfem.inverse.observations import blank_observations
 from legfem.inverse.predictor import Predictor
 from legfem.inverse.responses import Columns, PathRequest, SolvedResponses
 from legfem.mechanisms import TissueMechanism, mechanism_named
+from legfem.mechanisms.rig import SupportCompliance
 from legfem.solve.protocol import Protocol
 
 GRID = 5.0 * np.arange(1, 5)
@@ -101,8 +103,11 @@ def made(kind: type[SeenTogether] = SeenTogether, **given: object) -> SeenTogeth
     return kind(Named(), 20.0, None, {}, **given)  # type: ignore[arg-type]
 
 
+SPRINGS = SupportCompliance(LIMBS[CALF])
+
+
 def tissue(name: str) -> TissueMechanism:
-    mechanism = mechanism_named(name)
+    mechanism = SPRINGS if name == SPRINGS.name else mechanism_named(name)
     assert isinstance(mechanism, TissueMechanism)
     return mechanism
 
@@ -164,7 +169,7 @@ def test_a_leg_of_stiff_fat_on_springs_is_solved_as_one(at_bones: float, factor:
     predictor = Predictor(observed, OnSprings(Named(), 20.0, None, {}), "neo-hookean")  # type: ignore[arg-type]
     values = {DEEP_C10: 0.8e-3, "superficial-stiffness.factor": factor}
     springs = {"support-compliance.compliance": 0.2, "support-compliance.at_bones": at_bones}
-    found = predictor(values | springs, [mechanism_named(name) for name in (FACTORS[0], "support-compliance")])
+    found = predictor(values | springs, [mechanism_named(FACTORS[0]), SPRINGS])
     force, fat = observed.data.spans
     stiff, thinner = of_fat(factor)
     in_series, on_bones = (1 / (1 + more * 0.2 * stiff) for more in (1.0, 1.3))

@@ -10,6 +10,7 @@ from making_diagnosis import coarse_leg, observations, ramps
 
 from legfem.common.progress import Silent
 from legfem.experiments.experiment import Solved
+from legfem.geometry.section import CALF, LIMBS
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.intervals import NUMERICAL_ERROR
 from legfem.inverse.library_build import build_library
@@ -18,12 +19,13 @@ from legfem.inverse.predictor import Predictor
 from legfem.inverse.responses import SolvedResponses
 from legfem.legs.finite_element_models import LegVariants
 from legfem.mechanisms import mechanism_named
+from legfem.mechanisms.rig import SupportCompliance
 from legfem.solve.protocol import Protocol
 
 DEPTH = 6.0
 SOFT = (0.8e-3, 0.9e-3)
 """C10 and C20, kPa."""
-SUPPORT = mechanism_named("support-compliance")
+SUPPORT = SupportCompliance(LIMBS[CALF])
 
 
 @pytest.fixture(scope="module")

@@ -170,8 +170,7 @@ def _still_falls(misfit: FloatArray, slopes: FloatArray, z: FloatArray, ends: Fl
     """Return by how much a step of Gauss and Newton would make the cost less; none beyond the bounds."""
     gradient, close = slopes.T @ misfit, 1e-6 * (ends[:, 1] - ends[:, 0])
     held = ((z < ends[:, 0] + close) & (gradient > 0)) | ((z > ends[:, 1] - close) & (gradient < 0))
-    own = slopes[:, ~held]
-    return float(gradient[~held] @ np.linalg.solve(own.T @ own, gradient[~held]))
+    return float(gradient[~held] @ np.linalg.lstsq(slopes[:, ~held], misfit)[0])
 
 
 def _change(
