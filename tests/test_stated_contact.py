@@ -10,11 +10,12 @@ from making import write_subject
 from making_diagnosis import observations, ramps
 from making_identification import identify, pressed_leg
 
+from legfem.data.contact import FELT
 from legfem.inverse.accuracy import Accuracy
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.linearised import late_touch
-from legfem.inverse.predictor import FELT, LATEST_ALIKE_MM, contact_sd_alike
+from legfem.inverse.predictor import LATEST_ALIKE_MM, contact_sd_alike
 from legfem.legs.loading import load_subject
 from legfem.legs.nuisances import accuracy_of_shape
 from legfem.legs.subject import LegAccuracy, Subject

@@ -2,18 +2,15 @@
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import get_args
 
 from legfem.app.runs import EVERY, Run
 from legfem.app.workspace import Workspace, check_within, description_of
-from legfem.cohort.members import Members, Task, find_members
+from legfem.cohort.members import Members, find_members
 from legfem.common.documents import write_atomically
 from legfem.common.errors import InputError
 
 TABLE = "study.csv"
 """In the run's folder."""
-TASKS: tuple[Task, ...] = get_args(Task.__value__)[:2]
-"""What is done with the legs of a study."""
 _COLUMNS = ("folder", "subject", "group", "side", "session", "date")
 _SHOWN_AS = "the table"
 

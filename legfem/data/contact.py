@@ -72,6 +72,20 @@ LEAST_OF_A_LEG_MM = 0.5 * LEG.depth
 """A recording that moves less is a specimen's."""
 
 
+AT_TOUCH_SD_MM = 0.05
+"""Least standard deviation of first contact where a recording begins at first touch."""
+FELT = 3.0
+"""Force over the load cell's white noise at which a touch shows."""
+
+
+def way_felt(white_sd: float, slope: float) -> float:
+    """Return the way (mm) on which a load cell comes to feel a touch, before which nobody sees it.
+
+    From the standard deviation of a reading (N) and the slope of the force at touch (N/mm).
+    """
+    return FELT * white_sd / slope
+
+
 @dataclass(frozen=True)
 class Contact:
     """First contact of a trial.
@@ -97,6 +111,10 @@ class Contact:
     """By how many variances of the errors air before it fits better than contact at the start."""
     latest: float = math.inf
     """Displacement, mm, from which on the force stands clearly above the noise: first contact lies before."""
+
+    def touch_sd(self, way: float, felt: float) -> float:
+        """Return the standard deviation (mm) of a recording's own first touch, of a test's way and `way_felt`."""
+        return max(AT_TOUCH_SD_MM * way, min(self.displacement_error, felt))
 
     @property
     def expected(self) -> tuple[float, float]:

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from legfem.common.errors import Doubt
 from legfem.common.units import FloatArray, runs_of
-from legfem.data.contact import LEG, air_is_shown
+from legfem.data.contact import LEG, air_is_shown, way_felt
 from legfem.data.noise import slow_correlation
 from legfem.data.phases import HOLD, LOADING, UNLOADING
 from legfem.data.segmentation import Segmentation
@@ -121,7 +121,7 @@ class Press:
         self.slow = max(slow, _ZERO * float(np.abs(self.force).max()))
         chord = float(np.abs(self.force).max()) / self.depth
         self.slope_at_touch = max(float(self.slope[:3].mean()), _LEAST_SLOPE * chord, 1e-9)
-        felt = max(0.05 * trial.scales.way, min(contact.displacement_error, 3.0 * self.white / self.slope_at_touch))
+        felt = contact.touch_sd(trial.scales.way, way_felt(self.white, self.slope_at_touch))
         self.touch = contact.displacement_error if after_air else felt
         white = np.diag(self.white**2 * line.leverage)
         self.noise = white + self.slow**2 * slow_correlation(self.at / trial.scales.way)

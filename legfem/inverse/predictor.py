@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from legfem.common.units import FloatArray, kpa_to_mpa
+from legfem.data.contact import way_felt
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, LawName, deep_stiffness
 from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.emulator import At, GridSpline
@@ -39,10 +40,6 @@ ONSET_SDS_MM = 0.15, 1.0
 IN_AIR_SD_MM = 1.0
 """Where some trials begin in air: all may, by any way. The detection is where the fit begins, and no second reading
 beside it: it looked at the same forces."""
-AT_TOUCH_SD_MM = 0.05
-"""Least standard deviation of first contact where recordings begin at first touch."""
-FELT = 3.0
-"""Force over the load cell's white noise at which a touch shows."""
 LATEST_ALIKE_MM = 3.0
 """Way by which all trials may have been begun too late at most, by one habit."""
 _ONSETS_MM = (-4.0, 4.0)
@@ -336,14 +333,12 @@ def onset_prior(observed: Observations, trial: int) -> Prior:
     """Return what is known of a trial's first contact beforehand, after that counted from (mm)."""
     if observed.shows_air:
         return detected_onset(observed, trial)
-    # Nobody who begins at first touch sees it better than the load cell shows it, which it does once it feels it.
-    sd = max(AT_TOUCH_SD_MM * observed.way, min(observed.contacts[trial].displacement_error, _felt(observed, trial)))
+    sd = observed.contacts[trial].touch_sd(observed.way, _felt(observed, trial))
     return Prior(0.0, sd, "linear", "the recording begins at first touch")
 
 
 def _felt(observed: Observations, trial: int) -> float:
-    """Return the way (mm) on which a load cell comes to feel a touch, before which nobody sees it."""
-    return FELT * observed.white_sd / max(float(observed.stiffness[observed.trial == trial][0]), 1e-9)
+    return way_felt(observed.white_sd, max(float(observed.stiffness[observed.trial == trial][0]), 1e-9))
 
 
 def contact_sd_alike(observed: Observations) -> float:

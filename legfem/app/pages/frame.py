@@ -2,7 +2,7 @@
 
 import time
 import tomllib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 from urllib.parse import quote
@@ -78,6 +78,23 @@ def refused(line: str) -> None:
 def wanting(line: str) -> TextElement:
     """Put the line with which a command would refuse what isn't wrong, but not said yet."""
     return tag("p", line, "line wanting")
+
+
+def wide_table(label: str, columns: Sequence[str], rows: Iterable[Sequence[str]], kind: str = "") -> None:
+    """Put a table whose rows begin with their names; with a kind these lead to the pages of what is called so."""
+    wide = ui.element("div").classes("wide").props(f'tabindex=0 role=region aria-label="{label}"')
+    with wide, ui.element("table"):
+        with ui.element("thead"), ui.element("tr"):
+            for text in columns:
+                tag("th", text).props("scope=col")
+        with ui.element("tbody"):
+            for name, *cells in rows:
+                with ui.element("tr"):
+                    with tag("th", "" if kind else name).props("scope=row"):
+                        if kind:
+                            ui.link(name, page_of(kind, name))
+                    for column, text in zip(columns[1:], cells, strict=True):
+                        tag("td", text).props(f'data-label="{column}"')
 
 
 def warned(lines: Sequence[str]) -> None:

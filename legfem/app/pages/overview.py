@@ -6,7 +6,7 @@ from functools import partial
 from nicegui import ui
 
 from legfem.app.outcomes import RunResult, answers_of, relative_difference, sentence_of
-from legfem.app.pages.frame import WORDS, chip, drop_zone, dropdown, framed, page_of, tag, when
+from legfem.app.pages.frame import WORDS, chip, drop_zone, dropdown, framed, page_of, tag, when, wide_table
 from legfem.app.pages.run import address
 from legfem.app.runs import Run, runs_of
 from legfem.app.study import legs_of
@@ -143,22 +143,13 @@ def _plot(known: dict[str, tuple[float, float, float]], chosen: str) -> None:
 
 
 def _table(rows: list[RunResult], reference: tuple[float, float, float] | None) -> None:
-    wide = ui.element("div").classes("wide").props('tabindex=0 role=region aria-label="Results"')
-    with wide, ui.element("table"):
-        with ui.element("thead"), ui.element("tr"):
-            for text in (*_COLUMNS.values(), "difference (95 %)"):
-                tag("th", text).props("scope=col")
-        with ui.element("tbody"):
-            for row in rows:
-                with ui.element("tr"):
-                    with ui.element("th").props("scope=row"):
-                        ui.link(row.run, page_of("run", row.run))
-                    for name in list(_COLUMNS)[1:]:
-                        text = getattr(row, name, "") or row.shown(name) or "–"
-                        tag("td", text).props(f'data-label="{_COLUMNS[name]}"')
-                    ends = row.c10_ends
-                    difference = "–" if ends is None or reference is None else relative_difference(ends, reference)
-                    tag("td", difference).props('data-label="difference (95 %)"')
+    def cells(row: RunResult) -> list[str]:
+        ends = row.c10_ends
+        difference = "–" if ends is None or reference is None else relative_difference(ends, reference)
+        own = [getattr(row, name, "") or row.shown(name) or "–" for name in list(_COLUMNS)[1:]]
+        return [row.run, *own, difference]
+
+    wide_table("Results", [*_COLUMNS.values(), "difference (95 %)"], map(cells, rows), "run")
 
 
 def _one(reports: dict[str, Run], first: str) -> None:
