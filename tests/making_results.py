@@ -18,7 +18,7 @@ from legfem.inverse.catalogue import parameter_of
 from legfem.inverse.document import fit_document
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import EXACT, ChannelFit, Cost, Fit, Goodness, Identity
-from legfem.inverse.trial import CostMap, FullSolve, Generation, SearchLog
+from legfem.inverse.trial import FullSolve, SearchLog
 from legfem.legs.details import AppliedCorrection, LegDetails, SpatialEvidence
 from legfem.legs.identification import as_leg
 from legfem.legs.loading import load_subject
@@ -91,8 +91,6 @@ def result(
     apart = 1e-3 * np.array([0.6, 1.0 if two else 0.0])
     starts = best + apart * np.abs(rng.standard_normal((7, 2)))
     starts[4:] = best + np.abs(starts[4:] - best) * [[0.1], [0.02], [0.0]]
-    c10 = 1e-3 * np.geomspace(0.1, 8, 60)
-    c20 = 1e-3 * np.concatenate([[0.0], np.geomspace(0.02, 8, 50)]) if two else np.zeros(1)
     squares = float(cost(*best))
     n = len(depth)
     leg = as_leg(subject or made_subject())
@@ -116,11 +114,6 @@ def result(
                 FullSolve({NAMES[0]: a, NAMES[1]: b}, float(cost(a, b)), stage, True, "", 60, 1.5)
                 for (a, b), stage in zip(starts, STAGES, strict=True)
             ),
-            generations=tuple(
-                Generation(k // 5, k, dict(zip(NAMES, at, strict=True)), float(cost(*at)))
-                for k, at in enumerate(best + (starts[0] - best) * 0.7**j for j in range(10))
-            ),
-            cost_map=CostMap(NAMES[: 2 if two else 1], c10, c20, cost(*np.meshgrid(c10, c20))),
             converged=True,
             seed=5,
             wall_s=12.3,

@@ -54,7 +54,7 @@ def test_three_planted_stiffnesses_are_found(tmp_path: Path, truth: tuple[float,
     subject = pressed_leg(tmp_path, *truth[:2], seed=seed, fat=truth[2], noise=0.002)
     (found,) = identify(subject, laws=POLYNOMIAL, parameters=free(*THREE))
     assert found.log.converged and found.log.forward_solves <= 25
-    assert list(found.estimates) == list(THREE) and found.log.cost_map is None
+    assert list(found.estimates) == list(THREE)
     for value, one in zip(truth, found.estimates.values(), strict=True):
         assert one.shown.ci95[0] <= value <= one.shown.ci95[1]
         assert one.shown.value == pytest.approx(value, rel=0.05)
@@ -116,7 +116,6 @@ def test_the_reduced_polynomial_never_costs_more_with_a_third_parameter(tmp_path
     prior = Prior(2e-3, 1e-3)
     neo_hookean, polynomial = identify(subject, parameters=free(*THREE, superficial=prior))
     assert list(neo_hookean.estimates) == ["deep.C10", "superficial.C10"]
-    assert neo_hookean.log.cost_map is not None
     assert polynomial.cost.minimised_value <= neo_hookean.cost.minimised_value
     assert polynomial.cost.minimised_unit == "1"
 

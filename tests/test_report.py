@@ -126,7 +126,7 @@ def test_report_survives_numbers_that_are_missing(both, subject):
         found,
         estimates={**found.estimates, "deep.C20": unmoved},
         correlations=np.full((2, 2), math.nan),
-        log=replace(found.log, cost_map=None, generations=(), emulator_error=math.nan),
+        log=replace(found.log, emulator_error=math.nan),
         goodness=replace(found.goodness, p_value=math.nan),
         notices=(),
     )

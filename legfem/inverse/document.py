@@ -11,7 +11,7 @@ from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values, key_of, short_k
 from legfem.inverse.claims import check_fits
 from legfem.inverse.estimates import DISPLACEMENT, FORCE, Estimate
 from legfem.inverse.fit import ChannelFit, Computed, Cost, Fit, OwnEstimate, TestFit
-from legfem.inverse.trial import CostMap, SearchLog
+from legfem.inverse.trial import SearchLog
 
 SCHEMA = "legfem.identify/3"
 
@@ -191,12 +191,7 @@ def _search(log: SearchLog, unit: str) -> dict[str, Any]:
                 **members_of(solve, "stage", "complete", "reason", "factorisations", "seconds"),
             }
             for solve in log.solves
-        ],
-        "generations": [
-            {"round": best.round, "generation": best.number, **_values(best.values, free), f"cost_{unit}": best.cost}
-            for best in log.generations
-        ],
-        "cost_map": None if log.cost_map is None else _cost_map(log.cost_map, unit),
+        ]
     }
 
 
@@ -204,9 +199,3 @@ def _values(values: Values, free: Sequence[str]) -> dict[str, float]:
     """C10 and C20 of the deep tissue and what else is free, keys with units."""
     named = dict.fromkeys((DEEP_C10, DEEP_C20, *free))
     return with_units({name: values[name] for name in named if name in values}, short_key_of)
-
-
-def _cost_map(known: CostMap, unit: str) -> dict[str, Any]:
-    names = known.names if len(known.names) == 2 else (*known.names, DEEP_C20)
-    axes = dict(zip(names, (known.across, known.up), strict=True))
-    return {**with_units(axes, short_key_of), f"cost_{unit}": known.cost}

@@ -21,9 +21,7 @@ from legfem.inverse.parameter import Parameter
 from legfem.inverse.search import Search
 from legfem.inverse.searches import Found, Searched, Searches
 from legfem.inverse.settings import IdentificationSettings, SearchRequest
-from legfem.inverse.trial import CostMap, FullSolve, SearchLog, Trial
-
-_MAP_SIZE = 81
+from legfem.inverse.trial import FullSolve, SearchLog, Trial
 
 
 class Problem[C: Comparison](Searched[C], Protocol):
@@ -122,15 +120,13 @@ def cost_of(found: Found[Any]) -> Cost:
     )
 
 
-def log_of(found: Found[Any], mapped: bool = True) -> SearchLog:
-    """Course of a finished search, with a map of the cost unless that isn't wanted."""
+def log_of(found: Found[Any]) -> SearchLog:
+    """Course of a finished search."""
     search = found.search
     outcomes = found.outcomes
     return SearchLog(
         names=search.law.names,
         solves=tuple(_full_solve(trial, search) for trial in found.trials),
-        generations=tuple(search.generations),
-        cost_map=_cost_map(search) if mapped else None,
         converged=search.converged,
         seed=search.settings.seed,
         wall_s=found.wall_s,
@@ -148,29 +144,6 @@ def _full_solve(trial: Trial, search: Search[Any]) -> FullSolve:
     cost = math.nan if trial.prediction is None else float(search.misfit.cost(trial.prediction.values))
     told = outcome.complete, outcome.reason, outcome.factorisations, outcome.seconds
     return FullSolve(MappingProxyType(dict(trial.values)), cost, trial.stage, *told)
-
-
-def _cost_map(search: Search[Any]) -> CostMap | None:
-    """Cost over the region that was solved in, of one or two parameters."""
-    law, domain = search.law, search.domain
-    if len(law.names) > 2:
-        return None
-    solved = np.array([trial.point for trial in search.complete])
-    low, high = solved.min(axis=0), solved.max(axis=0)
-    axes = []
-    for k, parameter in enumerate(law.parameters):
-        if parameter.name.endswith("C10") and parameter.scale == "log":
-            axes.append(np.geomspace(0.7 * low[k], 1.4 * high[k], _MAP_SIZE))
-            continue
-        ends = domain.genes(np.array([low, high]))[:, k]
-        if np.ptp(ends) == 0:
-            ends = np.array([0.0, 1.0])
-        genes = np.zeros((_MAP_SIZE, len(law.names)))
-        genes[:, k] = np.linspace(float(ends[0]), float(ends[1]), _MAP_SIZE)
-        axes.append(domain.values(genes)[:, k])
-    across, up = axes if len(axes) == 2 else (axes[0], np.zeros(1))
-    points = np.stack(np.meshgrid(across, up), axis=-1)[..., : len(law.names)]
-    return CostMap(law.names, across, up, search.emulated().cost(points))
 
 
 def held_values(law: catalogue.IdentifiedLaw) -> catalogue.Values:

@@ -15,18 +15,7 @@ from legfem.inverse.outcome import FullSolver, Outcome, key_of_values
 from legfem.inverse.parameter import Domain
 from legfem.inverse.readings import READINGS
 from legfem.inverse.settings import IdentificationSettings
-from legfem.inverse.trial import (
-    Asking,
-    Coordinates,
-    Emulated,
-    Generation,
-    Linearised,
-    Stage,
-    Trial,
-    Trust,
-    objective_of,
-    sizes_of,
-)
+from legfem.inverse.trial import Asking, Coordinates, Emulated, Linearised, Stage, Trial, Trust, objective_of, sizes_of
 
 # In shares of the usual ranges.
 _LINE = np.array([[0.5]])
@@ -170,7 +159,6 @@ class Search[C: Comparison]:
     solver: FullSolver
     trials: list[Trial] = field(default_factory=list)
     """All full solves, in the order asked for."""
-    generations: list[Generation] = field(default_factory=list)
     converged: bool = False
     begun: bool = False
     """Whether an earlier search, by other weights, was near the optimum: none by the minimiser is needed then."""
@@ -240,7 +228,7 @@ class Search[C: Comparison]:
 
     def beside(self, misfit: C) -> "Search[C]":
         """Return a search beside another reading of the recordings, with what was solved so far."""
-        other = replace(self, misfit=misfit, trials=[], generations=list(self.generations), converged=False, begun=True)
+        other = replace(self, misfit=misfit, trials=[], converged=False, begun=True)
         other.trials += [other._trial(one.point, one.values, one.outcome, one.stage) for one in self.trials]
         return other
 
@@ -341,8 +329,6 @@ class Search[C: Comparison]:
         candidates, starts = [start], [start]
         if not self.begun:
             found = self.settings.minimiser(cost, start[None], self.settings.seed + attempt)
-            path = np.array([trusted(genes)[0] for genes, _ in found.path])
-            self._remember(emulated, path.reshape(-1, len(start)), attempt)
             starts.insert(0, found.best)
         if self._wide:
             known = sorted(self.complete, key=lambda trial: trial.objective)[1:_MORE_STARTS]
@@ -440,10 +426,3 @@ class Search[C: Comparison]:
                 "use less of the recordings' depth"
             )
         return point[None]
-
-    def _remember(self, emulated: Emulated, path: FloatArray, attempt: int) -> None:
-        costs = emulated.cost(path)
-        self.generations += [
-            Generation(attempt, number, self.law.values(point), float(cost))
-            for number, (point, cost) in enumerate(zip(path, costs, strict=True))
-        ]

@@ -30,13 +30,10 @@ class Minimum:
         Genes of the least cost.
     cost : float
         There.
-    path : tuple of (array, float)
-        Genes and cost on the way, one a generation or step; drawn and written, not needed.
     """
 
     best: FloatArray
     cost: float
-    path: tuple[tuple[FloatArray, float], ...] = ()
 
 
 type Minimiser = Callable[[Cost, FloatArray, int], Minimum]
@@ -151,7 +148,7 @@ class Genetic:
             np.random.set_state(kept[0])  # noqa: NPY002
             random.setstate(kept[1])
         best, value = min(history, key=lambda one: one[1])
-        return Minimum(best, value, tuple(history))
+        return Minimum(best, value)
 
     def _is_saturated(self, costs: list[float]) -> bool:
         if len(costs) <= self.saturated or not np.isfinite(costs[-1]):

@@ -33,33 +33,6 @@ class FullSolve:
     seconds: float
 
 
-@dataclass(frozen=True)
-class Generation:
-    """The best of one generation of the genetic algorithm."""
-
-    round: int
-    """Refinement of the emulator that it searched on, from 0."""
-    number: int
-    values: Values
-    """Values of model and instrument, in their units."""
-    cost: float
-    """N2 on the emulator."""
-
-
-@dataclass(frozen=True, eq=False)
-class CostMap:
-    """The cost over one or two parameters on a grid, from the emulator."""
-
-    names: tuple[str, ...]
-    """Names of the parameters."""
-    across: FloatArray
-    """(m,), the first parameter, increasing, in its unit."""
-    up: FloatArray
-    """(k,), the second, likewise; a single 0 where there is none."""
-    cost: FloatArray
-    """(k, m), N2."""
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SearchLog:
     """How the optimum was found; of a fit without a search of its own little of it."""
@@ -68,9 +41,6 @@ class SearchLog:
     """Names of the free parameters."""
     solves: tuple[FullSolve, ...] = ()
     """In the order in which they were asked for."""
-    generations: tuple[Generation, ...] = ()
-    cost_map: CostMap | None = None
-    """None with more than two parameters."""
     converged: bool
     seed: int
     """Seed of all random numbers."""
@@ -363,7 +333,3 @@ class Emulated:
     def objective(self, points: FloatArray) -> FloatArray:
         """Return what is minimised (...) at points (..., p)."""
         return objective_of(self.law, self.misfit, self.values(points), points)
-
-    def cost(self, points: FloatArray) -> FloatArray:
-        """Return the cost (...) at points (..., p), without the priors."""
-        return self.misfit.cost(self.values(points))

@@ -108,11 +108,11 @@ class ScanProblem:
         self.progress.stage("where model and scan differ")
         discrepancy = model_discrepancy(self.forward, self.scans, best)
         self.progress.advance(discrepancy.verdict)
-        log = log_of(found, mapped=False)
+        log = log_of(found)
         costs = [np.nan if one.prediction is None else np.sum(self.scans.left(one) ** 2) for one in found.trials]
         solves = tuple(replace(one, cost=float(cost)) for one, cost in zip(log.solves, costs, strict=True))
         # What is emulated are differences in standard deviations, and no forces.
-        log = replace(log, solves=solves, generations=(), emulator_error=np.nan)
+        log = replace(log, solves=solves, emulator_error=np.nan)
         details = _dressed(self.leg, self.forward, self.progress, best)
         details = replace(details, best=best, discrepancy=discrepancy)
         return compared(assessed(details, log, search_settings(found.search)), best, found, intervals)
