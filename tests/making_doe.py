@@ -73,7 +73,7 @@ def options(folder: Path, out: str = "out", jobs: int = 1, **more: Any) -> DoeOp
     if not (folder / "leg").exists():
         write_subject(folder / "leg")
         definition(folder)
-    given = dict(counting="coefficients", beyond=True, seed=1) | more
+    given = dict(beyond=True, seed=1) | more
     paths = given.pop("definitions", (folder / "design.toml",))
     return DoeOptions(paths, folder / "leg", folder / out, jobs, **given)
 

@@ -46,16 +46,6 @@ def test_planted_polynomial_is_recovered_and_agrees_with_statsmodels() -> None:
     assert found.predicted_r_squared < found.r_squared
 
 
-def test_degrees_of_freedom_of_the_papers_text() -> None:
-    given, table, _ = planted_table(noise=0.05)
-    both = [analyse_metric(table, given.factors, SLOPE, counting) for counting in ("factors", "coefficients")]
-    text, right = (one.anova for one in both)
-    assert (text.model_dof, text.error_dof) == (4, 28)
-    assert text.F == pytest.approx(right.F * (15 / 4) * (28 / 17))
-    t = [one.tests[1].t for one in both]
-    assert t[0] == pytest.approx(t[1] * np.sqrt(28 / 17))
-
-
 def rounding(printed: str) -> np.ndarray:
     """Return the least and the greatest number that are printed like this."""
     value = Decimal(printed)
@@ -86,7 +76,7 @@ def test_printed_table_3_used_15_and_17_and_has_one_misprint() -> None:
 
 def test_the_table_beside_the_papers_halves_curvatures_only() -> None:
     given, table, _ = planted_table(noise=0.05)
-    done, _ = analyse(given, table, "coefficients")
+    done, _ = analyse(given, table)
     result = cast(Any, SimpleNamespace(definition=given, analyses=done))
     _, rows = table_3_cells(result)
     assert [row[0] for row in rows].count("half of it") == 3 and len(rows) == 9
@@ -105,7 +95,7 @@ def test_lenth_tells_active_effects_from_noise() -> None:
     for metric in metrics_in(given.windows):
         table[metric.name] = 5 + 3 * table[s[1]] + table[s[1]] * table[s[2]] * table[s[3]]
         table[metric.name] += 0.05 * rng.standard_normal(33)
-    done, not_done = analyse(given, table, "coefficients")
+    done, not_done = analyse(given, table)
     assert not not_done
     for analysis in done:
         found = analysis.lenth
@@ -135,7 +125,7 @@ def test_the_centre_shows_squares_and_its_share_of_the_error() -> None:
     bent = table.copy()
     for metric in metrics_in(given.windows):
         bent[metric.name] += 2.0 * table[given.factors[0].symbol] ** 2
-    (analysis, *_), _ = analyse(given, bent, "coefficients")
+    (analysis, *_), _ = analyse(given, bent)
     assert analysis.centre is not None
     assert analysis.centre.difference == pytest.approx(2.0, abs=0.01)
     assert analysis.centre.p_value < 1e-6
@@ -148,7 +138,7 @@ def test_the_centre_shows_squares_and_its_share_of_the_error() -> None:
 def test_missing_runs_are_left_out_and_said() -> None:
     given, table, truth = planted_table(noise=1e-6)
     table.loc[2, "slope_20_30"] = np.nan
-    done, _ = analyse(given, table, "coefficients")
+    done, _ = analyse(given, table)
     last = done[-1]
     assert last.missing == (3,) and last.anova.error_dof == 16 and last.lenth is None
     assert last.tests[1].value == pytest.approx(truth[last.tests[1].term], abs=1e-4)
@@ -156,7 +146,7 @@ def test_missing_runs_are_left_out_and_said() -> None:
     table.loc[table[given.factors[0].symbol] > 0, "slope_20_30"] = np.nan
     with pytest.raises(NotEstimableError, match=r"confounded|coefficients need more"):
         analyse_metric(table, given.factors, done[-1].metric)
-    done, not_done = analyse(given, table, "coefficients")
+    done, not_done = analyse(given, table)
     assert len(done) == 5 and not_done[0][0].name == "slope_20_30"
 
 

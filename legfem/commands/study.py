@@ -56,7 +56,6 @@ def doe(
     factors: list[Path] | None = None,
     subject: str = "3",
     subject_dir: Path | None = None,
-    count: Literal["coefficients", "factors"] = "coefficients",
     factorial_only: Annotated[bool, typer.Option("--factorial-only")] = False,
     seed: Annotated[int, typer.Option(min=0)] = 1,
     out: Out = None,
@@ -80,9 +79,6 @@ def doe(
         Id of one of legfem's own subjects.
     subject_dir
         Folder of your own subject, in place of --subject.
-    count
-        Degrees of freedom from the number of coefficients (right, and the paper's tables) or of factors (p = 5, the
-        paper's text).
     factorial_only
         Leave out the numerical error, the Sobol indices and the information.
     seed
@@ -108,7 +104,6 @@ def doe(
                 folder,
                 jobs or command_line.usable_cores(),
                 seed,
-                count,
                 not factorial_only,
                 quiet,
             )

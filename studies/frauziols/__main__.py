@@ -38,9 +38,7 @@ def claims(seed: Seed = 1, subject: str = "3", out: Out = None, jobs: Jobs = Non
     """
     with command_context(DONE_IS_KEPT), results_folder(out, "doe", MPI.COMM_WORLD) as folder:
         leg = SUBJECTS.find(subject)
-        options = DoeOptions(
-            (PAPER, IDENTIFIED), leg, folder, jobs or usable_cores(), seed, "coefficients", beyond=True
-        )
+        options = DoeOptions((PAPER, IDENTIFIED), leg, folder, jobs or usable_cores(), seed, beyond=True)
         results = run(options, MPI.COMM_WORLD)
         if results:
             found = verdicts(results)

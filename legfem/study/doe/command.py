@@ -30,7 +30,7 @@ from legfem.study.doe.design import Definition, in_words, read_definition
 from legfem.study.doe.figures import draw_response
 from legfem.study.doe.runs import Outlook, PlaneStrainSimulator, Workshop, as_csv
 from legfem.study.doe.study import StudyResult, simulations_of, study
-from legfem.study.doe.surface import Counting, term_label
+from legfem.study.doe.surface import term_label
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,6 @@ class DoeOptions:
     out: Path
     jobs: int
     seed: int
-    counting: Counting
     beyond: bool
     quiet: bool = False
 
@@ -96,7 +95,7 @@ def _study(options: DoeOptions, definition: Definition, subject: Subject, worksh
         out.mkdir(parents=True, exist_ok=True)
         write_atomically(out / "runs.csv", as_csv(definition, table))
 
-    result = study(definition, subject, workshop, options.counting, options.seed, options.beyond, keep)
+    result = study(definition, subject, workshop, options.seed, options.beyond, keep)
     if note := result.fascia_note():
         print(note, file=sys.stderr)
     if short := result.stopped_short():

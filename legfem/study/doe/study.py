@@ -19,7 +19,7 @@ from legfem.mechanics.materials import Hyperelastic
 from legfem.study.doe.design import Definition, Factor, factorial_design, space_filling_design
 from legfem.study.doe.information import Information, information_requests, study_information
 from legfem.study.doe.runs import Metric, NumericalError, Workshop, metrics_in, requests_at, run_table, study_numerics
-from legfem.study.doe.surface import Counting, MetricAnalysis, NotEstimableError, analyse_metric
+from legfem.study.doe.surface import MetricAnalysis, NotEstimableError, analyse_metric
 
 _STARTS = (0.8, 2.0, 5.0)
 _LENGTHS = (0.2, 30.0)
@@ -186,7 +186,6 @@ class StudyResult:
 
     definition: Definition
     subject: Subject
-    counting: Counting
     coded: FloatArray
     outcomes: tuple[Outcome, ...]
     table: pd.DataFrame
@@ -263,7 +262,6 @@ def study(
     definition: Definition,
     subject: Subject,
     workshop: Workshop,
-    counting: Counting,
     seed: int,
     beyond: bool,
     on_table: Callable[[pd.DataFrame], None],
@@ -287,11 +285,10 @@ def study(
         table = run_table(definition, coded, [found.get(k) for k in range(len(coded))])
         on_table(table)
     seconds = time.perf_counter() - began
-    done, not_done = analyse(definition, table, counting)
+    done, not_done = analyse(definition, table)
     return StudyResult(
         definition,
         subject,
-        counting,
         coded,
         tuple(outcomes),
         table,
@@ -305,13 +302,13 @@ def study(
 
 
 def analyse(
-    definition: Definition, table: pd.DataFrame, counting: Counting
+    definition: Definition, table: pd.DataFrame
 ) -> tuple[tuple[MetricAnalysis, ...], tuple[tuple[Metric, str], ...]]:
     """Analyse the metrics that can be analysed; the others are returned second, with the reason."""
     done, not_done = [], []
     for metric in metrics_in(definition.windows):
         try:
-            done.append(analyse_metric(table, definition.factors, metric, counting))
+            done.append(analyse_metric(table, definition.factors, metric))
         except NotEstimableError as why:
             not_done.append((metric, str(why)))
     return tuple(done), tuple(not_done)

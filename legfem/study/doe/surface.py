@@ -7,7 +7,7 @@ Lenth's pseudo standard error takes the small ones among all 2^k - 1 contrasts f
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -19,10 +19,6 @@ from statsmodels.stats.diagnostic import lilliefors
 from legfem.common.units import FloatArray
 from legfem.study.doe.design import Factor
 from legfem.study.doe.runs import Metric
-
-Counting = Literal["coefficients", "factors"]
-"""What p is in n - p and p - 1: the surface's coefficients (16 for five factors), which is right
-and what Table 3 used, or the factors (5), as in the paper's text."""
 
 LEVEL = 0.05
 
@@ -188,10 +184,11 @@ class NotEstimableError(Exception):
     """The runs that are there don't determine the surface."""
 
 
-def analyse_metric(
-    table: pd.DataFrame, factors: tuple[Factor, ...], metric: Metric, counting: Counting = "coefficients"
-) -> MetricAnalysis:
+def analyse_metric(table: pd.DataFrame, factors: tuple[Factor, ...], metric: Metric) -> MetricAnalysis:
     """Fit the surface to the runs that have the metric, and look at all contrasts.
+
+    p in n - p and p - 1 is the number of coefficients (16 for five factors), as in the paper's Table 3. Its text says
+    5, which explains none of the table's rows.
 
     Raises
     ------
@@ -206,8 +203,6 @@ def analyse_metric(
     model = smf.ols(f"{metric.name} ~ ({' + '.join(f.symbol for f in factors)})**2", table[has])
     if np.linalg.matrix_rank(model.exog) < coefficients:
         raise NotEstimableError(f"without runs {', '.join(map(str, missing))} some coefficients are confounded")
-    if counting == "factors":
-        model.df_model, model.df_resid = len(factors) - 1, int(has.sum()) - len(factors)
     fit, contrasts = model.fit(), lenth(table, factors, metric)
     centre = None if contrasts is None else centre_curvature(table, metric, contrasts, float(fit.ssr))
     return MetricAnalysis(metric, fit, missing, contrasts, centre)

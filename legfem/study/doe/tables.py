@@ -117,7 +117,6 @@ def study_document(result: StudyResult, seed: int, wall_s: float) -> dict[str, A
         "windows_mm": [list(window) for window in definition.windows],
         "factors": [asdict(factor) for factor in definition.factors],
         "failed_runs": [{"run": n, "reached_mm": r.reached, "reason": r.reason} for n, r in stopped],
-        "degrees_of_freedom_count": result.counting,
         "significance_level": LEVEL,
         "metrics": [_metric(analysis) for analysis in result.analyses],
         "not_analysed": [{"metric": m.name, "why": why} for m, why in result.not_analysed],
@@ -232,20 +231,13 @@ def number_chapters(result: StudyResult) -> list[web.Chapter]:
 
 
 def _variance(result: StudyResult) -> list[web.Block]:
-    counting = (
-        "factors less 1, and runs less factors, as in the paper's text "
-        "(p = 5: 4 and 28). Its Table 3 and statistics use the number of coefficients instead."
-    )
-    if result.counting == "coefficients":
-        counting = (
-            "coefficients less 1, and runs less coefficients, as in the "
-            "paper's Table 3 (15 and 17), not as in its text; --count factors gives the text's."
-        )
     effects = "Effects without an error estimate (Lenth), curvature at the centre, normality"
     return [
         web.Bullets(result.run_notes()),
         web.Prose(
-            f"{UNITS_NOTE} R² predicted is that of runs that were not used in the fit. Degrees of freedom: {counting}"
+            f"{UNITS_NOTE} R² predicted is that of runs that were not used in the fit. Degrees of freedom: "
+            "coefficients less 1, and runs less coefficients, as in the paper's Table 3 (15 and 17), not as in "
+            "its text."
         ),
         web.WebTable("Analysis of variance of each metric", *anova_cells(result)),
         web.WebTable.of(effects, map(_effects_row, result.analyses), folded=True),
