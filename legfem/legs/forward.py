@@ -1,13 +1,10 @@
 """The plane-strain model as identification sees it, values in and a curve or a failure out; the deep tissue's laws."""
 
-import hashlib
 import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
-
-import numpy as np
 
 from legfem.common.errors import InputError
 from legfem.common.wording import Argument, Remedy
@@ -18,7 +15,6 @@ from legfem.inverse.elastography import elastography_priors
 from legfem.inverse.outcome import Outcome
 from legfem.inverse.parameter import Parameter, Prior
 from legfem.inverse.readings import INSTRUMENT
-from legfem.jobs.store import code_fingerprint
 from legfem.legs.finite_element_models import plane_strain_test
 from legfem.legs.subject import Subject
 
@@ -68,25 +64,7 @@ class PlaneStrainForward:
 
     def fingerprint(self) -> Mapping[str, Any]:
         """Return section, indenter, tissues, settings, places of channels, depth and code."""
-        contours, test = hashlib.sha256(), self.experiment
-        section, indenter = test.section, test.indenter
-        for part in section.parts:
-            contours.update(np.ascontiguousarray(section.contour(part)).tobytes())
-        return {
-            "model": "plane strain",
-            "contours": contours.hexdigest(),
-            "fascia_thickness_mm": section.fascia_thickness,
-            "indenter": repr((indenter.radius, indenter.length, indenter.aim.tolist(), indenter.direction_deg)),
-            "superficial": repr(test.tissues.superficial),
-            "fascia": repr(test.tissues.fascia),
-            "deep_D1_per_MPa": test.tissues.deep.D1,
-            "muscles": repr((test.tissues.muscles, section.groups)),
-            "settings": repr(test.settings),
-            "mechanisms": repr(test.mechanisms),
-            "sights": repr(test.sights),
-            "depth_mm": self.depth,
-            "code": code_fingerprint("legfem.experiments.plane_strain"),
-        }
+        return {"model": "plane strain", "depth_mm": self.depth, **self.experiment.fingerprint()}
 
 
 def values_of(tissues: Tissues) -> dict[str, float]:
