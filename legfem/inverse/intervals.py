@@ -247,28 +247,25 @@ class SquaresProfile:
             return self.residual(whole(free))
 
         def slopes(free: FloatArray) -> FloatArray:
-            moves = _MOVE * np.eye(len(free))
-            up, down = np.clip(free + moves, *box.T), np.clip(free - moves, *box.T)
-            ends = left(np.concatenate([up, down]))
-            apart = np.diag(up - down)
-            return np.asarray((ends[: len(free)] - ends[len(free) :]).T / apart)
+            return _differences(left, free, np.full(len(free), _MOVE), box)
 
         return whole(least_residual(left, start, box, jacobian=slopes))
 
     @cached_property
     def slope(self) -> FloatArray:
         """How the others follow the held one where the residual is linear; (p - 1,)."""
-        columns = []
-        for j in range(len(self.at)):
-            move = np.zeros(len(self.at))
-            move[j] = 1e-3 * (self.half_width if j == self.k else self.units[j])
-            ends = [np.clip(self.at + sign * move, *self.bounds.T) for sign in (1, -1)]
-            apart = float(ends[0][j] - ends[1][j])
-            columns.append((self.residual(ends[0]) - self.residual(ends[1])) / apart)
-        jacobian = np.column_stack(columns)
-        units = self.units[self.others]
+        own = np.arange(len(self.at)) == self.k
+        moves = 1e-3 * np.where(own, self.half_width, self.units)
+        jacobian, units = _differences(self.residual, self.at, moves, self.bounds), self.units[self.others]
         scaled = np.linalg.lstsq(jacobian[:, self.others] * units, -jacobian[:, self.k])[0]
         return np.asarray(scaled * units)
+
+
+def _differences(residual: Residual, at: FloatArray, moves: FloatArray, bounds: FloatArray) -> FloatArray:
+    """Return a residual's derivatives (n, p) at values (p,) by central differences over moves (p,) within bounds."""
+    up, down = np.clip([at + np.diag(moves), at - np.diag(moves)], *bounds.T)
+    ends = residual(np.concatenate([up, down]))
+    return np.asarray((ends[: len(at)] - ends[len(at) :]).T / np.diag(up - down))
 
 
 THIRDS = "first", "second", "last"
