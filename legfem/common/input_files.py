@@ -380,7 +380,7 @@ def _known_keys(keys: list[str], schema: type[BaseModel]) -> list[str]:
         annotation = model.model_fields[key].annotation
         candidates = [annotation, *get_args(annotation)]
         model = next(c for c in candidates if isinstance(c, type) and issubclass(c, BaseModel))
-    return list(model.model_fields)
+    return [field.alias or name for name, field in model.model_fields.items()]
 
 
 _LINE = re.compile(r"at line (\d+), column (\d+)")

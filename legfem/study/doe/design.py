@@ -9,28 +9,18 @@ import numpy as np
 from pydantic import Field, create_model, model_validator
 from pyDOE3 import ff2n, lhs
 
-from legfem.common.errors import MISSING, InputError
+from legfem.common.errors import InputError
 from legfem.common.input_files import FileTable, Finite, NotNegative, Positive, checked, read_toml, trouble
 from legfem.common.resources import RESOURCES, resource
-from legfem.common.units import FloatArray
+from legfem.common.units import MPA_PER_KPA, FloatArray
 from legfem.report.estimates import words_of
 
 PAPER, IDENTIFIED = (RESOURCES / "frauziols" / name for name in ("doe.toml", "doe-identified.toml"))
 MOST_FACTORS = 8
 
 Coding = Literal["linear", "logarithmic"]
-Kind = Literal["stiffness", "compressibility", "length"]
-
-UNITS: Mapping[Kind, Mapping[str, float]] = {
-    "stiffness": {"kPa": 1e-3, "MPa": 1.0},
-    "compressibility": {"per_MPa": 1.0},
-    "length": {"mm": 1.0},
-}
-"""Units that a parameter may be given in, and what one of them is in the model's (MPa, 1/MPa)."""
-
-PARAMETERS: Mapping[str, Kind] = resource("parameters", dict[str, dict[str, Any]])["factors"]
-"""Everything that can be a factor."""
-
+UNITS: Mapping[str, str] = resource("parameters", dict[str, dict[str, Any]])["factors"]
+"""Everything that can be a factor, and the unit that it is given in."""
 OF_THE_GEOMETRY = ("fascia.thickness", "indenter.diameter")
 """Parameters whose change needs another mesh."""
 
@@ -49,7 +39,7 @@ class Factor:
     Attributes
     ----------
     name : str
-        One of `PARAMETERS`.
+        One of `UNITS`.
     low, high : float
         Levels coded -1 and +1, in ``unit``.
     """
@@ -84,7 +74,7 @@ class Factor:
 
     def model_value(self, coded: float) -> float:
         """Value of a coded level, in the model's units."""
-        return self.value(coded) * UNITS[PARAMETERS[self.name]][self.unit]
+        return self.value(coded) * _in_model(self.unit)
 
 
 def label_of(name: str) -> str:
@@ -145,39 +135,28 @@ class Definition:
         return sorted({end for _, end in self.windows})
 
 
-class _Range(FileTable):
-    """Levels of a factor as its table gives them; each kind of parameter has its own units."""
+def _in_model(unit: str) -> float:
+    """Return what one of a unit is in the model's: MPa, 1/MPa or mm."""
+    return MPA_PER_KPA if unit == "kPa" else 1.0
 
+
+class _Range(FileTable):
+    """Levels of a factor as its table gives them, with its unit in their keys."""
+
+    low: float
+    high: float
     coding: Coding | None = None
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        units = [name.partition("_")[2] for name in type(self).model_fields if name.startswith("low_")]
-        found = [unit for unit in units if self.level("low", unit) is not None or self.level("high", unit) is not None]
-        if len(found) != 1:
-            wanted = f"low_{units[0]} and high_{units[0]}"
-            raise trouble(wanted, "needs its range in one unit", f"give {wanted}")
-        unit = found[0]
-        low, high = (self.level(side, unit) for side in ("low", "high"))
-        for side, level in (("low", low), ("high", high)):
-            if level is None:
-                raise trouble(f"{side}_{unit}", MISSING, "a factor has a low and a high level")
-        if low == high:
+        key = str(type(self).model_fields["low"].alias)
+        if self.low == self.high:
             remedy = "give two different levels, or move it to [fixed]"
-            raise trouble(f"low_{unit}", f"has one level only ({low:g} {unit})", remedy)
-        if low > high:
-            problem = f"its range is reversed (low {low:g} is above high {high:g} {unit})"
-            raise trouble(f"low_{unit}", problem, "exchange them")
+            raise trouble(key, f"has one level only ({self.low:g})", remedy)
+        if self.low > self.high:
+            problem = f"its range is reversed (low {self.low:g} is above high {self.high:g})"
+            raise trouble(key, problem, "exchange them")
         return self
-
-    def level(self, side: str, unit: str) -> Any:
-        """Level in a unit; None where it isn't given."""
-        return getattr(self, f"{side}_{unit}")
-
-    def factor(self, name: str, coding: Coding) -> Factor:
-        """Factor of this range, coded as the design is where the range doesn't say."""
-        (unit,) = (unit for unit in UNITS[PARAMETERS[name]] if self.level("low", unit) is not None)
-        return Factor(name, self.level("low", unit), self.level("high", unit), unit, self.coding or coding)
 
 
 def _number(name: str) -> Any:
@@ -188,14 +167,13 @@ def _number(name: str) -> Any:
 
 
 def _range_of(name: str) -> Any:
-    levels = [f"{side}_{unit}" for unit in UNITS[PARAMETERS[name]] for side in ("low", "high")]
-    fields: dict[str, Any] = {level: (_number(name) | None, None) for level in levels}
-    return create_model("_RangeOf", __base__=_Range, **fields)
+    levels: dict[str, Any] = {side: (_number(name), Field(alias=f"{side}_{UNITS[name]}")) for side in ("low", "high")}
+    return create_model("_RangeOf", __base__=_Range, **levels)
 
 
-_RANGES: dict[str, Any] = {name: (_range_of(name) | None, None) for name in PARAMETERS}
-_KEYS = {f"{name}_{unit}": (name, scale) for name, kind in PARAMETERS.items() for unit, scale in UNITS[kind].items()}
-_VALUES: dict[str, Any] = {key: (_number(name) | None, None) for key, (name, _) in _KEYS.items()}
+_RANGES: dict[str, Any] = {name: (_range_of(name) | None, None) for name in UNITS}
+_KEYS = {f"{name}_{unit}": name for name, unit in UNITS.items()}
+_VALUES: dict[str, Any] = {key: (_number(name) | None, None) for key, name in _KEYS.items()}
 _Ranges = create_model("_Ranges", __base__=FileTable, **_RANGES)
 _Values = create_model("_Values", __base__=FileTable, **_VALUES)
 
@@ -245,7 +223,9 @@ def read_definition(path: Path) -> Definition:
     content = read_toml(path, "a design of experiments")
     given = checked(path, content, _File)
     ranges = {name: getattr(given.factors, name) for name in content["factors"]}  # in the file's order
-    factors = tuple(found.factor(name, given.coding) for name, found in ranges.items())
+    factors = tuple(
+        Factor(name, found.low, found.high, UNITS[name], found.coding or given.coding) for name, found in ranges.items()
+    )
     if not 2 <= len(factors) <= MOST_FACTORS:
         remedy = f"give 2 to {MOST_FACTORS}: a full factorial of k factors takes 2^k + 1 simulations"
         raise InputError(path, "factors", f"there are {len(factors)}", remedy)
@@ -272,4 +252,4 @@ def read_definition(path: Path) -> Definition:
 def _in_model_units(given: FileTable) -> dict[str, float]:
     """Parameters written as ``"deep.C10_kPa" = 0.7``, in the model's units."""
     values = given.model_dump(exclude_unset=True)
-    return {_KEYS[key][0]: value * _KEYS[key][1] for key, value in values.items()}
+    return {_KEYS[key]: value * _in_model(UNITS[_KEYS[key]]) for key, value in values.items()}
