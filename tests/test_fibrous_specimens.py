@@ -15,7 +15,7 @@ from legfem.common.errors import InputError
 from legfem.experiments.axisymmetric import AxisymmetricSettings
 from legfem.experiments.bodies import PunchOnLayer, UniaxialSpecimen
 from legfem.experiments.lying_cylinder import LateralCylinder
-from legfem.inverse.parse_parameters import ParameterTexts
+from legfem.inverse.parse_parameters import AskedParameters
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import NeoHookean
 from legfem.mechanics.terms import Fibres
@@ -26,7 +26,7 @@ from legfem.report.results import write_report
 from legfem.solve.protocol import Protocol
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.kind import AXES
-from legfem.specimens.laws import SpecimenTissue, request_of_texts
+from legfem.specimens.laws import SpecimenTissue, request_of
 from legfem.specimens.nuisances import OwnStiffness
 from legfem.specimens.sizes import Sizes
 from legfem.specimens.variants import SpecimenVariants
@@ -205,8 +205,9 @@ def test_a_stated_ratio_is_held_and_one_that_nothing_strains_is_refused(tmp_path
     found = lf.identify(folder, "neo-hookean")["neo-hookean"]
     assert list(found.estimates) == ["deep.C10"] and found.values[RATIO] == 3.0
     assert found.estimates["deep.C10"].value == pytest.approx(C10, rel=0.02)
-    with pytest.raises(InputError, match="less along the fibres than across"):
-        request_of_texts(ParameterTexts(fixed=[f"{RATIO}=0.5"]), folder.tissues)
+    for asked in (AskedParameters(fixed=[f"{RATIO}=0.5"]), AskedParameters(numbers={RATIO: 0.5})):
+        with pytest.raises(InputError, match="less along the fibres than across"):
+            request_of(asked, folder.tissues)
     (tmp_path / "specimen.toml").write_text(ON_BLOCK + '[fibres]\ndirection = "cylinder"\n')
     with pytest.raises(InputError, match="no fitted test strains fibres along the cylinder"):
         lf.identify(lf.load_specimen(tmp_path), "neo-hookean")

@@ -24,7 +24,7 @@ from legfem.inverse import settings as room
 from legfem.inverse.catalogue import parameter_of, stiffness_in_words
 from legfem.inverse.intervals import ADDS_NOTHING
 from legfem.inverse.parameter import Parameter, Prior
-from legfem.inverse.parse_parameters import ParameterTexts, read_prior, read_value
+from legfem.inverse.parse_parameters import AskedParameters, read_prior, read_value
 from legfem.inverse.population import CALF, population
 from legfem.inverse.settings import IdentificationSettings
 from legfem.report.kinds import kind_of, page_of
@@ -222,13 +222,13 @@ def test_a_population_is_a_prior_with_its_source() -> None:
 
 
 def test_what_has_only_a_prior_is_a_nuisance_and_what_is_held_is_in_the_models_unit() -> None:
-    written = ParameterTexts(priors=["superficial.C10=2±1 kPa", "deep.C10=1 x/ 2 kPa"])
+    written = AskedParameters(priors=["superficial.C10=2±1 kPa", "deep.C10=1 x/ 2 kPa"])
     roles = {one.name: one.role for one in written.parameters(NOMINAL)}
     assert roles == {"deep.C10": "identified", "deep.C20": "identified", "superficial.C10": "nuisance"}
     assert read_value("deep.D1=28 1/MPa", NOMINAL) == ("deep.D1", 28.0)
     assert read_value("fascia.C10=50 kPa", NOMINAL) == ("fascia.C10", pytest.approx(0.05))
     with pytest.raises(InputError, match="to be identified as well"):
-        ParameterTexts(["deep.C10"], fixed=["deep.C10=1 kPa"]).held(NOMINAL)
+        AskedParameters(["deep.C10"], fixed=["deep.C10=1 kPa"]).held(NOMINAL)
 
 
 @pytest.mark.parametrize(

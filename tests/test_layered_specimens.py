@@ -21,14 +21,14 @@ from legfem.data import Recording, write_recording
 from legfem.data.recording import RecordedChannel
 from legfem.experiments.bodies import BallOnLayer, PunchOnLayer
 from legfem.inverse.outcome import JointForward
-from legfem.inverse.parse_parameters import ParameterTexts
+from legfem.inverse.parse_parameters import AskedParameters
 from legfem.inverse.readings import READINGS
 from legfem.mechanisms import Solution
 from legfem.solve.protocol import Protocol
 from legfem.specimens.comparison import comparison_of
 from legfem.specimens.folder import tissue_asked_for
 from legfem.specimens.forward import SpecimenForward
-from legfem.specimens.laws import SpecimenTissue, identified_law, request_of_texts, tissues_of
+from legfem.specimens.laws import SpecimenTissue, identified_law, request_of, tissues_of
 from legfem.specimens.mechanisms import Scale, mechanisms_of
 from legfem.specimens.schema import SpecimenFile
 from legfem.specimens.sizes import Sizes
@@ -112,15 +112,15 @@ def test_layers_are_read_from_the_top_and_stand_from_the_base() -> None:
 
 
 def test_what_is_stated_is_held_and_what_is_open_is_free() -> None:
-    open_law = identified_law("reduced-polynomial", OPEN, 5e-3, False, request_of_texts(ParameterTexts(), OPEN))
+    open_law = identified_law("reduced-polynomial", OPEN, 5e-3, False, request_of(AskedParameters(), OPEN))
     assert open_law.names == ("muscle.C10", "muscle.C20", "fat.C10", "fat.C20")
     stated = (OPEN[0], SpecimenTissue("fat", "neo-hookean", stated={"C10": 2e-3}))
-    law = identified_law("neo-hookean", stated, 5e-3, False, request_of_texts(ParameterTexts(), stated))
+    law = identified_law("neo-hookean", stated, 5e-3, False, request_of(AskedParameters(), stated))
     assert law.names == ("muscle.C10",) and law.fixed["fat.C10"] == 2e-3
     # D1 isn't held: it follows from C10 and Poisson's ratio.
     assert not any(name.endswith("D1") for name in law.fixed)
-    written = ParameterTexts(priors=["fat.C10=2 x/ 1.2 kPa"], fixed=["muscle.C10=7 kPa"])
-    law = identified_law("neo-hookean", OPEN, 5e-3, False, request_of_texts(written, OPEN))
+    written = AskedParameters(priors=["fat.C10=2 x/ 1.2 kPa"], fixed=["muscle.C10=7 kPa"])
+    law = identified_law("neo-hookean", OPEN, 5e-3, False, request_of(written, OPEN))
     assert law.names == ("fat.C10",) and law.parameters[0].prior is not None
 
 

@@ -2,10 +2,10 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from numbers import Real
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Self, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from mpi4py import MPI
 
@@ -16,9 +16,9 @@ from legfem.common.progress import progress_on
 from legfem.common.wording import Argument
 from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.experiments.plane_strain import PlaneStrainSettings
-from legfem.inverse.catalogue import LAWS, LawName, Values, check_held
+from legfem.inverse.catalogue import LAWS, LawName, check_held
 from legfem.inverse.parameter import Parameter
-from legfem.inverse.parse_parameters import ParameterTexts
+from legfem.inverse.parse_parameters import AskedParameters
 from legfem.inverse.readings import INSTRUMENT
 from legfem.inverse.settings import AskedWeighting, IdentificationSettings, SearchRequest
 from legfem.legs.identification import as_leg, check_joint, identify_leg, nominal_of, searches_in_3d
@@ -37,73 +37,43 @@ COARSENING = 2.0
 """Factor on the elements' sizes, for a quick look."""
 
 
-@dataclass(frozen=True)
-class AskedParameters:
-    """What a call asks to be free and held: names and texts as the command has them, parameters and numbers."""
+def asked_parameters(identify: Any, prior: Any, fix: Any, c10_bounds: Any, c20_bounds: Any) -> AskedParameters:
+    """Return what arguments of `identify` ask for.
 
-    texts: ParameterTexts
-    given: Mapping[str, Parameter]
-    """Parameters that were given whole, by name."""
-    numbers: Values
-    """Values to hold, in the model's units."""
-
-    @classmethod
-    def of(cls, identify: Any, prior: Any, fix: Any, c10_bounds: Any, c20_bounds: Any) -> Self:
-        """What arguments of `identify` ask for.
-
-        Raises
-        ------
-        InputError
-            If one is of another kind than `identify` says, or something is there twice.
-        """
-        listed = "a list of full names or of legfem.inverse.parameter.Parameter"
-        if not isinstance(identify, list | tuple | None):
-            raise loading.of_another_kind("identify", identify, listed)
-        if identify is not None and not identify:
-            raise loading.wrong("identify", "[]", "nothing is left to identify", "name a parameter")
-        names, given = list[str](), dict[str, Parameter]()
-        for one in identify or ():
-            if not isinstance(one, str | Parameter):
-                raise loading.of_another_kind("identify", one, listed)
-            name = one if isinstance(one, str) else one.name
-            if name in names or name in given:
-                raise loading.wrong("identify", name, "is there twice", "give it once")
-            if not isinstance(one, str):
-                given[name] = one
-            if isinstance(one, str) or one.role == "identified":
-                names.append(name)
-        numbers, texts = (fix, ()) if isinstance(fix, Mapping) else ({}, fix)
-        if not isinstance(texts, list | tuple) or not all(isinstance(one, str) for one in texts):
-            raise loading.of_another_kind(
-                "fix", fix, "values by full name, as {'deep.D1': 28.0}, or texts, as 'deep.D1=28 1/MPa'"
-            )
-        for name, value in numbers.items():
-            # Without its term of (J - 1)^4 a law has an infinite D2.
-            endless = value == math.inf and str(name).endswith(".D2")
-            if not isinstance(value, Real) or not (math.isfinite(value) or endless):
-                remedy = "give a number in MPa, 1/MPa, N or mm, without its unit"
-                raise loading.wrong("fix", str(name), f"{value!r} is not a value", remedy)
-            check_held(Argument("fix"), f"{name}={value:g}", str(name), float(value))
-            if name in names:
-                raise loading.wrong("fix", name, "is to be identified as well", "leave one of them out")
-        return cls(ParameterTexts(names, prior, texts, c10_bounds, c20_bounds), given, numbers)
-
-    @property
-    def names(self) -> set[str]:
-        """Full names of all that is asked for, held or given a prior."""
-        return {*self.texts.names, *self.given, *self.numbers}
-
-    def parameters(self, nominal: Values, people: str) -> tuple[Parameter, ...]:
-        """What is free in a leg of assumed values, with bounds that suit legs; priors of a site of people."""
-        free = {one.name: one for one in self.texts.parameters(nominal, people)}
-        for name, one in self.given.items():
-            known = free[name].prior if name in free else None
-            free[name] = replace(one, prior=known or one.prior)
-        return tuple(free.values())
-
-    def held(self, nominal: Values) -> dict[str, float]:
-        """What is held, in the model's units."""
-        return {**self.texts.held(nominal), **self.numbers}
+    Raises
+    ------
+    InputError
+        If one is of another kind than `identify` says, or something is there twice.
+    """
+    listed = "a list of full names or of legfem.inverse.parameter.Parameter"
+    if not isinstance(identify, list | tuple | None):
+        raise loading.of_another_kind("identify", identify, listed)
+    if identify is not None and not identify:
+        raise loading.wrong("identify", "[]", "nothing is left to identify", "name a parameter")
+    names, given = list[str](), dict[str, Parameter]()
+    for one in identify or ():
+        if not isinstance(one, str | Parameter):
+            raise loading.of_another_kind("identify", one, listed)
+        name = one if isinstance(one, str) else one.name
+        if name in names or name in given:
+            raise loading.wrong("identify", name, "is there twice", "give it once")
+        if not isinstance(one, str):
+            given[name] = one
+        if isinstance(one, str) or one.role == "identified":
+            names.append(name)
+    numbers, texts = (fix, ()) if isinstance(fix, Mapping) else ({}, fix)
+    if not isinstance(texts, list | tuple) or not all(isinstance(one, str) for one in texts):
+        raise loading.of_another_kind(
+            "fix", fix, "values by full name, as {'deep.D1': 28.0}, or texts, as 'deep.D1=28 1/MPa'"
+        )
+    for name, value in numbers.items():
+        # Without its term of (J - 1)^4 a law has an infinite D2.
+        endless = value == math.inf and str(name).endswith(".D2")
+        if not isinstance(value, Real) or not (math.isfinite(value) or endless):
+            remedy = "give a number in MPa, 1/MPa, N or mm, without its unit"
+            raise loading.wrong("fix", str(name), f"{value!r} is not a value", remedy)
+        check_held(Argument("fix"), f"{name}={value:g}", str(name), float(value))
+    return AskedParameters(names, prior, texts, c10_bounds, c20_bounds, given, numbers)
 
 
 def identify(
@@ -201,7 +171,7 @@ def identify(
     >>> found.to_frame()  # every parameter with its 95 % interval
     >>> found.write("results/identify-3")  # the report, as the command writes it
     """
-    wanted = AskedParameters.of(identify, prior or (), fix, c10_bounds, c20_bounds)
+    wanted = asked_parameters(identify, prior or (), fix, c10_bounds, c20_bounds)
     loading.check_finite("depth", depth)
     loading.check_whole("jobs", jobs, 1)
     if out is not None:
@@ -221,7 +191,7 @@ def identify(
     with progress_on(quiet=not progress) as told:
         request = replace(request, progress=told)
         if loading.are_specimens(given):
-            from legfem.specimens.laws import laws_named, request_of_texts
+            from legfem.specimens.laws import laws_named, request_of
             from legfem.specimens.problem import fit_specimens
 
             legs_alone = {
@@ -233,7 +203,7 @@ def identify(
                 "weighting": weighting is not None,
             }
             loading.check_unused("specimens", legs_alone)
-            asked = request_of_texts(wanted.texts, given.tissues, wanted.given, wanted.numbers)
+            asked = request_of(wanted, given.tissues)
             return Identification(given, tuple(fit_specimens(given, laws_named(law), asked, leave_out or (), request)))
         loading.check_unused("a leg", {"leave_out": bool(leave_out)})
         loading.check_one_of("law", law, (*LAWS, "both"))
@@ -267,7 +237,7 @@ def _of_leg(
     nominal = nominal_of(leg, solid)
     free, held = wanted.parameters(nominal, leg.sites[0].people), wanted.held(nominal)
     of_law = [one for one in free if one.name not in INSTRUMENT]
-    laws = wanted.texts.laws(law, of_law, leg.sites[0].tissues["deep"].C20, held)
+    laws = wanted.laws(law, of_law, leg.sites[0].tissues["deep"].C20, held)
     request = replace(request, parameters=free, fixed=held)
     plane, solid_numbers = _mesh_settings(mesh, solid)
     section = None if solid else section_forward(leg, request, plane)

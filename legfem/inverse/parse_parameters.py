@@ -2,8 +2,8 @@
 
 import math
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from legfem.common.errors import InputError
@@ -29,8 +29,8 @@ _FIX_EXAMPLE = "'deep.D1=28 1/MPa'"
 
 
 @dataclass(frozen=True)
-class ParameterTexts:
-    """What a command line asks to be free and held, in its own words.
+class AskedParameters:
+    """What is asked to be free and held: in a command line's words, and whole by a call.
 
     Parameters
     ----------
@@ -43,6 +43,10 @@ class ParameterTexts:
         ``NAME=VALUE UNIT``.
     c10_bounds, c20_bounds : tuple of float, optional
         Of the deep tissue, kPa.
+    given : mapping
+        Parameters that were given whole, by name.
+    numbers : mapping
+        Values to hold, in the model's units.
     """
 
     identify: Sequence[str] = ()
@@ -50,6 +54,8 @@ class ParameterTexts:
     fixed: Sequence[str] = ()
     c10_bounds: tuple[float, float] | None = None
     c20_bounds: tuple[float, float] | None = None
+    given: Mapping[str, Parameter] = field(default_factory=dict)
+    numbers: catalogue.Values = field(default_factory=dict)
 
     def parameters(self, nominal: catalogue.Values, people: str = CALF) -> tuple[Parameter, ...]:
         """Return what is free: what is to be identified, and as nuisances what has a prior only.
@@ -79,13 +85,16 @@ class ParameterTexts:
         ):
             if bounds is not None and name in free:
                 free[name] = replace(free[name], bounds=_bounds(option, bounds, least))
+        for name, one in self.given.items():
+            known = free[name].prior if name in free else None
+            free[name] = replace(one, prior=known or one.prior)
         return tuple(free.values())
 
     @property
     def names(self) -> set[str]:
         """Full names of all that is asked for, held or given a prior."""
         written = [*self.identify, *self.priors, *self.fixed]
-        return {text.partition("=")[0].strip() for text in written}
+        return {*(text.partition("=")[0].strip() for text in written), *self.given, *self.numbers}
 
     def held(self, nominal: catalogue.Values) -> dict[str, float]:
         """Return what is held, in the model's units.
@@ -95,7 +104,7 @@ class ParameterTexts:
         InputError
             For names, numbers or units that can't be, and for what is to be identified as well.
         """
-        held = dict(read_value(text, nominal) for text in self.fixed)
+        held = {**dict(read_value(text, nominal) for text in self.fixed), **self.numbers}
         for name in held:
             if name in self.identify:
                 raise InputError(Argument("fix"), name, "is to be identified as well", "leave one of them out")

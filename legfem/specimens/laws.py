@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
 
 from legfem.common.errors import InputError
 from legfem.common.units import kpa_to_mpa
@@ -11,7 +10,7 @@ from legfem.common.wording import Argument, Remedy
 from legfem.inverse import catalogue
 from legfem.inverse.fibre_ratio import USUAL_RATIO, ratio_of
 from legfem.inverse.parameter import Parameter, Prior
-from legfem.inverse.parse_parameters import ParameterTexts, read_prior
+from legfem.inverse.parse_parameters import AskedParameters, read_prior
 from legfem.inverse.readings import INSTRUMENT, RELAXATION
 from legfem.mechanics.materials import ExponentialStiffening, Hyperelastic, NeoHookean, ReducedPolynomial, Yeoh
 from legfem.specimens.course import relaxation_parameters
@@ -161,13 +160,8 @@ def laws_named(name: str | None) -> tuple[catalogue.LawName, ...]:
     return found
 
 
-def request_of_texts(
-    texts: ParameterTexts,
-    tissues: Sequence[SpecimenTissue],
-    given: Mapping[str, Parameter] = MappingProxyType({}),
-    numbers: catalogue.Values = MappingProxyType({}),
-) -> ParameterRequest:
-    """Return what a command line asks for, beside parameters given whole and numbers to hold, in the model's units.
+def request_of(asked: AskedParameters, tissues: Sequence[SpecimenTissue]) -> ParameterRequest:
+    """Return what is asked for, of tissues.
 
     Raises
     ------
@@ -177,23 +171,23 @@ def request_of_texts(
     known = dict[str, float]()
     for law in KINDS:
         known |= known_values([replace(one.of_law(law), stated={}) for one in tissues], 1.0)
-    limits = {catalogue.DEEP_C10: texts.c10_bounds, catalogue.DEEP_C20: texts.c20_bounds}
-    bounds = {name: one.bounds for name, one in given.items()}
+    limits = {catalogue.DEEP_C10: asked.c10_bounds, catalogue.DEEP_C20: asked.c20_bounds}
+    bounds = {name: one.bounds for name, one in asked.given.items()}
     if any(limits.values()):
         if catalogue.DEEP_C10 not in known:
             remedy = Remedy("leave it out, or say by ", Argument("prior", "LAYER.C10"), " what is known")
             raise InputError(Argument("c10_bounds"), ", ".join(one.name for one in tissues), "are layers", remedy)
-        checked = {one.name: one.bounds for one in replace(texts, identify=()).parameters(known)}
+        checked = {one.name: one.bounds for one in replace(asked, identify=(), given={}).parameters(known)}
         bounds |= {name: checked[name] for name, one in limits.items() if one is not None}
-    held = texts.held(known)
+    held = asked.held(known)
     for name, value in held.items():
         if catalogue.is_ratio(name) and value < catalogue.RATIO_BOUNDS[0]:
             raise InputError(
                 Argument("fix"), name, f"{value:g} is less along the fibres than across", "give at least 1"
             )
-    priors = {name: one.prior for name, one in given.items() if one.prior is not None}
-    priors |= dict(read_prior(text, known) for text in texts.priors)
-    return ParameterRequest(tuple(texts.identify), priors, bounds, {**held, **numbers})
+    priors = {name: one.prior for name, one in asked.given.items() if one.prior is not None}
+    priors |= dict(read_prior(text, known) for text in asked.priors)
+    return ParameterRequest(tuple(asked.identify), priors, bounds, held)
 
 
 def known_values(tissues: Sequence[SpecimenTissue], c10: float) -> dict[str, float]:
