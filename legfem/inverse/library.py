@@ -265,6 +265,11 @@ class Library:
         assert self.force.elastic is not None
         return self.force.elastic(coordinates(c10, c20))
 
+    def elastic_courses(self, at: Stiffness) -> Columns:
+        """Return the elastic force at the grid (m,), and channels at zero and there (m + 1,)."""
+        courses = self.beside.courses(*at).T if self.beside.names else ()
+        return {"force": self.curve(*at), **dict(zip(self.beside.names, courses, strict=True))}
+
     def relative_change(
         self, mechanism: TissueMechanism, values: Values, at: Stiffness, observed: Observations
     ) -> FloatArray:

@@ -16,10 +16,11 @@ from scipy.optimize import least_squares
 
 from legfem.common.units import FloatArray
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
-from legfem.inverse.mechanism import Mechanism, null_of, prior_of
+from legfem.inverse.mechanism import Mechanism, Solution, TissueMechanism, null_of, prior_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter
-from legfem.inverse.predictor import Responses, onset_name
+from legfem.inverse.predictor import Responses, onset_name, values_of
+from legfem.inverse.responses import SolvedResponses
 
 _FEW, _MANY = 6, 40
 """Evaluations of a search from each of several starts, and from the best of them."""
@@ -303,8 +304,18 @@ def refitted_about_solutions(solved: Responses, fitted: LinearisedFit) -> Linear
 def _offset(fitted: LinearisedFit, solved: Responses) -> FloatArray | None:
     """Return the full prediction less the emulated one (N,), 0 of channels that it hasn't; None where it stopped."""
     plain = replace(fitted.problem.predictor, offset=0.0)
+    if isinstance(solved, SolvedResponses) and _elastic_cancels(fitted):
+        solved = solved.beside_elastic(plain.library.elastic_courses)
     full = replace(plain, responses=solved)
     difference = full(fitted.values, fitted.mechanisms) - plain(fitted.values, fitted.mechanisms)
     if np.isnan(difference[: len(plain.observed.force)]).any():
         return None
     return np.nan_to_num(difference, nan=0.0)
+
+
+def _elastic_cancels(fitted: LinearisedFit) -> bool:
+    """Whether the tissue's force is the solution of one mechanism, which is told as a share of the elastic one."""
+    acting = [m for m in fitted.mechanisms if isinstance(m, TissueMechanism)]
+    if len(acting) != 1 or acting[0].null_variant != Solution.variant or acting[0].formulation is not None:
+        return False
+    return acting[0].share(values_of(fitted.values, acting[0])) == 1.0

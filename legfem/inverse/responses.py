@@ -140,15 +140,29 @@ class SolvedResponses:
     step: float = GRID_STEP_MM
     c10_bounds: tuple[float, float] = (1e-5, 0.1)
     c20_bounds: tuple[float, float] = (0.0, 0.1)
-    solutions: int = 0
-    """Made, not recalled."""
     only_kept: bool = False
     """Whether `NotKeptError` is raised where a solution would have to be made."""
+    elastic_courses: Callable[[Stiffness], Columns] | None = None
+    """What elastic courses at the grid are taken from where no solution of them is asked for."""
+    _made: list[PathRequest] = field(default_factory=list, repr=False)
     _known: dict[str, Columns] = field(default_factory=dict, repr=False)
 
     def recalling(self) -> "SolvedResponses":
         """Return the same that makes no solution: `NotKeptError` is raised instead."""
         return replace(self, only_kept=True)
+
+    def beside_elastic(self, courses: Callable[[Stiffness], Columns]) -> "SolvedResponses":
+        """Return the same with elastic courses from elsewhere.
+
+        What one mechanism adds to the elastic force is told as a share of it, so that both together are that
+        mechanism's own solution, whatever the elastic courses are.
+        """
+        return replace(self, elastic_courses=courses)
+
+    @property
+    def solutions(self) -> int:
+        """How many were made, not recalled."""
+        return len(self._made)
 
     @property
     def grid(self) -> FloatArray:
@@ -173,6 +187,8 @@ class SolvedResponses:
         return PathRequest(Motion.ramp(self.depth, 1.0), self.grid, stiffness, solution)
 
     def _on_grid(self, stiffness: Stiffness, solution: Solution) -> Columns:
+        if self.elastic_courses is not None and solution == Solution():
+            return self.elastic_courses(stiffness)
         return self._solve(self._at_grid(stiffness, solution))
 
     def _sprung(self, stiffness: Stiffness, solution: Solution, compliance: float) -> Columns:
@@ -303,7 +319,7 @@ class SolvedResponses:
         entry = asked.entry(self.variants.described(asked.solution.variant))
         key = key_of(entry)
         if key not in self._known:
-            make, store = partial(self._made, asked), self._store
+            make, store = partial(self._solved, asked), self._store
             self._known[key] = make() if store is None else store.get_or_make(entry, make)
         columns = self._known[key]
         if "force" not in columns:
@@ -314,10 +330,10 @@ class SolvedResponses:
     def _store(self) -> Store[Columns] | None:
         return None if self.folder is None else Store(self.folder, dict[str, FloatArray], self.fingerprint)
 
-    def _made(self, asked: PathRequest) -> Columns:
+    def _solved(self, asked: PathRequest) -> Columns:
         if self.only_kept:
             raise NotKeptError
-        self.solutions += 1
+        self._made.append(asked)
         deep = dict(zip(ELASTIC_DERIVATIVES, asked.stiffness, strict=True))
         solved = self.variants.follow(asked.protocol, deep, asked.solution, asked.derivatives)
         if not solved.report.complete:
