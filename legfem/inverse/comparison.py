@@ -212,6 +212,10 @@ class Comparison(ABC):
         """Sum of squared differences (...) of the forces among predicted readings (..., n): Eq. 12, N2."""
         return np.asarray(np.sum(self.of_force(values - self.measured) ** 2, axis=-1))
 
+    def contradicts(self, objective: float) -> bool:
+        """Whether errors don't explain so great a sum of squares, and another weighting is to be taken."""
+        return False
+
     def residual(self, values: FloatArray) -> FloatArray:
         """Weighted residual (..., n) of predicted readings (..., n)."""
         flat = (values - self.expected).reshape(-1, values.shape[-1])

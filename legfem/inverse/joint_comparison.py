@@ -7,11 +7,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, solve_triangular
+from scipy.stats import chi2
 
 from legfem.common.units import FloatArray, spans_of
 from legfem.inverse.catalogue import Values
 from legfem.inverse.comparison import Comparison, Covariances, ErrorSource, Mode, Prediction, Weighting, total_of
-from legfem.inverse.fit import EXACT, Goodness, OwnEstimate
+from legfem.inverse.fit import EXACT, LEAST_CHANCE, Goodness, OwnEstimate
 from legfem.inverse.least_squares import polished
 from legfem.inverse.outcome import Outcome
 from legfem.inverse.parameter import Domain
@@ -95,6 +96,11 @@ class JointComparison(Comparison):
         """Names of the channels that any test's solve doesn't have."""
         pairs = zip(self.tests, outcome.curves, strict=True)
         return tuple(dict.fromkeys(name for test, curve in pairs for name in test.station.unseen_in(curve)))
+
+    def contradicts(self, objective: float) -> bool:
+        """Whether errors about a solve don't explain so great a sum of squares."""
+        weighed = self.weighting != "equal" and self.near is not None
+        return weighed and float(chi2.sf(objective, len(self))) < LEAST_CHANCE
 
     def predict(self, outcome: Outcome, instrument: FloatArray) -> Prediction:
         """Read a complete full solve of all tests."""

@@ -133,6 +133,8 @@ _FLAT, _UNTOLD = 0.1, 1.0
 _WORTH = 1e-4
 # Optima of the emulator, one after another, that full solves showed to be none.
 _REFUTED = 3
+# Share of the sum of squares that derivatives expect: what of it contradicts the errors already does so surely.
+_SURELY = 0.7
 # Complete solves, the best first, from which an optimum among many parameters is polished.
 _MORE_STARTS = 4
 
@@ -266,6 +268,9 @@ class Search[C: Comparison]:
             yield half_way(self.coordinates, np.array(failed), known), "design"
         gained, refuted = math.inf, 0
         for attempt in range(self.settings.most_solves):
+            if self.misfit.contradicts(_SURELY * self._least_expected()):
+                self.converged = True
+                return
             emulated = self.emulated()
             proposal = self.propose(emulated, attempt)
             # Near the optimum the full model's own derivatives are exact where the emulator isn't.
@@ -345,6 +350,12 @@ class Search[C: Comparison]:
         linear = self.linearised(trial or self.best)
         limits = self.domain.bounds - linear.point[:, None]
         return gauss_newton_step(linear.jacobian, linear.residual, limits)
+
+    def _least_expected(self) -> float:
+        """Return the sum of squares that the full model's own step leads to, by the derivatives at the best solve."""
+        linear = self.linearised(self.best)
+        left = linear.residual + linear.jacobian @ self.newton_step()
+        return float(left @ left)
 
     def standard_error(self, trial: Trial | None = None) -> FloatArray:
         """Return the standard errors (p,) at a full solve, or the best one."""

@@ -8,7 +8,6 @@ from types import MappingProxyType
 
 import numpy as np
 from scipy.special import stdtrit
-from scipy.stats import chi2
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
@@ -20,7 +19,7 @@ from legfem.inverse.catalogue import DEEP_D2, IdentifiedLaw, LawName, Values, de
 from legfem.inverse.comparison import Covariances, ErrorSource, Weighting, total_of
 from legfem.inverse.correction import TabulatedCorrection, corrected
 from legfem.inverse.estimates import Optimum, estimates
-from legfem.inverse.fit import LEAST_CHANCE, ChannelFit, Cost, Fit, Identity, TestFit, r_squared, versions
+from legfem.inverse.fit import ChannelFit, Cost, Fit, Identity, TestFit, r_squared, versions
 from legfem.inverse.intervals import IDENTIFIABLE_WITHIN, NUMERICAL_ERROR, PRIOR_DOF, WEAKLY_WITHIN, effective_degrees
 from legfem.inverse.joint_comparison import JointComparison, SingleTests
 from legfem.inverse.outcome import Forward, JointForward
@@ -124,8 +123,7 @@ class LegProblem:
         now, best = search.misfit, search.best
         if now.weighting == "paper":
             return None
-        misses = float(chi2.sf(best.objective, len(now))) < LEAST_CHANCE
-        weighting = "equal" if now.near is not None and misses else now.weighting
+        weighting = "equal" if now.contradicts(best.objective) else now.weighting
         moved = replace(now, weighting=weighting)
         assert best.prediction is not None
         left = np.linalg.solve(moved.weighing_covariance, best.prediction.values - moved.measured)
