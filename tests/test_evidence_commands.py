@@ -45,7 +45,6 @@ def numbers(out: Path, said: str) -> object:
 
 
 RUN: dict[str, tuple[str, Read]] = {
-    "studies.cases planted": ("--n 2 --jobs 2 --out OUT", result("cases")),
     "studies.cases layers": ("--n 2 --jobs 2 --out OUT", result("cases")),
     "studies.cases sites": ("--n 2 --jobs 2 --out OUT", result("cases")),
     "studies.cases bars": ("--n 2 --jobs 2 --out OUT", result("cases")),
@@ -84,6 +83,7 @@ LONG = {
     "legfem.study correction": "likewise",
     "studies.stockings identify": "twenty minutes: tests/test_stocking.py identifies one small leg",
     "studies.stockings claims": "six minutes: tests/test_stale_work.py runs it without its solves",
+    "studies.cases benchmark": "solves 21 cases a leg, a minute each: tests/test_benchmark.py tries its parts",
     "studies.cases peers": "wants recordings of known truth, and minutes for each: tests/test_peers.py tries its parts",
     "studies.cohort.simulated": "136 pressings at least: tests/test_cohort_on_engines.py runs a cohort",
     "studies.cohort.scored": "wants what studies.cohort.simulated made",

@@ -12,7 +12,8 @@ import pytest
 
 from legfem.common.progress import Silent
 from studies.cases.outcomes import Interval
-from studies.cases.planted import KIND, Planted, PlantedTruth, planted_truths
+from studies.cases.sites import KIND, FoundLeg
+from studies.cases.sites_draw import Truth, truths
 from studies.solvers import __main__ as solvers
 from studies.solvers.case import SolverCase, SolverWork
 from studies.stockings import command as stockings
@@ -38,16 +39,17 @@ class Study:
         return len(self.calls) - before
 
 
-def planted_study(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Study:
-    def identified(context: Path, truth: PlantedTruth) -> Planted:
+def sites_study(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Study:
+    def identified(context: Path, truth: Truth) -> FoundLeg:
         study.calls.append(truth)
-        c10 = truth.c10_kpa + 1e-3 * len(study.calls)
-        return Planted(truth, Interval(c10, 0.1, 9.0), Interval(1.0, 0.0, 9.0), len(study.calls))
+        each = Interval(truth.c10 + 1e-3 * len(study.calls), 0.1, 9.0)
+        both = dict.fromkeys(("deep.C10", "deep.C20", "superficial.C10"), each)
+        return FoundLeg(truth, both, {"heel": both}, 0.5, len(study.calls), True)
 
     kind = replace(KIND, run=identified)
 
     def run(seed: int) -> None:
-        kind.count(planted_truths(4, seed), folder, folder, 1, Silent())
+        kind.count(truths(4, seed), folder, folder, 1, Silent())
 
     study = Study(run, 4, folder / "result.json")
     return study
@@ -113,7 +115,7 @@ def scans_study(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Study:
     return study
 
 
-@pytest.fixture(params=[planted_study, solvers_study, stockings_study, claims_study, scans_study])
+@pytest.fixture(params=[sites_study, solvers_study, stockings_study, claims_study, scans_study])
 def study(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Study]:
     return request.param(tmp_path, monkeypatch)
 

@@ -6,12 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from legfem.common.command_line import CheckedCommand
-from studies.cases import bars, layers, peers, planted, reach, sealed_command, sites
+from studies.cases import bars, benchmark, layers, peers, reach, sealed_command, sites
 from studies.cases.machine import Kind, command_of
 from studies.command_line import new_app
 
 KINDS: dict[str, Kind[Path, Any, Any]] = {
-    "planted": planted.KIND,
     "layers": layers.KIND,
     "calf-layers": layers.CALVES,
     "sites": sites.KIND,
@@ -22,6 +21,7 @@ app = new_app()
 for name, kind in KINDS.items():
     app.command(name)(command_of(name, kind))
 app.command("sealed", cls=CheckedCommand)(sealed_command.sealed)
+app.command("benchmark")(benchmark.benchmark)
 app.command("peers")(peers.peers)
 app.command("picture")(sealed_command.picture)
 
@@ -30,7 +30,7 @@ app.command("picture")(sealed_command.picture)
 def cases() -> None:
     """Draw cases whose truth is known, run them as a user would, and count what came of them.
 
-    Example: python -m studies.cases planted --n 40
+    Example: python -m studies.cases sites --n 10
     """
 
 

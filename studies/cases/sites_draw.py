@@ -15,7 +15,7 @@ from legfem.jobs.store import Store
 from legfem.legs.placement import Calf, calf_section
 from legfem.legs.subject import SitedLeg, Subject
 from legfem.solve.path import ForceCurve
-from studies.cases.planted import TRUTH_SETTINGS
+from studies.cases.truth import FINE
 from studies.making.plane_leg import OtherCase
 from studies.making.pressed_legs import stated_leg, true_force
 from studies.making.recording import Course, LabErrors, record
@@ -96,7 +96,7 @@ def _site(truth: Truth, name: str, fat_kpa: float = FAT_KPA) -> Subject:
 
 def _true_curve(truth: Truth, name: str, kept: Path) -> ForceCurve:
     def solved() -> ForceCurve:
-        settings = None if truth.by_other_code else TRUTH_SETTINGS
+        settings = None if truth.by_other_code else FINE
         case = OtherCase(truth.c10, truth.c20)
         return true_force(_site(truth, name, truth.fat), case, truth.depth_mm, LEAST_MM, settings)
 

@@ -17,18 +17,26 @@ from scipy.interpolate import CubicSpline
 
 from legfem.channels import Sight
 from legfem.common.units import FloatArray, kpa_to_mpa
+from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.jobs.store import Store
 from legfem.legs.finite_element_models import LegVariants
 from legfem.legs.subject import Subject
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanisms import Solution, TissueMechanism, mechanism_named
+from legfem.meshing.section import SectionMeshSettings
 from legfem.solve.protocol import Protocol
 from legfem.solve.settings import StepSettings
 from studies.cases.forms import BRANCHES_S, ON_COURSE, OUTSIDE_ON_COURSE, Pressed
-from studies.cases.planted import TRUTH_SETTINGS as FINE
 from studies.cases.sealed_case import DEPTH_MM, SealedCase
 from studies.making.recording import SAMPLING_HZ, Course
 
+FINE = PlaneStrainSettings(
+    mesh=SectionMeshSettings(0.85, 0.16, 5.0, 2.2),
+    contact=ContactSettings(normal="exponential", stiffness=3000.0, onset=0.01),
+    steps=StepSettings(first=0.1, largest=0.8),
+    quadrature_degree=5,
+)
+"""Another discretisation than the one that inverts."""
 TRUTH_SETTINGS = replace(
     FINE,
     contact=ContactSettings(normal="exponential", stiffness=2000.0, onset=0.02),

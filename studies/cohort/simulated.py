@@ -30,7 +30,7 @@ from legfem.jobs.store import Store, finish
 from legfem.legs.folder import write_subject_folder
 from legfem.legs.loading import load_subject
 from legfem.legs.placement import Calf, calf_section
-from studies.cases.planted import TRUTH_SETTINGS
+from studies.cases.truth import FINE
 from studies.command_line import DONE_IS_KEPT, Jobs, Out, Seed, new_app
 from studies.making.plane_leg import Lump, OtherCase
 from studies.making.pressed_legs import true_force
@@ -157,7 +157,7 @@ def pressed(bare: Path, task: tuple[int, float, bool]) -> list[float]:
     shape, c10, lumpy = task
     leg = load_subject(bare / f"shape-{shape}", need_recordings=False)
     case = OtherCase(c10, lump=LUMP if lumpy else None)
-    settings = None if by_felupe(shape) or lumpy else TRUTH_SETTINGS
+    settings = None if by_felupe(shape) or lumpy else FINE
     return [float(f) for f in true_force(leg, case, BEYOND_MM, DEPTH_MM, settings)(KEPT_AT)]
 
 
@@ -173,7 +173,7 @@ def all_pressed(
     for shape in range(SHAPES):
         if not (bare / f"shape-{shape}").exists():
             write_leg(bare / f"shape-{shape}", shape, "right", (), f"shape {shape}")
-    store = Store(folder / "curves", list[float], modules=("studies.making.pressed_legs", "studies.cases.planted"))
+    store = Store(folder / "curves", list[float], modules=("studies.making.pressed_legs", "studies.cases.truth"))
     with Workers(pressed, bare, processes) as workers:
         made = finish(workers, tasks, store, progress, "pressing", lambda task, _: f"shape {task[0]}, {task[1]:g} kPa")
     return [np.array(one) for one in made]
