@@ -80,6 +80,10 @@ class ClosedForm:
         """Return the forces (k, m), N."""
         return np.array([force_at(*one, self.grid) for one in zip(c10, c20, strict=True)])
 
+    def elastic_courses(self, at: Stiffness) -> Columns:
+        """Return the forces (m,) of a stiffness."""
+        return {"force": force_at(*at, self.grid)}
+
     def relative_change(
         self, mechanism: TissueMechanism, values: Values, at: Stiffness, observed: Observations
     ) -> FloatArray:

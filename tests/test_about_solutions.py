@@ -7,13 +7,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
-from making_diagnosis import GRID, problem_of, ramps
+from making_diagnosis import GRID, fat, force_at, problem_of, ramps
 
 from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.linearised import LinearisedProblem
 from legfem.inverse.map_fit import REFITS, base_about_solution, fit, refitted_about_solutions
 from legfem.inverse.predictor import Responses
+from legfem.inverse.responses import Columns, PathRequest, SolvedResponses
 from legfem.mechanisms import mechanism_named
 
 SUPPORT = mechanism_named("support-compliance")
@@ -81,3 +82,29 @@ def test_the_base_model_is_refitted_about_its_solution():
     assert refit.prediction.max() == pytest.approx(base.prediction.max(), rel=0.01)
     assert np.abs(about.predictor.offset).max() == pytest.approx(error * base.prediction.max())
     assert base_about_solution(problem, base, None)[1] is base
+
+
+class Pressed(SolvedResponses):
+    """Full solutions in closed form, a tenth above the library's effect of the fat."""
+
+    def _solve(self, asked: PathRequest) -> Columns:
+        self._made.append(asked)
+        softer = np.log(asked.solution.scaled.get("superficial.C10", 1.0))
+        return {"force": 1.01 * force_at(*asked.stiffness, self.grid) * (1 + 1.1 * softer * fat(self.grid))}
+
+
+def test_a_mechanism_is_confirmed_by_its_own_solution_alone():
+    stiffer = mechanism_named("superficial-stiffness")
+    problem = problem_of(ramps(), {"superficial-stiffness.factor": 2.0}, seed=3)[0]
+    solved = Pressed(None, GRID[-1], None, {})
+    fitted = fit(problem, (stiffer,), {DEEP_C10: 0.0007, DEEP_C20: 0.0004})
+    refit = refitted_about_solutions(solved, fitted)
+    assert all("superficial.C10" in one.solution.scaled for one in solved._made), "none of the base model"
+    values = refit.values
+    stiffness = values[DEEP_C10], values[DEEP_C20]
+    factor = values["superficial-stiffness.factor"]
+    whole = 1.01 * force_at(*stiffness, GRID) * (1 + 1.1 * np.log(factor) * fat(GRID))
+    at = refit.problem.predictor.observed.displacement
+    deep = at > 3.0
+    onset = np.array([values[f"trial{k + 1}.onset"] for k in refit.problem.predictor.observed.trial])
+    np.testing.assert_allclose(refit.prediction[deep], np.interp(at - onset, GRID, whole)[deep], rtol=6e-3)

@@ -92,6 +92,13 @@ def test_a_law_that_misses_is_said_to(tmp_path: Path) -> None:
     assert neo_hookean.estimates["deep.C10"].identifiability != "identifiable"
 
 
+def test_a_law_that_misses_is_not_searched_for_by_its_errors_first(tmp_path: Path) -> None:
+    model = AnalyticLeg()
+    neo_hookean, polynomial = identify(pressed_leg(tmp_path, 0.3, 3.0), model=model)
+    assert (neo_hookean.weighting, polynomial.weighting) == ("equal", "covariance")
+    assert model.calls <= 11
+
+
 def test_what_the_model_gave_up_to_go_on_is_a_warning(tmp_path: Path) -> None:
     softened = AnalyticLeg(compromise="a contact 5 times softer")
     for model, warned in ((AnalyticLeg(), False), (softened, True)):
