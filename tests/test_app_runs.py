@@ -245,7 +245,7 @@ def test_a_diagnosis_is_compared_by_its_verdict_and_what_it_makes_of_c10(workspa
 
 def test_what_was_computed_with_a_fit_stands_beside_its_parameters(workspace):
     run = pretended(workspace, "stocking")
-    pressure = Computed("mean pressure on the skin", 21.3, "mmHg", 0.5, (20.3, 22.3))
+    pressure = Computed(21.3, 0.5, (20.3, 22.3), "mmHg", "mean pressure on the skin")
     fit = replace(result("neo-hookean"), computed={"pressure_on_skin": pressure})
     write_document(run.results / "result.json", fit_document([fit]))
     (row,) = answers_of(run)

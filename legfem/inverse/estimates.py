@@ -28,7 +28,7 @@ from legfem.inverse.trial import Linearised
 
 @dataclass(frozen=True)
 class Shown:
-    """Numbers of one parameter in the unit in which people read them."""
+    """A number with its error and 95 % interval, in the unit in which people read it."""
 
     value: float
     standard_error: float

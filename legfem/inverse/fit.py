@@ -20,7 +20,7 @@ from legfem.data.recording import Origin
 from legfem.inverse.answer import Answer, Finding, FitNotice, Notice, Tone, Value, leading
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, LawName, Values, model_values
 from legfem.inverse.comparison import Weighting
-from legfem.inverse.estimates import Estimate
+from legfem.inverse.estimates import Estimate, Shown
 from legfem.inverse.intervals import VERDICTS, Identifiability
 from legfem.inverse.readings import READINGS, Channel
 from legfem.inverse.trial import SearchLog
@@ -126,16 +126,11 @@ class OwnEstimate:
 
 
 @dataclass(frozen=True)
-class Computed:
-    """A quantity that follows from a fit, in the unit in which people read it."""
+class Computed(Shown):
+    """A quantity that follows from a fit; its error and interval are NaN where they aren't known."""
 
     name: str
     """In words: ``pressure on the skin, mean``."""
-    value: float
-    unit: str
-    standard_error: float = math.nan
-    ci95: tuple[float, float] = (math.nan, math.nan)
-    """95 % confidence interval; NaN where it isn't known."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -170,4 +170,4 @@ def _pressure(
     name: str, value: float, sd: float = np.nan, interval: tuple[float, float] = (np.nan, np.nan)
 ) -> Computed:
     low, high = map(mpa_to_mmhg, interval)
-    return Computed(name, mpa_to_mmhg(value), "mmHg", mpa_to_mmhg(sd), (low, high))
+    return Computed(mpa_to_mmhg(value), mpa_to_mmhg(sd), (low, high), "mmHg", name)
