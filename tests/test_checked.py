@@ -12,7 +12,7 @@ from legfem.experiments.bodies import BallOnLayer
 from legfem.experiments.compression import CompressionSettings
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import Hyperelastic, Yeoh
-from legfem.mechanics.terms.muscle import Contraction, UnevenStiffness
+from legfem.mechanics.terms.muscle import UnevenStiffness
 from legfem.meshing.structured import LegMeshSettings, MeridianMeshSettings
 from studies.making.scans import SegmentationNoise
 
@@ -57,7 +57,6 @@ def test_symbols_of_a_discretised_model_pass() -> None:
     [
         lambda: Yeoh(C10=1.0, D1=1.0, C20=0.0, C30=-1.0),
         lambda: Yeoh(C10=0.0, D1=1.0, C20=0.0),
-        lambda: Contraction("deep", rise=0.0),
         lambda: UnevenStiffness("deep", Hyperelastic(1.0, 1.0), ((0.0, 0.0),), (-1.0,)),
         lambda: BallOnLayer(thickness=-1.0),
         lambda: ContactSettings(tangential="glue"),  # type: ignore[arg-type]

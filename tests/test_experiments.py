@@ -18,7 +18,7 @@ from legfem.experiments.leg_3d import IdealisedLegIndentation, IdealisedLegSetti
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.jobs.pool import Workers
 from legfem.mechanics.materials import NeoHookean
-from legfem.mechanics.terms import Contraction
+from legfem.mechanics.terms import Fibres
 from legfem.meshing.leg_sizes import SolidMeshSettings
 from legfem.meshing.structured import IdealisedLeg, LegMeshSettings, MeridianMeshSettings
 from legfem.solve.protocol import Protocol
@@ -66,7 +66,7 @@ def test_its_fingerprint_is_that_of_what_it_depends_on():
     indenter = test.indenter
     for change in (
         {"settings": PlaneStrainSettings(mesh=COARSE)},
-        {"mechanisms": (Contraction("deep"),)},
+        {"mechanisms": (Fibres("deep"),)},
         {"indenter": replace(indenter, aim=indenter.aim + 1e-9)},
         {"section": replace(test.section, fascia_thickness=0.7)},
     ):

@@ -18,7 +18,7 @@ from legfem.mechanics.contact import StiffPressure
 from legfem.mechanics.indenters import RigidCylinder
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.mechanics.model import LegModel, Term
-from legfem.mechanics.terms import Contraction, NormalContact, Tissue, Viscoelasticity
+from legfem.mechanics.terms import Excess, NormalContact, Tissue, Viscoelasticity
 from legfem.meshing.section import BONE, DEEP, SKIN
 
 LAW = ReducedPolynomial(C10=2e-3, D1=28.0, C20=1e-3, D2=10.0)
@@ -81,12 +81,13 @@ def test_uniform_state_has_the_closed_form_von_mises_stress(fields):
 
 @pytest.mark.parametrize("formulation", ["displacement", "mixed"])
 def test_a_mechanism_s_stress_counts(formulation):
-    """A contraction that raises C10 adds its share of the stress: twice C10, twice its stress."""
-    tense = block(formulation, Contraction("deep", stiffness=LAW.C10, onset=-1.0))
+    """A part of a tissue that is twice as stiff has twice its stress."""
+    tense = block(formulation, Excess("deep", "deep", LAW, excess=1.0))
     relaxed = fields_of(block(formulation))
     found = fields_of(tense)
     b = np.diag([*STRETCH**2, 1.0]) * STRETCH.prod() ** (-2 / 3)
-    more = 2 * LAW.C10 / STRETCH.prod() * (b - np.trace(b) / 3 * np.eye(3))
+    modulus = LAW.C10 + 2 * LAW.C20 * (np.trace(b) - 3)
+    more = 2 * modulus / STRETCH.prod() * (b - np.trace(b) / 3 * np.eye(3))
     expected = relaxed.von_mises.x.array + 1e3 * von_mises_stress(more)
     np.testing.assert_allclose(found.von_mises.x.array, expected, rtol=1e-9)
     np.testing.assert_allclose(found.pressure.x.array, relaxed.pressure.x.array, rtol=1e-9)

@@ -36,8 +36,6 @@ class CompressionSettings(Checked):
         Displacements and pressures as unknowns, or displacements alone, which locks.
     degree : int
         Degree of the displacement; at 1 the pressures are stabilised.
-    follower : bool
-        Whether the pressure follows the deformed skin; else it is a dead load.
     ends : {"held", "free"}
         Whether the end faces of the segment stay in their planes: the leg goes on beyond them.
     stabilisation : float
@@ -48,7 +46,6 @@ class CompressionSettings(Checked):
 
     formulation: Literal["continuous", "displacement"] = "continuous"
     degree: int = 1
-    follower: bool = True
     ends: Literal["held", "free"] = "held"
     stabilisation: AboveZero[float] = 1.0
     newton: NewtonSettings = field(default_factory=lambda: NewtonSettings(relative_tolerance=1e-8))
@@ -201,5 +198,5 @@ class LegCompression:
         if self.settings.formulation == "continuous" and self.settings.degree == 1:
             strength = self.settings.stabilisation
             terms += [PressureStabilisation(r, tissues[r], strength) for r in regions]
-        terms.append(SkinPressure(1.0 if self.settings.follower else 0.0))
+        terms.append(SkinPressure())
         return LegModel((*terms, *self._mechanisms), self.settings.formulation)

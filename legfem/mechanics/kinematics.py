@@ -51,7 +51,7 @@ def _in_space(u: Expr, radius: Expr | None, diagonal: int) -> Expr:
     )
 
 
-def surface_vector(position: Expr, displacement: Expr | None = None) -> Expr:
+def surface_vector(position: Expr, displacement: Expr) -> Expr:
     r"""Return the normal of a surface in its own orientation, times the change of its area.
 
     With the tangents :math:`T_\alpha` of the facet's own coordinates and
@@ -64,7 +64,7 @@ def surface_vector(position: Expr, displacement: Expr | None = None) -> Expr:
     position
         Spatial coordinate of the surface's mesh (mm).
     displacement
-        On that mesh (mm); none for the reference surface.
+        On that mesh (mm).
 
     Returns
     -------
@@ -72,9 +72,7 @@ def surface_vector(position: Expr, displacement: Expr | None = None) -> Expr:
         Shape (2,) or (3,), dimensionless.
     """
     reference = ufl.Jacobian(ufl.domain.extract_unique_domain(position))
-    tangents = reference
-    if displacement is not None:
-        tangents = reference + ufl.dot(ufl.grad(displacement), reference)
+    tangents = reference + ufl.dot(ufl.grad(displacement), reference)
     if reference.ufl_shape == (2, 1):
         length = ufl.sqrt(reference[0, 0] ** 2 + reference[1, 0] ** 2)
         return ufl.as_vector([tangents[1, 0], -tangents[0, 0]]) / length

@@ -279,9 +279,7 @@ class Skin(IntegrationDomain):
         """
         return sheet_invariants(self.position, self.displacement, self.radius)
 
-    def area_vector(self, deformed: bool = True) -> Expr:
+    def area_vector(self) -> Expr:
         """Return the outward normal times deformed area per reference area, (dimension,)."""
-        if not deformed:
-            return self.outward * surface_vector(self.position)
         swept = 1.0 if self.radius is None else 1.0 + self.displacement[0] / self.radius
         return self.outward * swept * surface_vector(self.position, self.displacement)

@@ -147,7 +147,6 @@ class StockingDetails(KindDetails):
                 "tetrahedra": self.tetrahedra,
                 "unknowns": model.spaces.unknowns,
                 **members_of(model.settings, "formulation", "degree", "ends"),
-                "follower_load": model.settings.follower,
                 "D1_per_MPa": {name: float(law.D1) for name, law in self.leg.tissues.items()},
             },
             "solves": {"equilibria_to_identify": fit.log.forward_solves, "states": self.states},

@@ -14,7 +14,7 @@ from legfem.experiments.plane_strain import LateralPlacement, PlaneStrainIndenta
 from legfem.fem.system import System
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import ExponentialStiffening, Yeoh
-from legfem.mechanics.terms import Contraction, Fibres, Prestress, Tissue, Viscoelasticity
+from legfem.mechanics.terms import Fibres, Prestress, Tissue, Viscoelasticity
 from legfem.mechanics.terms.membranes import contour_tangents
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.protocol import Protocol
@@ -31,11 +31,6 @@ TAPE = ContactSettings(tangential="tape", onset=0.02)
 MECHANISMS = {
     "third order": ([YEOH], None, {"deep.C30": 2e-3}),
     "exponential": ([EXPONENTIAL], None, {"deep.stiffening": 2e-3, "deep.exponent": 1.5}),
-    "contraction": (
-        [Contraction("deep")],
-        None,
-        {"deep.contraction.stiffness": 2e-3, "deep.contraction.onset": 1.2, "deep.contraction.rise": 2.0},
-    ),
     "prestress": ([Prestress(CIRCLE, region="deep")], None, {"deep.prestress.tension": 1e-3}),
     "fibres": (
         [Fibres("deep", axis=(0.8, 0.6, 0.0))],
@@ -85,23 +80,6 @@ def test_sensitivities_are_exact(name):
     assert worst_error(system, values, ["deep.C10", *felt], CYCLE, 0.5) < 1e-4
 
 
-def test_a_contraction_is_felt_after_its_onset_alone():
-    system, values = _system("contraction")
-    hold = Protocol.ramp_and_hold(1.0, rate=1.0, hold=9.0)
-    values |= {"deep.contraction.onset": 4.0, "deep.contraction.rise": 3.0}
-    values["deep.contraction.stiffness"] = values["deep.C10"]
-    rest = forces(system, system.model.parameters, hold, 0.25)
-    tense = forces(system, values, hold, 0.25)
-    time = []
-    follow(system, NewtonSolver(system), hold, fixed_steps(0.25), lambda now, _: time.append(now))
-    ratio, time = tense / rest, np.array(time)
-    np.testing.assert_allclose(ratio[time <= 4], 1.0, rtol=1e-9)
-    rising = (time >= 4) & (time <= 7)
-    assert (np.diff(ratio[rising]) > 0).all()
-    np.testing.assert_allclose(ratio[time >= 7], ratio[-1], rtol=1e-7)
-    assert 1.5 < ratio[-1] < 2.1, "twice the C10, the same C20"
-
-
 def test_tangents_of_a_contour():
     angle = np.linspace(0, 2 * np.pi, 17)
     points = 28 * np.column_stack([np.cos(angle), np.sin(angle)])
@@ -140,7 +118,6 @@ def test_a_leg_with_every_mechanism_at_its_null_is_the_base_model(leg):
         Tissue("deep", deep),
         Viscoelasticity("deep", deep),
         Viscoelasticity("superficial", tissues.superficial),
-        Contraction("deep", onset=2.0),
         Prestress(section.fascia),
     ]
     full = PlaneStrainIndentation(*subject_3(), leg.settings, mechanisms=everything)

@@ -9,6 +9,6 @@ import mpi4py.MPI  # first, see legfem.fem
 
 from legfem.mechanics.terms.contact import BoneSprings, NormalContact, SkinPressure, TangentialContact
 from legfem.mechanics.terms.membranes import Fascia, Prestress, SlidingFace
-from legfem.mechanics.terms.muscle import Contraction, Excess, Fibres, StiffLump, StiffnessGradient, UnevenStiffness
+from legfem.mechanics.terms.muscle import Excess, Fibres, StiffLump, StiffnessGradient, UnevenStiffness
 from legfem.mechanics.terms.time_dependence import Drainage, Viscoelasticity
 from legfem.mechanics.terms.tissue import PressureStabilisation, Tissue, VolumeLoss

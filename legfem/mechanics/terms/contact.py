@@ -115,35 +115,23 @@ class TangentialContact:
 class SkinPressure(NumberedTerm, Memoryless):
     r"""The system's applied pressure :math:`p`, in full at 1 s and in proportion before.
 
-    A follower load acts along the deformed normal on the deformed area,
+    It follows the skin, along the deformed normal on the deformed area:
 
     .. math:: \delta W = \int t\, p\, n \cdot \delta u\, da,
-              \qquad n\, da = \mathrm{cof}(F)\, N\, dA,
-
-    a dead load along the reference normal on the reference area, :math:`N\, dA`.
-
-    Parameters
-    ----------
-    follower : float
-        1 for a load that follows the surface, 0 for a dead one; in between, a mixture.
+              \qquad n\, da = \mathrm{cof}(F)\, N\, dA.
     """
 
-    follower: float = 1.0
     name = "skin_pressure"
     domain: ClassVar[Literal["skin"]] = "skin"
-    numbers = ("follower",)
+    numbers = ()
 
     def residual(self, skin: Skin, history: Mapping[str, Any]) -> Expr:
         """Return the virtual work against the pressure."""
-        (share,) = self.scalars(skin)
-        dead, live = (skin.area_vector(deformed) for deformed in (False, True))
-        pushed = ufl.dot(dead + share * (live - dead), skin.variation)
-        return skin.time * skin.applied_pressure * pushed * skin.measure
+        return skin.time * skin.applied_pressure * ufl.dot(skin.area_vector(), skin.variation) * skin.measure
 
     def pressure(self, skin: Skin, growth: Expr) -> Expr:
-        """Return the pressure per deformed area (MPa), by the growth of the area."""
-        (share,) = self.scalars(skin)
-        return skin.time * skin.applied_pressure * (share + (1 - share) / growth)
+        """Return the pressure per deformed area (MPa)."""
+        return skin.time * skin.applied_pressure
 
 
 HELD = 1e5

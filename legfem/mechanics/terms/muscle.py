@@ -6,7 +6,7 @@ import numpy as np
 import ufl
 
 from legfem.common.errors import AboveZero, InputError, ZeroOrMore
-from legfem.mechanics.kinematics import Expr, isochoric_first_invariant
+from legfem.mechanics.kinematics import Expr
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.model import Body
 from legfem.mechanics.terms.tissue import EnergyTerm
@@ -85,44 +85,6 @@ class Fibres(EnergyTerm):
         along = F.T * F * ufl.as_vector(self.axis)
         I4 = ufl.dot(ufl.as_vector(self.axis), along)
         return shear / 2 * (ufl.dot(along, along) - I4**2) + extension / 8 * (I4 - 1) ** 2
-
-
-@dataclass(frozen=True)
-class Contraction(EnergyTerm):
-    r"""The muscle tenses from a moment on, and resists more.
-
-    Fibres along the leg do no work in plane strain, so a contraction shows as a raised transverse
-    stiffness. The energy
-
-    .. math:: s(t)\, C\, (\bar I_1 - 3), \quad s = 3 x^2 - 2 x^3, \quad
-              x = \min(\max((t - t_0) / r, 0), 1)
-
-    is added to the region's, with a switch :math:`s` whose rate is continuous. The relaxed leg
-    keeps its shape when it tenses. Nothing happens at ``stiffness = 0``, or before the onset.
-
-    Parameters
-    ----------
-    region : str
-        Region of the body; parameters are named ``<region>.contraction.stiffness`` and so on.
-    stiffness : float
-        :math:`C` (MPa), what C10 rises by.
-    onset : float
-        :math:`t_0` (s), of the protocol's clock.
-    rise : float
-        :math:`r` (s), from the onset to the full contraction.
-    """
-
-    stiffness: ZeroOrMore[float] = 0.0
-    onset: float = 0.0
-    rise: AboveZero[float] = 1.0
-    effect = "contraction"
-    numbers = ("stiffness", "onset", "rise")
-
-    def energy_density(self, body: Body, F: Expr) -> Expr:
-        """Return the added energy (MPa) at a deformation gradient."""
-        stiffness, onset, rise = self.scalars(body)
-        x = ufl.max_value(0, ufl.min_value(1, (body.time - onset) / rise))
-        return stiffness * x**2 * (3 - 2 * x) * (isochoric_first_invariant(F) - 3)
 
 
 _EDGE = 12.0

@@ -263,7 +263,7 @@ def _computed(fit: StockingFit) -> web.WebTable:
             f"displacements of degree {settings.degree}, "
             + ("pressures of their own" if settings.formulation == "continuous" else "no pressures"),
         ),
-        ("load", "follows the deformed skin" if settings.follower else "dead load"),
+        ("load", "follows the deformed skin"),
         ("ends of the segment", "held in their planes" if settings.ends == "held" else "free"),
         ("bones", "rigid and fixed"),
         ("solved states", f"{details.states}, for {solves} equilibria to identify and one in the end"),
