@@ -3,7 +3,7 @@ RESULTS = results
 ARGS =
 
 .DEFAULT_GOAL := help
-.PHONY: help demo demo-stocking test lint house format verify test-next bench docs clean
+.PHONY: help demo demo-stocking test lint house format verify test-next bench docs paper clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' Makefile | expand -t 12
@@ -47,7 +47,10 @@ bench: ## count what legfem takes, beside the last release
 docs: ## the site, in docs/_build/html; runs the gallery and the notebooks
 	LEGFEM_DOCS=1 $(RUN) python -m sphinx -W --keep-going -c docs -d docs/_build/doctrees . docs/_build/html $(ARGS)
 
+paper: ## the draft of a paper, in docs/paper/_build/paper.pdf; its numbers are the pages' own
+	LEGFEM_DOCS=1 $(RUN) python docs/paper/build.py
+
 clean: ## remove what the commands and tools wrote here
-	rm -rf $(RESULTS) build dist docs/_build docs/gallery .mypy_cache .pytest_cache .ruff_cache
+	rm -rf $(RESULTS) build dist docs/_build docs/gallery docs/paper/_build .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 	rm -rf ./*.egg-info
