@@ -20,7 +20,7 @@ from studies.cases.sealed_draw import SUBSETS
 
 COUNTED = Path(__file__).parent / "sealed-1511.json"
 """What `docs/static/coverage.svg` shows: the sealed cases of seed 1511."""
-_KINDS = {"none": "nothing", "single": "one effect", "pair": "two effects", "outside": "outside the library"}
+_KINDS = {"none": "nothing", "single": "one effect", "pair": "two effects", "outside": "outside\nthe library"}
 _COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#999999", "#000000", "#F0E442")
 
 
