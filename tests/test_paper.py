@@ -58,6 +58,10 @@ def test_every_number_that_the_text_asks_for_is_on_a_page(found: dict[str, Any])
         assert counted is not None
         told = counted[1] if part == '"of"' else counted[2].split(", ")[int(part or 0)]
         assert told and re.search(r"\d", told), (table, row, column, part)
+    studies = re.findall(r'^ +\("([^"]+)", "(?:simulated|reconstructed|real)"\),$', TEXT, re.M)
+    assert len(studies) > 5
+    for study in studies:
+        assert sum(r[0].startswith(study) for r in found["tables"]["evidence"]["rows"]) == 1, study
     for phrase, group in groups:
         assert found["phrases"][phrase][int(group)], phrase
 

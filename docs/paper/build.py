@@ -10,6 +10,7 @@ import json
 import re
 import sys
 import tomllib
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -44,11 +45,7 @@ def table(text: str, under: str, header: list[str], file: str) -> list[list[str]
     at = [k for k, line in enumerate(rest[:end]) if line.startswith("|") and cells(line) == header]
     if len(at) != 1:
         raise MovedError(f"{file}: under {under!r} no table has the header {header}")
-    rows = []
-    for line in rest[at[0] + 2 : end]:
-        if not line.startswith("|"):
-            break
-        rows.append(cells(line))
+    rows = [cells(line) for line in takewhile(lambda line: line.startswith("|"), rest[at[0] + 2 : end])]
     if not rows or any(len(row) != len(header) for row in rows):
         raise MovedError(f"{file}: under {under!r} a row has not {len(header)} cells")
     return rows
