@@ -9,6 +9,7 @@ import pytest
 from making_mechanics import fixed_steps, press, pressed_block
 
 from legfem.fem.system import System
+from legfem.solve import newton
 from legfem.solve.newton import RELAXED, Damping, NewtonSolver, RelaxationSettings, relax
 from legfem.solve.path import NewtonOutcome
 from legfem.solve.settings import NewtonSettings, StepSettings
@@ -104,27 +105,54 @@ class Folding(NewtonSolver):
 
 def test_a_creep_that_folds_faster_than_it_is_damped_is_given_up_at_once():
     system = pressed_block()
+    system.set_displacement(1.0)
     solver = Folding(system, least=100.0)
     outcome = relax(system, solver)
-    assert not outcome.converged and solver.tried == [1.0, 4.0] and outcome.factorisations == 10
+    assert not outcome.converged and outcome.factorisations == 30
+    assert solver.tried == pytest.approx([1e-3 * 4**k for k in range(6)]), "each four times as strong, and none above 4"
 
 
-def test_a_creep_that_finds_nothing_takes_four_curves_work_at_most():
+def test_a_creep_that_finds_nothing_takes_less_than_a_curves_work():
     system = pressed_block()
+    system.set_displacement(1.0)
     solver, settings = Folding(system, least=0.01), RelaxationSettings()
     outcome = relax(system, solver)
     assert not outcome.converged and outcome.reason == "creeps on"
     assert settings.most <= outcome.factorisations < settings.most + 12
-    failed = [k for k, strength in enumerate(solver.tried) if strength <= 0.01]
-    assert min(np.diff(failed)) > settings.rest, "what failed is tried again only after a rest"
+    after = [later / now for now, later in pairwise(solver.tried) if now <= 0.01]
+    assert settings.most < 50 and after == pytest.approx([settings.raised] * len(after))
 
 
-def test_without_damping_it_is_tried_again_only_at_a_weaker_one():
+def test_without_damping_it_is_tried_again_only_where_a_tenth_of_the_residual_is_left(monkeypatch):
+    system = pressed_block()
+    solver, norms, tried = Folding(system, least=0.0), [0.6**k for k in range(50)], []
+    left = iter(norms)
+    monkeypatch.setattr(newton, "_norm", lambda _: tried.append(len(solver.tried)) or next(left))
+    monkeypatch.setattr(system, "contact_scale", lambda: 1.0)
+    relax(system, solver)
+    plain = [k for k, strength in enumerate(solver.tried) if not strength]
+    at = [norms[sum(when <= k for when in tried) - 1] for k in plain]
+    assert len(at) > 1 and at[0] <= 0.01 and all(now <= 0.1 * was for was, now in pairwise(at))
+
+
+def test_damping_follows_the_residual_within_bounds(monkeypatch):
+    system = pressed_block()
+    solver, given = Folding(system, least=0.0), RelaxationSettings(first=0.1, most=6)
+    norms = iter([1.0, 2.0, 20.0, 10.0, 1.0, 1.0, 1.0])
+    monkeypatch.setattr(newton, "_norm", lambda _: next(norms))
+    monkeypatch.setattr(system, "contact_scale", lambda: 1.0)
+    relax(system, solver, given)
+    factors = [later / now for now, later in pairwise(solver.tried)]
+    assert factors == pytest.approx([1.4, 2.0, 0.35, 0.25, 0.7])
+
+
+def test_damping_stays_strong_enough_to_slow_what_is_unstable(monkeypatch):
     system = pressed_block()
     solver = Folding(system, least=0.0)
+    monkeypatch.setattr(newton, "_norm", lambda _: 1.0)
+    monkeypatch.setattr(system, "contact_scale", lambda: 1.0)
     relax(system, solver)
-    before = [solver.tried[k - 1] for k, strength in enumerate(solver.tried) if not strength]
-    assert len(before) > 2 and all(now <= was / 7 for was, now in pairwise(before))
+    assert min(solver.tried) == solver.tried[-1] == RelaxationSettings().weakest
 
 
 def test_a_damped_step_is_given_up_sooner_than_a_plain_one():

@@ -174,6 +174,15 @@ def test_an_absurd_limit_gives_up_at_once():
     np.testing.assert_array_equal(system.unknown.x.array, 0.0)
 
 
+def test_steps_that_fail_take_no_more_than_they_may():
+    system = pressed_block()
+    solver = FailingSolver(system, lambda at: at > 1.1)
+    report = press(system, solver, [2.0], StepSettings(most_astray=10))
+    failed = [step.factorisations for step in report.steps if not step.converged]
+    assert failed == [7, 7] and report.reason == "14 factorisations were of steps that failed: told to fail"
+    assert 0.5 < report.reached <= 1.1
+
+
 # --- the second line of defence ---
 
 
@@ -280,6 +289,7 @@ def test_without_defences_the_first_failure_stands(monkeypatch):
 
 @pytest.mark.parametrize("best", ["the first", "softer"])
 def test_the_farthest_attempt_is_returned_where_none_is_complete(monkeypatch, best):
+    monkeypatch.setattr(plane_strain, "_MOST_WORK", 1000)
     sizes: list[int] = []
 
     def reach(attempt: Attempt) -> float:

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.fem.compat import evaluate
 from legfem.fem.compiled import expression
-from legfem.fem.forms import SKIN_DEGREE
 from legfem.fem.system import System
 from legfem.mechanics.kinematics import Expr, volume_ratio
 from legfem.mechanics.model import Body, Skin, Stressed
@@ -160,7 +159,7 @@ class FieldReader:
         growth = ufl.sqrt(domain.sheet_invariants[1])
         pressure = sum(term.pressure(domain) for term in contacts) / growth
         pressure += sum(term.pressure(domain, growth) for term in given)
-        return name, _at_points(pressure, self.system.spaces.skin, SKIN_DEGREE)
+        return name, _at_points(pressure, self.system.spaces.skin, domain.quadrature_degree)
 
     def on_skin(self) -> tuple[Any, Any]:
         """Return pressure per deformed area (kPa) and displacement (mm) on the skin's mesh."""
@@ -177,7 +176,7 @@ class FieldReader:
         index_map = mesh.topology.index_map(mesh.topology.dim)
         cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
         values = mpa_to_kpa(evaluate(pressure, mesh, cells))
-        fit_in_cells(function, values, cells, SKIN_DEGREE)
+        fit_in_cells(function, values, cells, domain.quadrature_degree)
         _drop_negative(function)
         return function, displacement
 

@@ -134,7 +134,10 @@ class History:
             variable.x.array[:] = 0.0
 
 
-SKIN_DEGREE = 3
+SKIN_DEGREE, RAISED_SKIN_DEGREE = 3, 5
+"""Degree of the skin's quadrature, and that where the body's is raised to 6. Two points leave an edge of second order a
+motion that they don't feel, and skin on fat that is far softer than what presses it takes it; three feel all.
+"""
 type Rounding = Callable[[FloatArray], FloatArray]
 """Function from points on flat facets, (n, 3), mm, to those of the surface that they stand for."""
 
@@ -245,6 +248,7 @@ def skin_forms(
     centres: tuple[Any, Any],
     applied_pressure: Any,
     rounding: Rounding | None = None,
+    degree: int = SKIN_DEGREE,
 ) -> DomainForms:
     """Return the forms of the skin.
 
@@ -253,7 +257,7 @@ def skin_forms(
     """
     mesh, space = spaces.skin, spaces.skin_space
     unknown, before, test = fem.Function(space), fem.Function(space), ufl.TestFunction(space)
-    metadata = {"quadrature_degree": SKIN_DEGREE, "quadrature_rule": "default"}
+    metadata = {"quadrature_degree": degree, "quadrature_rule": "default"}
     outward = fem.Function(fem.functionspace(mesh, ("DG", 0)))
     outward.x.array[:] = spaces.skin_outward
     radius = _radius(spaces, mesh)
@@ -264,7 +268,7 @@ def skin_forms(
         unknown,
         before,
         test,
-        SKIN_DEGREE,
+        degree,
         clock.time,
         clock.step,
         _swept(ufl.Measure("dx", domain=mesh, metadata=metadata), radius),
@@ -276,7 +280,7 @@ def skin_forms(
         radius,
         None if rounding is None else _rounded(space, rounding),
     )
-    return DomainForms(domain, before, model.at("skin"), SKIN_DEGREE)
+    return DomainForms(domain, before, model.at("skin"), degree)
 
 
 def _rounded(space: Any, rounding: Rounding) -> Any:

@@ -15,7 +15,7 @@ from scipy.sparse import csr_matrix
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.fem.forms import Clock, Rounding, Symbols, body_forms, skin_forms
+from legfem.fem.forms import RAISED_SKIN_DEGREE, SKIN_DEGREE, Clock, Rounding, Symbols, body_forms, skin_forms
 from legfem.fem.spaces import LegSpaces, sum_over
 from legfem.mechanics.kinematics import volume_ratio
 from legfem.mechanics.model import Body, LegModel
@@ -122,6 +122,7 @@ class System:
             (self._centre, self._centre_before),
             self.applied_pressure,
             rounding,
+            SKIN_DEGREE if quadrature_degree < 6 else RAISED_SKIN_DEGREE,
         )
         self.tangent_matrix = self._matrix()
         self._kept: PETSc.Mat | None = None

@@ -7,6 +7,7 @@ The outcome is a value, and a state is accepted only where the residual is small
 is off, since it accepts impossible steps.
 """
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -372,44 +373,41 @@ class RelaxationSettings:
     Parameters
     ----------
     first, greatest : float
-        Strength at the start, and above which it is given up: the body folds faster than damping far stiffer than its
-        tissue slows it.
-    undamped : float
-        Strength below which Newton's method is tried without damping, and again whenever that has eased thrice more.
-    easy : int
-        Factorisations up to which a damped step was easy: the next has ``eased`` times its strength. One that failed is
-        repeated with ``raised`` times its strength, which is then kept for ``rest`` steps.
+        Strength at the start, and above which it is given up: the body folds faster than that slows it.
     eased, raised : float
-        Factors.
-    rest : int
-        Number of steps.
+        Factors on the strength: after a damped step, beside the residual's, and where one failed.
+    least, most_change, weakest : float
+        Bounds of the factor after a damped step, and of the strength: weaker steps end at a saddle.
+    near, nearer : float
+        Residual over the contact's forces below which none is tried, and the factor on it after which again.
     most : int
-        Factorisations at which it is given up, some four curves' worth.
+        Factorisations at which it is given up, less than a curve's worth.
     """
 
-    first: float = 1.0
+    first: float = 1e-3
     greatest: float = 4.0
-    undamped: float = 1e-4
-    easy: int = 3
-    eased: float = 0.5
+    eased: float = 0.7
     raised: float = 4.0
-    rest: int = 6
-    most: int = 200
+    least: float = 0.25
+    most_change: float = 2.0
+    weakest: float = 3e-4
+    near: float = 1e-2
+    nearer: float = 0.1
+    most: int = 40
 
 
 def relax(system: System, solver: NewtonSolver, settings: RelaxationSettings | None = None) -> NewtonOutcome:
     r"""Creep from the system's present unknown to an equilibrium, which replaces it if found.
 
-    Where a path of equilibria ends the body creeps to another one: thin muscle between a stiff
-    fascia and a bone buckles and folds. At a step's end the indenter then rests, and backward Euler
-    steps of a fictitious time follow
+    Where a path of equilibria ends the body creeps to another one: thin muscle between a stiff fascia and a bone
+    buckles and folds. At a step's end the indenter then rests, and backward Euler steps of a fictitious time follow
 
     .. math:: \tau\, w\, \dot u = -R(u)
 
-    with ever smaller damping, until Newton's method converges without any: pseudo-transient
-    continuation (C. T. Kelley, D. E. Keyes, SIAM J. Numer. Anal. 35 (1998) 508-523). A descent
-    passes maxima and saddles of the energy, so that what it ends at is an equilibrium that a slow
-    experiment would snap to; only that state, undamped, is a result.
+    with a damping that follows the residual until Newton's method converges without any: switched
+    evolution relaxation (C. T. Kelley, D. E. Keyes, SIAM J. Numer. Anal. 35 (1998) 508-523). A
+    descent passes maxima and saddles of the energy, so that what it ends at is an equilibrium that
+    a slow experiment would snap to; only that state, undamped, is a result.
 
     Returns
     -------
@@ -418,13 +416,13 @@ def relax(system: System, solver: NewtonSolver, settings: RelaxationSettings | N
     """
     given = settings or RelaxationSettings()
     unknown = system.unknown.x.array
-    factorisations = iterations = resting = 0
-    strength, undamped = given.first, given.undamped
-    outcome = NewtonOutcome(False, "no damping was enough", 0, 0, float("inf"))
+    factorisations = iterations = 0
+    strength, failed, norm = given.first, math.inf, _norm(system)
+    outcome = NewtonOutcome(False, "no damping was enough", 0, 0, math.inf)
     while factorisations < given.most and strength <= given.greatest:
         anchor = unknown.copy()
+        damped = norm > min(given.near * system.contact_scale(), given.nearer * failed)
         system.seek()
-        damped = strength >= undamped
         outcome = solver.solve(Damping(anchor, strength) if damped else None)
         factorisations += outcome.factorisations
         iterations += outcome.iterations
@@ -432,14 +430,21 @@ def relax(system: System, solver: NewtonSolver, settings: RelaxationSettings | N
             outcome = replace(outcome, reason=RELAXED)
             break
         if outcome.converged:
-            resting -= 1
-            strength *= given.eased if resting < 0 and outcome.factorisations <= given.easy else 1.0
+            before, norm = norm, _norm(system)
+            strength *= min(max(given.eased * norm / before, given.least), given.most_change)
+            strength = max(strength, given.weakest)
             continue
         unknown[:] = anchor
         if damped:
-            strength, resting = given.raised * strength, given.rest
+            strength *= given.raised
         else:
-            undamped *= given.eased**3
+            failed = norm
     else:
         outcome = replace(outcome, converged=False, reason="creeps on")
     return replace(outcome, factorisations=factorisations, iterations=iterations)
+
+
+def _norm(system: System) -> float:
+    """Return the norm of the residual at a system's present unknown, without damping."""
+    system.assemble_residual()
+    return system.residual_norm()

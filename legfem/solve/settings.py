@@ -64,7 +64,8 @@ class StepSettings:
     ``first`` is short enough.
 
     Where no step converges, ``relaxes`` lets the body creep to another equilibrium
-    (`legfem.solve.newton`), at which the force may jump.
+    (`legfem.solve.newton`), at which the force may jump. Once steps that failed and creeping have taken more than
+    ``most_astray`` factorisations the next failure is the end.
 
     What a contact remembers depends on the steps, a little. Where solvers that work differently are
     to take the same ones, ``easy`` and ``hard`` have to be out of reach: see `regular`.
@@ -83,6 +84,7 @@ class StepSettings:
     hold_growth: float = 1.3
     curve_tolerance: float = math.inf
     relaxes: bool = False
+    most_astray: float = math.inf
 
     @classmethod
     def regular(cls, **sizes: Any) -> "StepSettings":

@@ -11,7 +11,7 @@ import numpy as np
 from legfem.common.units import FloatArray
 from legfem.fem.system import System
 from legfem.jobs.store import Checkpoint
-from legfem.solve.newton import NewtonSolver, relax
+from legfem.solve.newton import RELAXED, NewtonSolver, relax
 from legfem.solve.path import NewtonOutcome, SolveReport, Step
 from legfem.solve.protocol import Protocol, ProtocolSegment
 from legfem.solve.settings import StepSettings
@@ -250,6 +250,8 @@ class _Walk:
                     size = length * self._watch.factor(excess)
                     continue
                 size = length * self._settings.cut
+                if self._astray > self._settings.most_astray:
+                    return f"{self._astray} factorisations were of steps that failed: {outcome.reason}"
                 if size >= sizes.smallest:
                     continue
                 snapped = self._snap(segment, position)
@@ -270,6 +272,13 @@ class _Walk:
                 self._size = size
             self._keep(segment, position, size)
         return None
+
+    @property
+    def _astray(self) -> int:
+        """Factorisations so far of steps that failed and of creeping, but for those that were too long for a spline."""
+        return sum(
+            s.factorisations for s in self.steps if s.reason != BENDS and not (s.converged and s.reason != RELAXED)
+        )
 
     def _sizes(self, segment: ProtocolSegment) -> StepSettings:
         """Return sizes of a segment's steps: mm, or s in a hold."""
