@@ -8,16 +8,17 @@ import re
 import stat
 import tomllib
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from datetime import date, time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, get_args
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from legfem.common.errors import MISSING, InputError, remedy_for_missing
+from legfem.common.toml_mistakes import why_no_toml
 from legfem.common.wording import Remedy
 
 if TYPE_CHECKING:
@@ -223,12 +224,26 @@ PlainName = Annotated[str, Field(pattern=r"^\w[\w. -]*$", max_length=100)]
 """A name that a file or folder may have too: results are written under it, and must not leave their folder."""
 
 
+type Trouble = tuple[str, str, str]
+"""The key at fault, the problem, and the remedy."""
+
+
 class FileTable(BaseModel):
     """A table of a file: no unknown keys, no conversion of types."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, use_attribute_docstrings=True)
     alternatives: ClassVar[tuple[str, ...]] = ()
     """Tables in it of which one is given, or some."""
+
+    def troubles(self) -> Iterable[Trouble]:
+        """Yield what is wrong with values that don't go together; the first is told."""
+        return ()
+
+    @model_validator(mode="after")
+    def _has_no_trouble(self) -> Self:
+        for found in self.troubles():
+            raise trouble(*found)
+        return self
 
 
 class NamedFile(FileTable):
@@ -242,11 +257,17 @@ class NamedFile(FileTable):
     """Where the data come from; reports of simulated or reconstructed data say so."""
 
 
-def check_one_of(table: FileTable, key: str, other: str, remedy: str) -> None:
-    """Check that a key is given in a table, or another in its place; raises `trouble` where none is, or both."""
+def unless_one_of(table: FileTable, key: str, other: str, remedy: str) -> Iterator[Trouble]:
+    """Yield a trouble unless a key is given in a table, or another in its place."""
     given = getattr(table, key) is not None
     if given == (getattr(table, other) is not None):
-        raise trouble(key, f"given beside {other}" if given else MISSING, remedy)
+        yield key, f"given beside {other}" if given else MISSING, remedy
+
+
+def check_one_of(table: FileTable, key: str, other: str, remedy: str) -> None:
+    """Raise what `unless_one_of` yields."""
+    for found in unless_one_of(table, key, other, remedy):
+        raise trouble(*found)
 
 
 def check_distinct(file: Path, field: str, names: Iterable[str], remedy: str) -> None:
@@ -381,57 +402,3 @@ def _known_keys(keys: list[str], schema: type[BaseModel]) -> list[str]:
         candidates = [annotation, *get_args(annotation)]
         model = next(c for c in candidates if isinstance(c, type) and issubclass(c, BaseModel))
     return [field.alias or name for name, field in model.model_fields.items()]
-
-
-_LINE = re.compile(r"at line (\d+), column (\d+)")
-_OTHER_QUOTES = re.compile("[\u201c\u201d\u201e\u201f\u00ab\u00bb\u2018\u2019]")
-_VALUE = re.compile(r"^\s*(?P<key>[\w.-]+)\s*=\s*(?P<value>.*?)\s*$")
-_KINDS: tuple[tuple[re.Pattern[str], str, str], ...] = (
-    (re.compile(r"[+-]?\d+,\d+"), "has a decimal comma", "write decimals with points"),
-    (re.compile(r"[+-]?[\d.]+\s?[a-zA-Zµ°%]+"), "has a unit behind the number", "write the number alone"),
-    (re.compile(r".*;"), "ends with a semicolon", "take it out"),
-    (re.compile(r".*\s//.*"), "has a comment after //", "begin comments with #"),
-    (re.compile(r"(True|TRUE|False|FALSE|yes|no|Yes|No)"), "is neither true nor false", "write true or false"),
-    (re.compile(r'"[^"]*\\.*"'), "has a backslash in a path", "write paths with /"),
-    (re.compile(r"[^\W\d]\w*( \w+)*"), "is text without quotes", 'write it in quotes: "..."'),
-)
-"""What may stand where a value is wanted, what is wrong with it, and how to mend it."""
-
-
-def why_no_toml(text: str, error: ValueError) -> tuple[str, str]:
-    """Return what is wrong, with its line, and how to mend it.
-
-    Parameters
-    ----------
-    text : str
-        The whole file's.
-    error : ValueError
-        What ``tomllib`` raised.
-    """
-    lines = text.splitlines()
-    place = _LINE.search(str(error))
-    if text.lstrip()[:1] == "{":
-        return "is JSON", "write it as TOML: key = value, and [tables] on lines of their own"
-    if place is None or int(place[1]) > len(lines):
-        return str(error), "correct the syntax (texts in quotes, decimals with points)"
-    number, line = int(place[1]), lines[int(place[1]) - 1]
-    told = _of_line(line, str(error))
-    if told is None:
-        return f"{error}: {line.strip()[:60]!r}", "correct the syntax (texts in quotes, decimals with points)"
-    return f"line {number}: {line.strip()[:60]} {told[0]}", told[1]
-
-
-def _of_line(line: str, error: str) -> tuple[str, str] | None:
-    if error.startswith("Cannot overwrite"):
-        return "gives a key that is given above already", "keep one of the two"
-    if error.startswith("Cannot declare"):
-        return "is a table that is given above already", "put its keys under the first"
-    if _OTHER_QUOTES.search(line):
-        return "has an editor's curved quotes", 'write straight ones: "..."'
-    if re.match(r"^\s*[\w-]+\s*:", line):
-        return "has a colon in place of =", "write key = value"
-    found = _VALUE.match(line)
-    if found is None:
-        return None
-    value = found["value"].partition(" #")[0].rstrip()
-    return next(((problem, remedy) for kind, problem, remedy in _KINDS if kind.fullmatch(value)), None)

@@ -1,12 +1,12 @@
 """What folders of legs, stockings and specimens share: instruments, recordings, and those that come with legfem."""
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from legfem.common import input_files
 from legfem.common.errors import MISSING, InputError
@@ -40,20 +40,19 @@ class InstrumentEntry(input_files.FileTable):
     displacement_accuracy_mm: Accuracy | None = None
     """Accuracy of the displacement, plus or minus, as data sheets give it; in place of displacement_sd_mm."""
 
-    @model_validator(mode="after")
-    def _each_once(self) -> "InstrumentEntry":
+    def troubles(self) -> Iterator[input_files.Trouble]:
+        """Yield an accuracy that is missing, or given twice."""
         stated = self.force_accuracy_percent is not None or self.force_range_N is not None
         if self.force_sd_N is not None and stated:
             remedy = "give either force_sd_N or force_accuracy_percent with force_range_N"
-            raise input_files.trouble("force_sd_N", "given beside accuracy and range", remedy)
+            yield "force_sd_N", "given beside accuracy and range", remedy
         if self.force_sd_N is None:
             for key in ("force_accuracy_percent", "force_range_N"):
                 if getattr(self, key) is None:
                     remedy = "give force_sd_N, or force_accuracy_percent and force_range_N"
-                    raise input_files.trouble(key if stated else "force_sd_N", MISSING, remedy)
+                    yield key if stated else "force_sd_N", MISSING, remedy
         remedy = "give either displacement_sd_mm or displacement_accuracy_mm"
-        input_files.check_one_of(self, "displacement_sd_mm", "displacement_accuracy_mm", remedy)
-        return self
+        yield from input_files.unless_one_of(self, "displacement_sd_mm", "displacement_accuracy_mm", remedy)
 
     def instrument(self) -> Instrument:
         """Return the standard deviations of readings."""
@@ -90,14 +89,13 @@ class RecordingsEntry(input_files.FileTable):
     """Whether a plane-strain model, whose cylinder has no ends, made the recordings; without it, that is so of all
     legs but measured ones."""
 
-    @model_validator(mode="after")
-    def _all_channels_or_none(self) -> "RecordingsEntry":
+    def troubles(self) -> Iterator[input_files.Trouble]:
+        """Yield a channel that is missing beside others."""
         keys = ("time", "displacement", "force")
         given = [key for key in keys if getattr(self, key) is not None]
         missing = [key for key in keys if key not in given]
         if missing and (given or self.sheet is not None):
-            raise input_files.trouble(missing[0], MISSING, f"give column and unit of {', '.join(keys)}")
-        return self
+            yield missing[0], MISSING, f"give column and unit of {', '.join(keys)}"
 
     def channels(self) -> SourceColumns | None:
         """Return where the quantities are found; None where files are in legfem's own form."""

@@ -5,14 +5,14 @@ count.
 """
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Literal, Self
+from typing import Literal
 
 import numpy as np
-from pydantic import model_validator
 
 from legfem.common.errors import InputError
-from legfem.common.input_files import FileTable, Text, check_one_of
+from legfem.common.input_files import FileTable, Text, Trouble, unless_one_of
 from legfem.common.units import FloatArray
 from legfem.data.formats import Column, Sheet, read_sheets
 from legfem.data.formats.labels import UNIT_OF, unit_named
@@ -53,10 +53,9 @@ class StressTableEntry(FileTable):
         unit = unit_named(self.unit)
         return unit is not None and unit.quantity == "force"
 
-    @model_validator(mode="after")
-    def _one_deformation(self) -> Self:
-        check_one_of(self, "stretch", "strain", "give the column of one of them")
-        return self
+    def troubles(self) -> Iterator[Trouble]:
+        """Yield neither stretch nor strain, or both."""
+        yield from unless_one_of(self, "stretch", "strain", "give the column of one of them")
 
 
 def stretch_and_stress(sheet: Sheet, timed: bool = False) -> tuple[Column, Column] | None:

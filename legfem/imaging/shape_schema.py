@@ -1,12 +1,11 @@
 """The schema of what a folder's file says a leg's shape is taken from."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import ClassVar
 
-from pydantic import model_validator
-
 from legfem.common.errors import InputError, remedy_for_missing
-from legfem.common.input_files import FileTable, Text, trouble
+from legfem.common.input_files import FileTable, Text, Trouble
 
 type Labels = int | list[int]
 
@@ -37,16 +36,15 @@ class ShapeEntry(FileTable):
     }
     """Keys of which one says what the shape is taken from, in words."""
 
-    @model_validator(mode="after")
-    def _one_source(self) -> "ShapeEntry":
+    def troubles(self) -> Iterator[Trouble]:
+        """Yield other than one source, and a series without its scan."""
         given = [name for name in self.sources if getattr(self, name)]
         if len(given) != 1:
             *others, last = self.sources.values()
             problem = f"{len(given)} sources of the leg's shape are given"
-            raise trouble("scan", problem, f"give one of {', '.join(others)} and {last}")
+            yield "scan", problem, f"give one of {', '.join(others)} and {last}"
         if self.series is not None and self.scan is None:
-            raise trouble("series", "is given without a scan", "give the scan, or leave it out")
-        return self
+            yield "series", "is given without a scan", "give the scan, or leave it out"
 
 
 def existing(directory: Path, name: str, toml: Path, field: str) -> Path:

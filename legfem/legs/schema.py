@@ -1,8 +1,7 @@
 """The schema of ``subject.toml``, and its sites, each read as a subject of its own."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from itertools import chain
 from pathlib import Path, PurePath
 from typing import Annotated, Any, ClassVar, Literal
@@ -50,17 +49,6 @@ class IndenterEntry(input_files.FileTable):
     landmarks: input_files.Text | None = None
     """CSV file of points in the coordinates of the indenter's pose and in the scan's, where the two differ."""
 
-    @model_validator(mode="after")
-    def _one_kind(self) -> "IndenterEntry":
-        if self.shape == "cylinder" and self.length_mm is None:
-            raise input_files.trouble("length_mm", MISSING, "give the cylinder's length")
-        for key in ("axis_deg", "axis"):
-            if self.shape != "cylinder" and getattr(self, key) is not None:
-                raise input_files.trouble(key, f"has no effect for a {self.shape}", "leave it out")
-        if self.axis is not None and self.axis_deg is not None:
-            raise input_files.trouble("axis_deg", "is given beside axis", "give one of them")
-        return self
-
     @property
     def own_length(self) -> float:
         """Of a cylinder (mm); of a ball or punch, whose length has no effect, its diameter."""
@@ -68,21 +56,27 @@ class IndenterEntry(input_files.FileTable):
             return self.diameter_mm
         return self.length_mm
 
-    @model_validator(mode="after")
-    def _one_place(self) -> "IndenterEntry":
+    def troubles(self) -> Iterator[input_files.Trouble]:
+        """Yield what doesn't suit the indenter's shape, and two places or none."""
+        if self.shape == "cylinder" and self.length_mm is None:
+            yield "length_mm", MISSING, "give the cylinder's length"
+        for key in ("axis_deg", "axis"):
+            if self.shape != "cylinder" and getattr(self, key) is not None:
+                yield key, f"has no effect for a {self.shape}", "leave it out"
+        if self.axis is not None and self.axis_deg is not None:
+            yield "axis_deg", "is given beside axis", "give one of them"
         for flat, spatial in (("aim_mm", "position_mm"), ("direction_deg", "direction")):
             remedy = f"give {flat} in the section's plane, or {spatial} in the scan"
-            input_files.check_one_of(self, flat, spatial, remedy)
+            yield from input_files.unless_one_of(self, flat, spatial, remedy)
         if (self.position_mm is None) != (self.direction is None):
             remedy = "give both in the scan, or aim_mm and direction_deg in the section's plane"
-            raise input_files.trouble("direction", "position_mm and direction belong together", remedy)
+            yield "direction", "position_mm and direction belong together", remedy
         for key in ("axis", "landmarks"):
             if getattr(self, key) is not None and self.position_mm is None:
-                raise input_files.trouble(key, "is of use with position_mm alone", "leave it out")
+                yield key, "is of use with position_mm alone", "leave it out"
         for key in ("direction", "axis"):
             if getattr(self, key) is not None and not any(getattr(self, key)):
-                raise input_files.trouble(key, "has no length", "give a vector")
-        return self
+                yield key, "has no length", "give a vector"
 
 
 FROM_BEHIND: Mapping[str, Any] = {"aim_mm": [0.0, 0.0], "direction_deg": 90.0}
@@ -111,12 +105,12 @@ class SectionEntry(ShapeEntry):
     length_mm: Annotated[float, Field(gt=0, le=1000.0, allow_inf_nan=False)] | None = None
     """Length of the leg in a 3D model, with the cylinder at its middle; 120 mm without it."""
 
-    @model_validator(mode="after")
-    def _both_sizes(self) -> "SectionEntry":
+    def troubles(self) -> Iterator[input_files.Trouble]:
+        """Yield one of a typical calf's sizes without the other, beside a shape's troubles."""
+        yield from super().troubles()
         if (self.girth_mm is None) != (self.fat_mm is None):
             missing = "fat_mm" if self.fat_mm is None else "girth_mm"
-            raise input_files.trouble(missing, MISSING, "a typical calf takes both girth_mm and fat_mm")
-        return self
+            yield missing, MISSING, "a typical calf takes both girth_mm and fat_mm"
 
 
 class RegionEntry(input_files.FileTable):
@@ -140,26 +134,23 @@ class TissueEntry(input_files.FileTable):
     D2_per_MPa: input_files.Positive | None = None
     """Compressibility at large changes of volume; of the reduced polynomial only."""
 
-    @model_validator(mode="after")
-    def _law_has_parameters(self) -> "TissueEntry":
-        if self.law == "neo-hookean":
-            for key in ("C20_kPa", "D2_per_MPa"):
-                if getattr(self, key) is not None:
-                    problem = "the neo-Hookean law has no such parameter"
-                    raise input_files.trouble(key, problem, f'remove {key} or set law = "reduced-polynomial"')
-        return self
+    def troubles(self) -> Iterator[input_files.Trouble]:
+        """Yield parameters that the law hasn't."""
+        for key in ("C20_kPa", "D2_per_MPa"):
+            if self.law == "neo-hookean" and getattr(self, key) is not None:
+                remedy = f'remove {key} or set law = "reduced-polynomial"'
+                yield key, "the neo-Hookean law has no such parameter", remedy
 
 
 class GivenTissueEntry(TissueEntry):
     """A tissue whose stiffness isn't identified and must be given."""
 
-    @model_validator(mode="after")
-    def _stiffness_is_given(self) -> "GivenTissueEntry":
-        if self.C10_kPa is None:
-            raise input_files.trouble("C10_kPa", MISSING, "give it; only the deep tissue is identified")
-        if self.law == "reduced-polynomial" and self.C20_kPa is None:
-            raise input_files.trouble("C20_kPa", MISSING, "give it; only the deep tissue is identified")
-        return self
+    def troubles(self) -> Iterator[input_files.Trouble]:
+        """Yield a stiffness that is missing, beside a tissue's troubles."""
+        yield from super().troubles()
+        for key in ("C10_kPa", "C20_kPa") if self.law == "reduced-polynomial" else ("C10_kPa",):
+            if getattr(self, key) is None:
+                yield key, MISSING, "give it; only the deep tissue is identified"
 
 
 class DeepTissueEntry(TissueEntry):
@@ -170,11 +161,11 @@ class DeepTissueEntry(TissueEntry):
     fibre_ratio_sd: input_files.Positive | None = None
     """Standard deviation of fibre_ratio."""
 
-    @model_validator(mode="after")
-    def _error_of_something(self) -> "DeepTissueEntry":
+    def troubles(self) -> Iterator[input_files.Trouble]:
+        """Yield an error of nothing, beside a tissue's troubles."""
+        yield from super().troubles()
         if self.fibre_ratio_sd is not None and self.fibre_ratio is None:
-            raise input_files.trouble("fibre_ratio_sd", "is given without fibre_ratio", "give the ratio too")
-        return self
+            yield "fibre_ratio_sd", "is given without fibre_ratio", "give the ratio too"
 
 
 class TissuesEntry(input_files.FileTable):
@@ -232,32 +223,30 @@ class SubjectFile(input_files.NamedFile):
         """Whether the section is cut from something, and not given as contours of its own."""
         return self.section.level_mm is not None or self.indenter.position_mm is not None
 
-    @model_validator(mode="after")
-    def _said_once(self) -> "SubjectFile":
+    def troubles(self) -> Iterator[input_files.Trouble]:
+        """Yield what is said twice, groups of what is no muscle, and other than one plane."""
         check_once(self.elastography, self.tissues.deep.fibre_ratio is not None)
         effects = [entry.effect for entry in self.measured]
         for number, effect in enumerate(effects):
             if effect in effects[:number]:
                 remedy = "give the mean of the measurements, with its standard deviation"
-                raise input_files.trouble(f"measured.{number}.effect", f"{effect} is given twice", remedy)
-        return self
+                yield f"measured.{number}.effect", f"{effect} is given twice", remedy
+        yield from self._wrong_groups()
+        yield from self._other_than_one_plane()
 
-    @model_validator(mode="after")
-    def _groups_of_muscles(self) -> "SubjectFile":
+    def _wrong_groups(self) -> Iterator[input_files.Trouble]:
         kinds = dict.fromkeys(chain(*LIMBS.values()), "bone") | {n.lower(): one.kind for n, one in self.regions.items()}
         there = [name for name, kind in kinds.items() if kind == "muscle"]
         for group, own in self.groups.items():
-            refused = partial(input_files.trouble, f"groups.{group}")
             if kind := kinds.get(group.lower()):
-                raise refused(f"is the name of a {kind}", "give the group a name of its own")
+                yield f"groups.{group}", f"is the name of a {kind}", "give the group a name of its own"
             if not own:
-                raise refused("has no muscle", "name its muscles, or leave the group out")
+                yield f"groups.{group}", "has no muscle", "name its muscles, or leave the group out"
             for muscle in own:
                 if muscle.lower() not in there:
                     problem = f"{muscle!r} is no muscle under [regions], or is in a group already"
-                    raise refused(problem, f"left are {', '.join(there) or 'none'}")
+                    yield f"groups.{group}", problem, f"left are {', '.join(there) or 'none'}"
                 there.remove(muscle.lower())
-        return self
 
     @model_validator(mode="before")
     @classmethod
@@ -274,24 +263,22 @@ class SubjectFile(input_files.NamedFile):
                 raise input_files.trouble(f"indenter.{key}", "is given beside section.girth_mm", remedy)
         return {**content, "indenter": {**indenter, **FROM_BEHIND}}
 
-    @model_validator(mode="after")
-    def _one_plane(self) -> "SubjectFile":
+    def _other_than_one_plane(self) -> Iterator[input_files.Trouble]:
         level, position = self.section.level_mm, self.indenter.position_mm
         if level is not None and position is not None:
-            problem = "is given beside indenter.position_mm"
-            raise input_files.trouble("section.level_mm", problem, "the position says where to cut: leave level_mm out")
+            remedy = "the position says where to cut: leave level_mm out"
+            yield "section.level_mm", "is given beside indenter.position_mm", remedy
         if "labels" in self.model_fields_set and self.section.scan is None:
-            raise input_files.trouble("labels", "are given without a scan", "give the scan, or leave them out")
+            yield "labels", "are given without a scan", "give the scan, or leave them out"
         if self.regions and (self.is_cut or self.section.contours is None):
-            problem = "are of use with outlines of one section alone"
-            raise input_files.trouble("regions", problem, "give contours without level_mm, or leave them out")
+            remedy = "give contours without level_mm, or leave them out"
+            yield "regions", "are of use with outlines of one section alone", remedy
         for table, name in (*(("regions", one) for one in self.regions), *(("groups", one) for one in self.groups)):
             if name.lower() in ("skin", *TissuesEntry.model_fields, "instrument"):
-                raise input_files.trouble(f"{table}.{name}", "is what every leg has", "give it another name")
+                yield f"{table}.{name}", "is what every leg has", "give it another name"
         if not self.is_cut and self.section.contours is None and self.section.girth_mm is None:
             remedy = "give it, or position_mm and direction of the indenter"
-            raise input_files.trouble("section.level_mm", "missing: nothing says where to cut the scan", remedy)
-        return self
+            yield "section.level_mm", "missing: nothing says where to cut the scan", remedy
 
 
 RECORDINGS = "recordings"

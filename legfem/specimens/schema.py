@@ -1,13 +1,15 @@
 """The schema of ``specimen.toml``."""
 
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, create_model, model_validator
+from pydantic import Field, create_model
 
 from legfem.common import input_files
 from legfem.data.channel_reader import SpecimenChannelsEntry
 from legfem.data.folder import InstrumentEntry, with_lab
+from legfem.data.stress_tables import StressTableEntry
 from legfem.inverse.catalogue import LawName
 from legfem.specimens.kind import Direction, SpecimenKind, SpecimenRecordingsEntry
 from legfem.specimens.kinds import kinds
@@ -77,11 +79,10 @@ class LayerEntry(input_files.FileTable):
     poisson_ratio: PoissonRatio | None = None
     """That of ``[tissue]`` without it."""
 
-    @model_validator(mode="after")
-    def _has_what_is_stated(self) -> "LayerEntry":
+    def troubles(self) -> Iterator[input_files.Trouble]:
+        """Yield a stiffness that the law hasn't."""
         if self.C20_kPa is not None and self.law not in (None, "reduced-polynomial"):
-            raise input_files.trouble("C20_kPa", f"the {self.law} law isn't held by it", "remove one of them")
-        return self
+            yield "C20_kPa", f"the {self.law} law isn't held by it", "remove one of them"
 
 
 class FibresEntry(input_files.FileTable):
@@ -126,70 +127,52 @@ class SpecimenFile(_Tests):
     confirmed: list[input_files.Text] = Field(default_factory=list)
     """Fields whose unusual values are right: they aren't doubted."""
 
-    @model_validator(mode="after")
-    def _one_test(self) -> Self:
+    def troubles(self) -> Iterator[input_files.Trouble]:
+        """Yield other than one test, and what the test, the layers and the fibres don't go with."""
         given = [name for name in self.alternatives if getattr(self, name) is not None]
         if len(given) != 1:
             names = ", ".join(f"[{name}]" for name in self.alternatives)
             problem = "no test is given" if not given else f"{len(given)} tests are given"
             each = '; give each a folder of its own, and name these in one above: tests = ["tension", "shear"]'
-            raise input_files.trouble("test", problem, f"give one of the tables {names}{each if given else ''}")
-        return self
-
-    @model_validator(mode="after")
-    def _accuracy_of_sizes_that_it_has(self) -> Self:
+            yield "test", problem, f"give one of the tables {names}{each if given else ''}"
         for key in SIZES:
             if getattr(self.accuracy, key) is not None and key not in self.kind.own:
-                raise input_files.trouble(
-                    f"accuracy.{key}", f"is not a size of [{self.kind.table}]", f"give {', '.join(self.kind.own)}"
-                )
-        return self
-
-    @model_validator(mode="after")
-    def _a_table_that_can_be_read(self) -> Self:
+                yield f"accuracy.{key}", f"is not a size of [{self.kind.table}]", f"give {', '.join(self.kind.own)}"
         if self.recordings.table is not None:
-            if not self.kind.cube:
-                able = ", ".join(f"[{one.table}]" for one in kinds().values() if one.cube)
-                raise input_files.trouble("recordings.table", f"is for the tests {able}", "remove it, or the test")
-            areas = [getattr(one, "area_mm2", None) for one in (self.test, *self.specimen)]
-            if self.recordings.table.of_force and areas[0] is None and not (areas[1:] and all(areas[1:])):
-                problem = f"a force in {self.recordings.table.unit} is one on an area"
-                raise input_files.trouble("recordings.table.unit", problem, "give area_mm2 with the test")
-            for key in ("relaxes", "returns"):
-                if getattr(self.tissue, key):
-                    problem = "a table has no time, without which a law has one curve"
-                    raise input_files.trouble(f"tissue.{key}", problem, "remove it, or give recordings")
-        return self
+            yield from self._against_a_table(self.recordings.table)
+        yield from self._wrong_layers([layer.name for layer in self.layers])
 
-    @model_validator(mode="after")
-    def _several_layers(self) -> Self:
-        names = [layer.name for layer in self.layers]
+    def _against_a_table(self, table: StressTableEntry) -> Iterator[input_files.Trouble]:
+        if not self.kind.cube:
+            able = ", ".join(f"[{one.table}]" for one in kinds().values() if one.cube)
+            yield "recordings.table", f"is for the tests {able}", "remove it, or the test"
+        areas = [getattr(one, "area_mm2", None) for one in (self.test, *self.specimen)]
+        if table.of_force and areas[0] is None and not (areas[1:] and all(areas[1:])):
+            problem = f"a force in {table.unit} is one on an area"
+            yield "recordings.table.unit", problem, "give area_mm2 with the test"
+        for key in ("relaxes", "returns"):
+            if getattr(self.tissue, key):
+                problem = "a table has no time, without which a law has one curve"
+                yield f"tissue.{key}", problem, "remove it, or give recordings"
+
+    def _wrong_layers(self, names: list[str]) -> Iterator[input_files.Trouble]:
         if len(names) == 1:
-            raise input_files.trouble("layers", "there is one", "give several, or none and a thickness_mm")
+            yield "layers", "there is one", "give several, or none and a thickness_mm"
         for name in names:
             if names.count(name) > 1 or name in _TAKEN:
                 problem = "is the name of something else" if name in _TAKEN else "stands twice"
-                raise input_files.trouble("layers.name", f"{name!r} {problem}", "give another")
+                yield "layers.name", f"{name!r} {problem}", "give another"
         if names and not self.kind.layered:
             able = ", ".join(f"[{one.table}]" for one in kinds().values() if one.layered)
-            raise input_files.trouble("layers", f"are for the tests {able}", "remove them, or the test")
-        return self
-
-    @model_validator(mode="after")
-    def _fibres_of_a_layer(self) -> Self:
-        names = [layer.name for layer in self.layers]
-        given = self.fibres
-        if given is None:
+            yield "layers", f"are for the tests {able}", "remove them, or the test"
+        if self.fibres is None:
             if any(one.fibres is not None for one in self.specimen):
-                raise input_files.trouble(
-                    "specimen.fibres", "are given without [fibres]", "add that table, or remove it"
-                )
-        elif names and given.layer not in names:
-            what = "is missing" if given.layer is None else f"{given.layer!r} is not a layer"
-            raise input_files.trouble("fibres.layer", what, f"give one of {', '.join(names)}")
-        elif given.layer is not None and not names:
-            raise input_files.trouble("fibres.layer", "there are no layers", "remove it")
-        return self
+                yield "specimen.fibres", "are given without [fibres]", "add that table, or remove it"
+        elif names and self.fibres.layer not in names:
+            what = "is missing" if self.fibres.layer is None else f"{self.fibres.layer!r} is not a layer"
+            yield "fibres.layer", what, f"give one of {', '.join(names)}"
+        elif self.fibres.layer is not None and not names:
+            yield "fibres.layer", "there are no layers", "remove it"
 
     @property
     def kind(self) -> SpecimenKind[Any, Any]:

@@ -1,16 +1,16 @@
 """A design of experiments: its factors and their ranges, its TOML, and its points coded to -1..1."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, create_model, model_validator
+from pydantic import Field, create_model
 from pyDOE3 import ff2n, lhs
 
 from legfem.common.errors import InputError
-from legfem.common.input_files import FileTable, Finite, NotNegative, Positive, checked, read_toml, trouble
+from legfem.common.input_files import FileTable, Finite, NotNegative, Positive, Trouble, checked, read_toml
 from legfem.common.resources import RESOURCES, resource
 from legfem.common.units import MPA_PER_KPA, FloatArray
 from legfem.report.estimates import words_of
@@ -147,16 +147,14 @@ class _Range(FileTable):
     high: float
     coding: Coding | None = None
 
-    @model_validator(mode="after")
-    def _check(self) -> Self:
+    def troubles(self) -> Iterator[Trouble]:
+        """Yield a range without a width, or reversed."""
         key = str(type(self).model_fields["low"].alias)
         if self.low == self.high:
-            remedy = "give two different levels, or move it to [fixed]"
-            raise trouble(key, f"has one level only ({self.low:g})", remedy)
+            yield key, f"has one level only ({self.low:g})", "give two different levels, or move it to [fixed]"
         if self.low > self.high:
             problem = f"its range is reversed (low {self.low:g} is above high {self.high:g})"
-            raise trouble(key, problem, "exchange them")
-        return self
+            yield key, problem, "exchange them"
 
 
 def _number(name: str) -> Any:
@@ -200,16 +198,14 @@ class _File(FileTable):
     nominal: _Values = _Values()  # type: ignore[valid-type]
     emulator: _Emulator = _Emulator()
 
-    @model_validator(mode="after")
-    def _check(self) -> Self:
+    def troubles(self) -> Iterator[Trouble]:
+        """Yield windows beyond the depth, reversed or given twice."""
         for number, (start, end) in enumerate(self.windows_mm, 1):
             if not 0 <= start < end <= self.depth_mm + 1e-9:
                 problem = f"{start:g} to {end:g} mm is not a part of 0 to {self.depth_mm:g} mm"
-                remedy = "give start below end, within depth_mm"
-                raise trouble(f"windows_mm, number {number}", problem, remedy)
+                yield f"windows_mm, number {number}", problem, "give start below end, within depth_mm"
         if len({tuple(window) for window in self.windows_mm}) != max(len(self.windows_mm), 1):
-            raise trouble("windows_mm", "must be one or more, all different", "correct it")
-        return self
+            yield "windows_mm", "must be one or more, all different", "correct it"
 
 
 def read_definition(path: Path) -> Definition:
