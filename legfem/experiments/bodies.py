@@ -247,11 +247,11 @@ class UniaxialSpecimen(HomogeneousBody):
 
     Parameters
     ----------
-    pulled : {"tension", "compression"}
+    direction : {"tension", "compression"}
         Displacement and force are positive that way.
     """
 
-    pulled: Literal["tension", "compression"] = "compression"
+    direction: Literal["tension", "compression"] = "compression"
 
     free: ClassVar[tuple[int, ...]] = (1, 2)
     component: ClassVar[tuple[int, int]] = (0, 0)
@@ -259,7 +259,7 @@ class UniaxialSpecimen(HomogeneousBody):
     @property
     def sign(self) -> float:
         """Sign of the strain along the bar."""
-        return 1.0 if self.pulled == "tension" else -1.0
+        return 1.0 if self.direction == "tension" else -1.0
 
     def gradient(self, strain: Any, free: Any) -> Any:
         """Return a stretch along the first axis, and free ones across."""

@@ -14,7 +14,7 @@ from typing import Any, Literal
 from legfem.common.errors import InputError
 from legfem.common.input_files import read_toml
 from legfem.common.wording import Argument, Remedy
-from legfem.jobs.pool import how_ended, interruptible, processes
+from legfem.jobs.pool import Processes, how_ended, interruptible
 
 type EngineName = Literal["local", "mpi", "dask"]
 _PATIENCE = "20s"
@@ -73,7 +73,7 @@ def engine_named(name: EngineName, jobs: int, scheduler: str | None) -> Abstract
             Argument("scheduler"), scheduler, f"has no effect on {name}", Remedy("add ", Argument("on", "dask"))
         )
     if name == "local":
-        return nullcontext(Engine(jobs, _Here if jobs == 1 else lambda: processes(jobs)))
+        return nullcontext(Engine(jobs, _Here if jobs == 1 else lambda: Processes(jobs)))
     return _ranks() if name == "mpi" else _dask(scheduler)
 
 
@@ -204,7 +204,7 @@ def outcomes[Task, Outcome](
                     else:
                         suspects.append(place)
     for place in suspects:
-        with engine.start() if engine.lost else processes(1) as executor:
+        with engine.start() if engine.lost else Processes(1) as executor:
             try:
                 yield place, executor.submit(work, tasks[place]).result()
             except engine.lost as error:

@@ -204,7 +204,7 @@ class Workers[Context, Task, Outcome]:
     jobs: int = 1
     comm: "MPI.Intracomm | None" = None
     along: bool = False
-    _executor: ProcessPoolExecutor | None = field(default=None, init=False)
+    _executor: "Processes | None" = field(default=None, init=False)
 
     def __enter__(self) -> "Workers[Context, Task, Outcome]":
         """Return itself; processes start with the first several tasks."""
@@ -215,7 +215,7 @@ class Workers[Context, Task, Outcome]:
     ) -> None:
         """End the processes; after an error without waiting for the task in hand."""
         if self._executor is not None:
-            _end(self._executor, at_once=error is not None)
+            self._executor.__exit__(kind, error, trace)
 
     def run(self, tasks: Sequence[Task]) -> Iterator[tuple[Task, Outcome]]:
         """Yield tasks with their outcomes as they become known, in any order."""
@@ -245,7 +245,7 @@ class Workers[Context, Task, Outcome]:
             for place, task in enumerate(tasks):
                 yield place, self._done_here(task)
         else:
-            executor = self._executor = self._executor or _Processes(self.jobs - self.along, self.context)
+            executor = self._executor = self._executor or Processes(self.jobs - self.along, self.context)
             try:
                 if self.along:
                     yield from self._working_along(executor, self.jobs - 1, tasks)
@@ -263,7 +263,7 @@ class Workers[Context, Task, Outcome]:
         """
         if self.jobs == 1 or (self.comm is not None and self.comm.size > 1):
             return
-        self._executor = self._executor or _Processes(self.jobs - self.along, self.context)
+        self._executor = self._executor or Processes(self.jobs - self.along, self.context)
         for _ in range(min(most, self.jobs - self.along)):
             self._executor.submit(with_context, _made_ready, ready)
 
@@ -299,18 +299,6 @@ class Workers[Context, Task, Outcome]:
                 yield place, self._done_here(task)
 
 
-@contextmanager
-def processes(number: int) -> Iterator[ProcessPoolExecutor]:
-    """Yield processes that end at once with an error, Ctrl-C, and the one that started them."""
-    executor = _Processes(number, None)
-    try:
-        yield executor
-    except BaseException:
-        _end(executor, at_once=True)
-        raise
-    _end(executor, at_once=False)
-
-
 def how_ended(executor: Executor) -> str:
     """Return how the first process of a broken executor ended that wasn't ended for another's sake."""
     started = list((getattr(executor, "_processes", None) or {}).values())
@@ -321,14 +309,15 @@ def how_ended(executor: Executor) -> str:
     return "was ended from outside (out of memory?)"
 
 
-class _Processes(ProcessPoolExecutor):
-    """Processes in which the unpickling of a task, and of what it raises, is part of the task.
+class Processes(ProcessPoolExecutor):
+    """Processes that end at once with an error, Ctrl-C, and the one that started them.
 
+    The unpickling of a task, and of what it raises, is part of the task.
     A `ProcessPoolExecutor` breaks down where a worker can't import a task's function or unpickle its arguments, or
     where an exception that was pickled can't be unpickled, and then says as much as of a process that was killed.
     """
 
-    def __init__(self, number: int, context: object) -> None:
+    def __init__(self, number: int, context: object = None) -> None:
         ignore_broken_pipes()
         given = (_Apart(pickle.dumps(context)),)
         super().__init__(number, mp_context=multiprocessing.get_context("spawn"), initializer=_start, initargs=given)
@@ -338,6 +327,16 @@ class _Processes(ProcessPoolExecutor):
     ) -> Future[Outcome]:
         """Hand over a call."""
         return super().submit(_unpickled_call, pickle.dumps((fn, args, kwargs)))
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """End the processes; after an error without waiting for the task in hand."""
+        if kind is not None:
+            ignore_broken_pipes()
+            for process in list((self._processes or {}).values()):
+                process.kill()
+        self.shutdown(wait=True, cancel_futures=True)
 
 
 def _unpickled_call(call: bytes) -> Any:
@@ -350,15 +349,6 @@ def _unpickled_call(call: bytes) -> Any:
         except Exception:
             raise RuntimeError("".join(traceback.format_exception_only(error)).strip()) from None
         raise
-
-
-def _end(executor: ProcessPoolExecutor, at_once: bool) -> None:
-    """End processes; at once without waiting for the task in hand."""
-    if at_once:
-        ignore_broken_pipes()
-        for process in list((executor._processes or {}).values()):
-            process.kill()
-    executor.shutdown(wait=True, cancel_futures=True)
 
 
 def _start(context: _Apart) -> None:

@@ -15,14 +15,14 @@ import numpy as np
 
 from legfem.channels.kind import Face
 from legfem.common.errors import MISSING, Doubt, InputError, PhysicalRange
-from legfem.common.input_files import FileTable
+from legfem.common.input_files import FileTable, Positive
 from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.data import Instrument, Recording, Segmentation
 from legfem.data.folder import RecordingsEntry
 from legfem.data.ranges import RANGES
 from legfem.data.reader import read_samples
 from legfem.data.stress_tables import StressTableEntry, read_stress_table
-from legfem.experiments.bodies import HomogeneousBody
+from legfem.experiments.bodies import Base, HomogeneousBody
 from legfem.specimens.course import read_specimen, read_table
 
 Direction = Literal["load", "across", "cylinder"]
@@ -229,6 +229,24 @@ def needed(entry: FileTable, key: str, remedy: str = "give it with the test, or 
 def length_range(what: str, low: float, high: float) -> PhysicalRange:
     """Return where a length of a lab usually lies (mm)."""
     return replace(RANGES["length_mm"], what=what, usual=(low, high))
+
+
+class RoundLayerEntry(FileTable):
+    """What tables state of a round layer on a rigid base."""
+
+    thickness_mm: Positive | None = None
+    """Thickness of the layer."""
+    diameter_mm: Positive | None = None
+    """Diameter of the round layer."""
+    base: Base = "bonded"
+    """Whether the layer sticks to what it lies on."""
+
+
+class RoundLayerKind[Entry: RoundLayerEntry, Body](SpecimenKind[Entry, Body]):
+    """A kind in which something lies on a round layer on a rigid base."""
+
+    own: ClassVar = {"thickness_mm": "thickness", "diameter_mm": "layer_radius"}
+    layered: ClassVar = True
 
 
 _OTHER_WAY = 0.02

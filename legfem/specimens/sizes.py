@@ -133,7 +133,7 @@ class Sizes:
     def __str__(self) -> str:
         """Return the test with its sizes, as people read them."""
         told = ", ".join(
-            f"{'in' if name == 'pulled' else name.replace('_', ' ')} "
+            f"{'in' if name == 'direction' else name.replace('_', ' ')} "
             + (value if isinstance(value, str) else f"{value:g} {'mm²' if name == 'area' else 'mm'}")
             for name, value in asdict(self.body).items()
         )

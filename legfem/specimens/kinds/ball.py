@@ -2,27 +2,21 @@
 
 from typing import ClassVar
 
-from legfem.common.input_files import FileTable, Positive
-from legfem.experiments.bodies import BallOnLayer, Base, Faces
-from legfem.specimens.kind import Law, SpecimenKind, SpecimenTest, length_range
+from legfem.common.input_files import Positive
+from legfem.experiments.bodies import BallOnLayer, Faces
+from legfem.specimens.kind import Law, RoundLayerEntry, RoundLayerKind, SpecimenTest, length_range
 
 
-class BallEntry(FileTable):
+class BallEntry(RoundLayerEntry):
     """``[ball]``: a rigid ball on a round layer on a rigid base."""
 
-    thickness_mm: Positive | None = None
-    """Thickness of the layer."""
-    diameter_mm: Positive | None = None
-    """Diameter of the round layer."""
     ball_diameter_mm: Positive
     """Diameter of the ball."""
     ball: Faces = "rough"
     """Whether the layer sticks to the ball or slides on it."""
-    base: Base = "bonded"
-    """Whether the layer sticks to what it lies on."""
 
 
-class BallKind(SpecimenKind[BallEntry, BallOnLayer]):
+class BallKind(RoundLayerKind[BallEntry, BallOnLayer]):
     """The ball."""
 
     table: ClassVar = "ball"
@@ -32,10 +26,8 @@ class BallKind(SpecimenKind[BallEntry, BallOnLayer]):
     followed: ClassVar = (
         "a ball_diameter_mm of half the true value makes it about 1.4 times as large, or twice on a thin layer"
     )
-    own: ClassVar = {"thickness_mm": "thickness", "diameter_mm": "layer_radius"}
     pressing: ClassVar = {"ball_diameter_mm": "ball_radius"}
     ranges: ClassVar = {"ball_diameter_mm": length_range("a ball's diameter", 0.5, 80.0)}
-    layered: ClassVar = True
     free_faces: ClassVar = {"ball": "frictionless"}
     # Hertz's 3/2 on what is smooth and even; on beef the force begins in proportion to the displacement.
     onset_power: ClassVar = None

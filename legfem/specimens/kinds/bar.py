@@ -8,7 +8,7 @@ from legfem.channels.kinds.face_strain import FACE_STRAIN
 from legfem.channels.kinds.lateral_stretch import LATERAL_STRETCH
 from legfem.common.input_files import FileTable, Positive
 from legfem.experiments.bodies import UniaxialSpecimen
-from legfem.specimens.kind import HomogeneousKind, needed
+from legfem.specimens.kind import HomogeneousKind
 
 
 class BarEntry(FileTable):
@@ -32,10 +32,6 @@ class BarKind(HomogeneousKind[BarEntry, UniaxialSpecimen]):
     directions: ClassVar = ("load", "across")
     no_slip: ClassVar = "a bar's ends are free as stated"
     one_way: ClassVar = 'the other direction of [uniaxial], "tension" or "compression"'
-
-    def body_of(self, given: BarEntry) -> UniaxialSpecimen:
-        """Return the sizes."""
-        return UniaxialSpecimen(needed(given, "length_mm"), needed(given, "area_mm2"), given.direction)
 
     def face(self, body: UniaxialSpecimen) -> Face:
         """Return one of its sides, whose width isn't stated."""

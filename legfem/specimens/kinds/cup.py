@@ -6,11 +6,11 @@ from typing import ClassVar
 import numpy as np
 
 from legfem.common.errors import Doubt, InputError
-from legfem.common.input_files import FileTable, Positive
+from legfem.common.input_files import Positive
 from legfem.common.units import mpa_to_kpa
 from legfem.data import Recording
 from legfem.experiments.bodies import Base, CupOnLayer
-from legfem.specimens.kind import Law, ShownAxes, SpecimenKind, SpecimenTest, length_range
+from legfem.specimens.kind import Law, RoundLayerEntry, RoundLayerKind, ShownAxes, SpecimenTest, length_range
 
 ATMOSPHERE_KPA = 101.325
 _SLACK = 1.05
@@ -21,24 +21,18 @@ _HIGHEST = 2.0
 """Greatest height of a dome over its opening's radius: a half ball has 1."""
 
 
-class SuctionEntry(FileTable):
+class SuctionEntry(RoundLayerEntry):
     """``[suction]``: a cup that draws a round layer on a rigid base up through its opening."""
 
-    thickness_mm: Positive | None = None
-    """Thickness of the layer."""
-    diameter_mm: Positive | None = None
-    """Diameter of the round layer."""
     opening_mm: Positive
     """Inner diameter of the cup."""
     rim_mm: Positive
     """Width of the cup's face on the skin."""
     rim: Base = "bonded"
     """Whether the layer sticks to the cup's rim."""
-    base: Base = "bonded"
-    """Whether the layer sticks to what it lies on."""
 
 
-class CupKind(SpecimenKind[SuctionEntry, CupOnLayer]):
+class CupKind(RoundLayerKind[SuctionEntry, CupOnLayer]):
     """The cup, which lies on the skin before it draws."""
 
     table: ClassVar = "suction"
@@ -50,13 +44,11 @@ class CupKind(SpecimenKind[SuctionEntry, CupOnLayer]):
         "The displacement is the height of the dome at its middle, the force is the suction times the area of the "
         "cup's opening; the cup does not move."
     )
-    own: ClassVar = {"thickness_mm": "thickness", "diameter_mm": "layer_radius"}
     pressing: ClassVar = {"opening_mm": "opening_radius", "rim_mm": "rim_width"}
     ranges: ClassVar = {
         "opening_mm": length_range("a cup's opening", 1.0, 60.0),
         "rim_mm": length_range("a cup's rim", 0.2, 20.0),
     }
-    layered: ClassVar = True
     free_faces: ClassVar = {"rim": "sliding"}
     relaxes_as_a_whole: ClassVar = True
     starts_at_contact: ClassVar = True

@@ -3,29 +3,23 @@
 from dataclasses import replace
 from typing import ClassVar
 
-from legfem.common.input_files import FileTable, Positive
-from legfem.experiments.bodies import Base, Faces, PunchOnLayer
-from legfem.specimens.kind import Law, SpecimenKind, SpecimenTest, length_range
+from legfem.common.input_files import Positive
+from legfem.experiments.bodies import Faces, PunchOnLayer
+from legfem.specimens.kind import Law, RoundLayerEntry, RoundLayerKind, SpecimenTest, length_range
 
 
-class PunchEntry(FileTable):
+class PunchEntry(RoundLayerEntry):
     """``[punch]``: a rigid flat-ended cylinder, end-on, on a round layer on a rigid base."""
 
-    thickness_mm: Positive | None = None
-    """Thickness of the layer."""
-    diameter_mm: Positive | None = None
-    """Diameter of the round layer."""
     punch_diameter_mm: Positive
     """Diameter of the punch."""
     edge_mm: Positive | None = None
     """Radius of the edge's rounding; without it, a twentieth of the punch's radius."""
     punch: Faces = "rough"
     """Whether the layer sticks to the punch or slides on it."""
-    base: Base = "bonded"
-    """Whether the layer sticks to what it lies on."""
 
 
-class PunchKind(SpecimenKind[PunchEntry, PunchOnLayer]):
+class PunchKind(RoundLayerKind[PunchEntry, PunchOnLayer]):
     """The punch."""
 
     table: ClassVar = "punch"
@@ -33,10 +27,8 @@ class PunchKind(SpecimenKind[PunchEntry, PunchOnLayer]):
     done: ClassVar = "a flat punch pressed them on a rigid base"
     # Boussinesq.
     followed: ClassVar = "a punch_diameter_mm of half the true value makes it at least twice as large"
-    own: ClassVar = {"thickness_mm": "thickness", "diameter_mm": "layer_radius"}
     pressing: ClassVar = {"punch_diameter_mm": "radius", "edge_mm": "edge"}
     ranges: ClassVar = {"punch_diameter_mm": length_range("a punch's diameter", 0.5, 80.0)}
-    layered: ClassVar = True
     free_faces: ClassVar = {"punch": "frictionless"}
 
     def body_of(self, given: PunchEntry) -> PunchOnLayer:
