@@ -156,7 +156,7 @@ def studied(folder: Path, **spring: object) -> StudyResult:
     with Workers(SpringLeg.solve, SpringLeg(**spring), 1) as workers:
         store = Store(folder / "runs", Outcome, workers.context.fingerprint())
         workshop = Workshop(workers, store, Silent())
-        return study(given, subject_in(folder), workshop, "coefficients", 1, True, lambda table: None)
+        return study(given, subject_in(folder), workshop, 1, True, lambda table: None)
 
 
 def calibrated() -> Calibrated:

@@ -102,7 +102,7 @@ def diagnosis_web_page(
         subject.origin,
         diagnosis_headline.headline(found, plan, "deep" if leg else "", notices),
         list(map(sentence_of, notices)),
-        tables.known_of(found, subject),
+        list(tables.known_of(found, subject)),
         [
             web.Chapter("Recordings and model", curves),
             *([web.Chapter("The leg", [pressed or still_section(leg)])] if leg else []),

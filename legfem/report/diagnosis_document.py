@@ -72,7 +72,9 @@ def document(found: Diagnosis, subject: Recorded, seconds: float) -> dict[str, A
             "places": places_of(found),
             **members_of(found, "limits", "untested", "seed"),
             "set_aside": _aside(found.aside),
-            "by_phase": {model_name(model): checks_by_phase(model) for model in (found.weighted_base, *found.models)},
+            "by_phase": {
+                model_name(model): [*checks_by_phase(model)] for model in (found.weighted_base, *found.models)
+            },
             "next_experiment": next_experiments(found),
             "full_solutions": found.solutions,
             "left_open": left_open(found.explained, DEEP_C10),

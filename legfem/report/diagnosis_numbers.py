@@ -1,6 +1,6 @@
 """Tables of a diagnosis' page."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from legfem.common.numbers import between, number, percent, short_probability
@@ -23,45 +23,42 @@ from legfem.report.words import moduli_text
 _WRONG = "DO NOT RELY ON IT: the model does not fit, and the interval does not include what was left out"
 
 
-def known_of(found: Diagnosis, subject: Recorded) -> list[Known]:
-    """Return the stiffness with each model, the mechanisms' parameters, and what was assumed."""
+def known_of(found: Diagnosis, subject: Recorded) -> Iterator[Known]:
+    """Yield the stiffness with each model, the mechanisms' parameters, and what was assumed."""
     trials, base, leg = len(found.observed.trials), found.base_model, isinstance(subject, Subject)
     recordings = f"{trials} recording{'s' * (trials > 1)}"
     data: Provenance = subject.origin
-    rows = []
 
-    def fitted(model: Explanation, name: str, words: str, unit: str, *remarks: str) -> None:
+    def fitted(model: Explanation, name: str, words: str, unit: str, *remarks: str) -> Known:
         value, remark = estimate(model, name) + unit, "; ".join(filter(None, remarks))
-        rows.append(Known(words, value, "estimated", recordings, interval(model, name), remark))
+        return Known(words, value, "estimated", recordings, interval(model, name), remark)
 
     wrong = _WRONG if found.withheld else ""
     for name in base.fit.stiffness:
         symbol, (low, high) = symbol_of(name), base.shown(name).ci95
         moduli = moduli_text(base.shown(name).value, (high - low) / 4) if name == DEEP_C10 else ""
-        fitted(base, name, f"{symbol}, {BASE_NAME}", " kPa", wrong, flag(base, name, 0.0), moduli)
+        yield fitted(base, name, f"{symbol}, {BASE_NAME}", " kPa", wrong, flag(base, name, 0.0), moduli)
         for shown in shown_models(found):
             words = f"{symbol}, {f'with {shown.name}' if shown.suits else shown.name}"
             change = relative_change(base.value(name), shown.model.value(name))
-            fitted(shown.model, name, words, " kPa", wrong, flag(shown.model, name, 0.0), change)
+            yield fitted(shown.model, name, words, " kPa", wrong, flag(shown.model, name, 0.0), change)
         if name in found.intervals:
             over_all = " to ".join(between(*found.shown_interval(name)))
-            rows.append(Known(f"{symbol}, over all explanations", "", "estimated", recordings, over_all, wrong))
+            yield Known(f"{symbol}, over all explanations", "", "estimated", recordings, over_all, wrong)
     for model in found.models:
         for mechanism in model.fit.mechanisms:
             for k, p in enumerate(mechanism.parameters):
                 full, words = f"{mechanism.name}.{p.name}", f"{plain(mechanism.name)}: {p.statement or plain(p.name)}"
                 like_none = flag(model, full, null_of(p) if k == 0 else None)
-                fitted(model, full, words, spaced_unit(p.unit), like_none, f"model with {model_name(model)}")
+                yield fitted(model, full, words, spaced_unit(p.unit), like_none, f"model with {model_name(model)}")
     for k, trial in enumerate(found.observed.trials):
         at, ends = found.first_contact(k)
         contact, first, last = (f"{round(value, 2) + 0.0:.2f}" for value in (at, *ends))
         name = f"first contact of {trial}"
-        rows.append(Known(name, f"{contact} mm", "estimated", "its recording", f"{first} to {last}"))
+        yield Known(name, f"{contact} mm", "estimated", "its recording", f"{first} to {last}")
     noise = found.errors.noise
-    rows += [
-        Known("noise of a force reading", f"{noise.force_sd:.3g} N (sd)", data, noise.source),
-        Known("error of the displacement", f"{noise.wander_sd:.2g} mm (sd)", data, noise.source),
-    ]
+    yield Known("noise of a force reading", f"{noise.force_sd:.3g} N (sd)", data, noise.source)
+    yield Known("error of the displacement", f"{noise.wander_sd:.2g} mm (sd)", data, noise.source)
     # Modes of one outline together.
     moved: dict[str, list[float]] = {}
     for name, z in zip(found.errors.names, found.best.posterior.effects, strict=True):
@@ -70,15 +67,14 @@ def known_of(found: Diagnosis, subject: Recorded) -> list[Known]:
     for name, every in moved.items():
         by = f"{every[0]:+.1f}" if len(every) == 1 else f"{min(every):+.1f} to {max(every):+.1f}"
         words = name if len(every) == 1 else f"{name}, {len(every)} modes"
-        rows.append(Known(words, f"moved by {by} sd", "prior", accuracy))
+        yield Known(words, f"moved by {by} sd", "prior", accuracy)
     if isinstance(subject, Subject):
-        rows += wave_rows(subject)
+        yield from wave_rows(subject)
         for one in subject.measured:
             strength = mechanism_named(one.effect, subject.section).parameters[0]
             name, unit = f"{plain(one.effect)}, measured by itself: {strength.statement}", spaced_unit(strength.unit)
-            rows.append(Known(name, f"{one.value:.3g} ± {one.sd:.2g}{unit} (sd)", data, one.source))
-        rows.append(Known("girth of the section", f"{girth(subject.section):.0f} mm", data, "contours"))
-    return rows
+            yield Known(name, f"{one.value:.3g} ± {one.sd:.2g}{unit} (sd)", data, one.source)
+        yield Known("girth of the section", f"{girth(subject.section):.0f} mm", data, "contours")
 
 
 PLACES_SHOWN = 12

@@ -1,7 +1,7 @@
 """Estimates and laws as pages state them: values, intervals, what they rest on, which law the data ask for."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -226,21 +226,21 @@ def how_to_narrow(parameters: Mapping[str, Estimate], steps: Sequence[str], ends
     return lines
 
 
-def comparison(results: Sequence[Fit[Any]]) -> list[str]:
-    """Return sentences on how well each law fits, and which is better by how much."""
-    lines = []
+def comparison(results: Sequence[Fit[Any]]) -> Iterator[str]:
+    """Yield sentences on how well each law fits, and which is better by how much."""
     for one in results:
         law, probability = f"The {LAW_NAMES[one.law]} law", fit_probability(one.goodness.p_value)
         if math.isnan(one.goodness.p_value):
-            lines.append(f"{law} fits with rms {one.cost.rms:.3g} N.")
+            yield f"{law} fits with rms {one.cost.rms:.3g} N."
         else:
             said = "fits" if one.goodness.fits else "leaves physics out that the recordings show: it does not fit"
-            lines.append(f"{law} {said} within the noise ({probability}).")
+            yield f"{law} {said} within the noise ({probability})."
     if len(results) < 2:
-        return lines
+        return
     better, worse = sorted(results, key=misfit_of)[:2]
     if better.neo_hookean_limit or misfit_of(worse) <= misfit_of(better) * (1 + 1e-9):
-        return [*lines, "Both laws fit equally well: the best reduced polynomial is neo-Hookean (C20 = 0)."]
+        yield "Both laws fit equally well: the best reduced polynomial is neo-Hookean (C20 = 0)."
+        return
     ratio = number(worse.cost.value / max(better.cost.value, 1e-300))
     costs = (
         f"cost is smaller by a factor of {ratio} ({better.cost.value:.3g} against "
@@ -253,12 +253,12 @@ def comparison(results: Sequence[Fit[Any]]) -> list[str]:
             f"The {name} law's {costs}, but its additional parameter is not needed: chi-square "
             f"changes by {-gain:+.2g} ({fit_probability(chance)}), no more than noise alone would change it."
         )
-        return [*lines, unneeded]
-    lines.append(f"The {name} law fits better: its {costs}.")
+        yield unneeded
+        return
+    yield f"The {name} law fits better: its {costs}."
     if further:
         lowers = f"it lowers chi-square by {number(gain)} ({fit_probability(chance)})"
-        lines.append(f"Its additional parameter is needed: {lowers}.")
-    return lines
+        yield f"Its additional parameter is needed: {lowers}."
 
 
 QUESTION = "Is that high or low"

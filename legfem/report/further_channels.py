@@ -108,15 +108,15 @@ def channel_curves(fits: Sequence[Fit[Any]], number: int, k: int) -> Curves:
     )
 
 
-def channel_lines(fit: Fit[Any]) -> list[str]:
+def channel_lines(fit: Fit[Any]) -> Iterator[str]:
     """Return a sentence a channel of a law's fit: how far off it is, and its share in what is determined."""
-    found, law = [], LAW_NAMES[fit.law]
+    law = LAW_NAMES[fit.law]
     for number, k in beside_force(fit):
         test, one = fit.tests[number], fit.tests[number].channels[k]
         where = f"{test.name}, " if len(fit.tests) > 1 else ""
         count, unit = len(one.channel), one.channel.unit.strip("-")
         rms, known = (f"{size:.2g} {unit}".rstrip() for size in (one.rms, float(np.sqrt(np.mean(one.channel.sd**2)))))
-        found.append(
+        yield (
             f"{where}{channel_name(one)}, {law} law: {count} reading{'s' * (count > 1)}, rms {rms} where each is known "
             f"to {known}."
         )
@@ -125,7 +125,8 @@ def channel_lines(fit: Fit[Any]) -> list[str]:
         parts = sorted(estimate.information_shares.items(), key=lambda one: -one[1])
         if said := ", ".join(f"{channel.replace('_', ' ')} {100 * share:.0f} %" for channel, share in parts):
             shares.append(f"{symbol_of(name)} by {said}")
-    return [*found, f"What determines each parameter, {law} law: {'; '.join(shares)}."] if shares else found
+    if shares:
+        yield f"What determines each parameter, {law} law: {'; '.join(shares)}."
 
 
 def channels_figure(fits: Sequence[Fit[Any]]) -> Figure:

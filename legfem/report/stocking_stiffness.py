@@ -1,5 +1,7 @@
 """Stiffness of muscle and fat on a stocking's page, and where model and scan differ."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from legfem.common.numbers import short_probability
@@ -61,18 +63,17 @@ def _goodness(details: StockingDetails, best: ScanFit) -> str:
 _SLICE_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
 
 
-def contour_curves(details: StockingDetails) -> list[Curves]:
+def contour_curves(details: StockingDetails) -> Iterator[Curves]:
     """Distances of the best fit from the scan by slice, skin and hull apart; nothing where there is no fit."""
     found, leg = details.best, details.leg
     if found is None:
-        return []
+        return
     misfit = found.misfit
     shapes = [misfit.target.contours(name).shape[:2] for name in CONTOURS]
     fitted, bare = (
         np.split(misfit.distances(misfit.moved(shape, found.rigid)), [shapes[0][0] * shapes[0][1]])
         for shape in (found.shape, leg.bare)
     )
-    blocks = []
     for name, of_fit, of_bare, shape in zip(CONTOURS, fitted, bare, shapes, strict=True):
         lines = [Line("scan in the stocking", np.zeros(len(ROUND)), None, FAINT)]
         rows = zip(unwrapped(misfit.target.contours(name)), of_fit.reshape(shape), of_bare.reshape(shape), strict=True)
@@ -82,22 +83,19 @@ def contour_curves(details: StockingDetails) -> list[Curves]:
                 Line(f"model, z = {level:.0f} mm", model, None, colour),
                 Line("bare", before, None, colour, "dotted", faint=True, tabled=False),
             ]
-        blocks.append(
-            Curves(
-                f"contour-{name}",
-                capital(CONTOUR_NAMES[name]),
-                ": distance of the model outside the scan, round the leg at the heights that were compared; dotted: of "
-                "the bare leg, which is what the stocking did.",
-                ROUND,
-                Directions.of(leg.bare).axis(),
-                "distance outside the scan (mm)",
-                "",
-                lines,
-                np.full(len(ROUND), 1.96 * leg.accuracy.expected_rms),
-                "errors of the contours, 95 %",
-            )
+        yield Curves(
+            f"contour-{name}",
+            capital(CONTOUR_NAMES[name]),
+            ": distance of the model outside the scan, round the leg at the heights that were compared; dotted: of "
+            "the bare leg, which is what the stocking did.",
+            ROUND,
+            Directions.of(leg.bare).axis(),
+            "distance outside the scan (mm)",
+            "",
+            lines,
+            np.full(len(ROUND), 1.96 * leg.accuracy.expected_rms),
+            "errors of the contours, 95 %",
         )
-    return blocks
 
 
 def discrepancy_blocks(found: ModelDiscrepancy) -> list[web.Block]:

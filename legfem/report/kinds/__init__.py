@@ -2,7 +2,7 @@
 
 import sys
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
@@ -54,11 +54,11 @@ class ReportKind(ABC):
         """Return further questions of someone who knows no statistics, each with its answer."""
 
     @abstractmethod
-    def known(self, fits: Sequence[Fit[Any]]) -> list[Known]:
+    def known(self, fits: Sequence[Fit[Any]]) -> Iterable[Known]:
         """Return the numbers in the result, or that it depends on, and where each comes from."""
 
     @abstractmethod
-    def chapters(self, fits: Sequence[Fit[Any]], pressed: PressedSection | None, note: str) -> list[Chapter]:
+    def chapters(self, fits: Sequence[Fit[Any]], pressed: PressedSection | None, note: str) -> Iterable[Chapter]:
         """Return the chapters."""
 
     @abstractmethod
@@ -116,8 +116,8 @@ def page_of(
         chosen.subject.origin,
         headline_of(chosen.answer, kind.answers(chosen)),
         sentences_of((chosen, *fits)),
-        kind.known(fits),
-        kind.chapters(fits, pressed, note),
+        list(kind.known(fits)),
+        list(kind.chapters(fits, pressed, note)),
         Repeat(
             command, chosen.versions, {"seed": f"{chosen.log.seed}"} if kind.seeded else {}, chosen.subject.directory
         ),

@@ -1,6 +1,6 @@
 """The page of a leg's fit: one or several sites, from a section in plane strain or from the leg in 3D."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import ClassVar
 
@@ -89,7 +89,7 @@ class LegReport(ReportKind):
             *beside_others,
         ]
 
-    def known(self, fits: Sequence[LegFit]) -> list[web.Known]:
+    def known(self, fits: Sequence[LegFit]) -> Iterator[web.Known]:
         """Return what was found with each law, what was held, and what was measured at each site."""
         return known_of(fits)
 
@@ -104,7 +104,7 @@ class LegReport(ReportKind):
         return [
             web.Chapter("Recordings and model", [*sites, *_curves(fits, chosen), *drawn(fits)]),
             *([web.Chapter("The leg, pressed", leg)] if leg else []),
-            web.Chapter(web.TESTED, [web.Bullets(_tested(fits))]),
+            web.Chapter(web.TESTED, [web.Bullets(list(_tested(fits)))]),
             web.Chapter(
                 "What could not be tested", [web.Bullets([*untested, *(NOT_TESTED["sites"] if several else ())])]
             ),
@@ -211,20 +211,17 @@ def _site_table(chosen: LegFit) -> web.WebTable:
     return web.WebTable.of(caption, rows)
 
 
-def _tested(fits: Sequence[LegFit]) -> list[str]:
-    lines = estimates.comparison(fits)
+def _tested(fits: Sequence[LegFit]) -> Iterator[str]:
+    yield from estimates.comparison(fits)
     for one in reversed(fits):
         if len(one.tests) > 1:
-            lines += [
-                f"All sites together, {LAW_NAMES[one.law]} law: chi-square {estimates.chance(one.goodness)}.",
-                _agreement(one),
-            ]
+            yield f"All sites together, {LAW_NAMES[one.law]} law: chi-square {estimates.chance(one.goodness)}."
+            yield _agreement(one)
             for test in one.tests:
                 each = (f"{symbol_of(name)} {estimates.own_value(test, name)}" for name in test.by_itself)
                 fits_by = f"rms {test.force.rms:.3g} N, chi-square {estimates.chance(test.goodness)}"
-                lines.append(f"{test.name}: {fits_by}; by itself {', '.join(each)}.")
-        lines += channel_lines(one)
-    return lines
+                yield f"{test.name}: {fits_by}; by itself {', '.join(each)}."
+        yield from channel_lines(one)
 
 
 def _agreement(fit: LegFit) -> str:

@@ -1,7 +1,7 @@
 """The numbers of a leg's fit, where each comes from, and how the fit was done."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -27,16 +27,16 @@ _AT = (5.0, 15.0, 25.0)
 """Displacements at which a correction is tabled, mm."""
 
 
-def known_of(fits: Sequence[LegFit]) -> list[Known]:
+def known_of(fits: Sequence[LegFit]) -> Iterator[Known]:
     """What was found with each law, what was held, and what was measured at each site."""
     first = fits[0]
     details, subject = first.details, first.details.subject
     trials = sum(curve_of(one).n_trials for one in first.tests)
-    rows = [
+    yield from (
         estimated(f"{words_of(name)}, {LAW_NAMES[fit.law]} law", found, trials, subject.fibres is None)
         for fit in reversed(fits)
         for name, found in fit.estimates.items()
-    ]
+    )
     given = values_of(tissues_of(subject))
     for name, value in held_of(fits).items():
         stated = np.isclose(given.get(name, math.nan), value)
@@ -49,54 +49,51 @@ def known_of(fits: Sequence[LegFit]) -> list[Known]:
             if math.isfinite(estimate.moves.get(name, math.nan))
         )
         remark = f"if it were 10 % higher: {moved}" if moved else ""
-        rows.append(Known(words_of(name), held_text(name, value), "assumed", source, remark=remark))
-    rows.append(Known("thickness of the fascia", f"{subject.section.fascia_thickness:g} mm", "assumed", "subject.toml"))
-    rows += [
+        yield Known(words_of(name), held_text(name, value), "assumed", source, remark=remark)
+    yield Known("thickness of the fascia", f"{subject.section.fascia_thickness:g} mm", "assumed", "subject.toml")
+    yield from (
         Known(f"{symbol_of(name)} of each site", f"± {sd:.3g} (sd)", "prior", "--prior")
         for name, sd in details.own_errors.items()
-    ]
-    rows += wave_rows(subject)
+    )
+    yield from wave_rows(subject)
     if isinstance(details.spatial, SpatialEvidence):
-        rows += _confirmed_rows(details.spatial, float(curve_of(first.tests[0]).displacement[-1]))
+        yield from _confirmed_rows(details.spatial, float(curve_of(first.tests[0]).displacement[-1]))
     numerical = f"{100 * NUMERICAL_ERROR:g} % of the force (sd)"
-    rows.append(Known("error of the numerical model", numerical, "prior", "convergence study"))
+    yield Known("error of the numerical model", numerical, "prior", "convergence study")
     for number in range(len(first.tests)):
-        rows += _site_rows(first, number)
-    return rows
+        yield from _site_rows(first, number)
 
 
-def _site_rows(fit: LegFit, number: int) -> list[Known]:
+def _site_rows(fit: LegFit, number: int) -> Iterator[Known]:
     """What was measured, stated and corrected at one site."""
     details, one = fit.details, fit.tests[number]
     subject, curve, applied = details.leg.sites[number], curve_of(one), details.corrections[number]
     at, data, depth = f"{one.name}: " if len(fit.tests) > 1 else "", subject.origin, curve.displacement[-1]
-    rows = []
     if isinstance(details.spatial, SpatialSites):
         source: Provenance = "assumed" if details.spatial.extruded else "measured"
-        rows.append(Known(f"{at}leg in 3D", details.spatial.shapes[number], source, "subject.toml, [section]"))
+        yield Known(f"{at}leg in 3D", details.spatial.shapes[number], source, "subject.toml, [section]")
         if applied is not None:
             name, by = f"{at}error of the leg's force in 3D at {depth:.3g} mm", f"{100 * applied.sd[-1]:.2g} % (sd)"
-            rows.append(Known(name, by, "prior", "larger elements, a shorter leg, and fibres' part"))
+            yield Known(name, by, "prior", "larger elements, a shorter leg, and fibres' part")
     elif applied is not None:
         P, sd = applied.P[-1], applied.sd[-1]
         ends, shared = f"{P - 2 * sd:+.3f} to {P + 2 * sd:+.3f}", "its error is shared by all sites" if at else ""
         name = f"{at}3D correction P at {depth:.3g} mm"
-        rows.append(Known(name, f"{P:+.3f}", "prior", applied.name, ends, shared))
-    rows.append(Known(f"{at}noise of a force reading", f"{curve.white_sd:.3g} N (sd)", data, "from sample to sample"))
+        yield Known(name, f"{P:+.3f}", "prior", applied.name, ends, shared)
+    yield Known(f"{at}noise of a force reading", f"{curve.white_sd:.3g} N (sd)", data, "from sample to sample")
     for beside in one.channels[1:]:
         shown, station, count = beside.channel.values, beside.channel.station, len(beside.channel)
         ends = f"{shown[np.argmin(station)]:.3g} and {shown[np.argmax(station)]:.3g} {beside.channel.unit}"
-        rows.append(Known(f"{at}{channel_name(beside)}, first and deepest reading", ends, data, f"{count} readings"))
+        yield Known(f"{at}{channel_name(beside)}, first and deepest reading", ends, data, f"{count} readings")
     trials = f"{curve.n_trials} recording{'s' * (curve.n_trials > 1)}, from first contact"
     name, value = f"{at}girth of the section", f"{girth(subject.section):.0f} mm"
-    return [
-        *rows,
-        Known(f"{at}greatest displacement used", f"{depth:.4g} mm", data, trials),
+    yield Known(f"{at}greatest displacement used", f"{depth:.4g} mm", data, trials)
+    yield (
         Known(name, value, "assumed", "subject.toml", remark="a typical calf was scaled to it")
         if subject.typical_shape
-        else Known(name, value, subject.origin, "contours of the skin"),
-        Known(f"{at}what presses", f"{subject.indenter}", "assumed", "subject.toml"),
-    ]
+        else Known(name, value, subject.origin, "contours of the skin")
+    )
+    yield Known(f"{at}what presses", f"{subject.indenter}", "assumed", "subject.toml")
 
 
 def _confirmed_rows(found: SpatialEvidence, depth: float) -> list[Known]:

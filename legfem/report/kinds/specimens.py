@@ -1,6 +1,6 @@
 """What is shown of specimens: one tissue's law from all their recordings."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import ClassVar
 
@@ -65,28 +65,26 @@ class SpecimenReport(ReportKind):
             ("What to do", _next(chosen)[0]),
         ]
 
-    def known(self, fits: Sequence[SpecimenFit]) -> list[web.Known]:
-        """Return what was found with each law, what was held, and the specimens' sizes."""
-        rows = []
+    def known(self, fits: Sequence[SpecimenFit]) -> Iterator[web.Known]:
+        """Yield what was found with each law, what was held, and the specimens' sizes."""
         for fit in fits:
             fitted, isotropic = sum(one.fitted for one in fit.tests), not any(map(is_ratio, fit.values))
             for name, found in fit.estimates.items():
-                rows.append(estimates.estimated(f"{_words(name)}, {LAW_NAMES[fit.law]} law", found, fitted, isotropic))
+                yield estimates.estimated(f"{_words(name)}, {LAW_NAMES[fit.law]} law", found, fitted, isotropic)
         source = "specimen.toml, the command, or the law's default"
         for name, value in estimates.held_of(fits).items():
-            rows.append(web.Known(_words(name), estimates.held_text(name, value), "assumed", source))
+            yield web.Known(_words(name), estimates.held_text(name, value), "assumed", source)
         # A law that misses all recordings alike makes more of how they differ.
         first = least_akaike(fits)
         factor, source = f"{100 * first.details.gain_sd:.3g} % (sd)", "the recordings' forces; the intervals include it"
-        rows.append(web.Known("factor by which recordings differ", factor, "estimated", source))
+        yield web.Known("factor by which recordings differ", factor, "estimated", source)
         for fit in fits:
             for one in fit.details.alternatives:
                 name = f"{one.words}, {LAW_NAMES[fit.law]} law"
-                rows.append(web.Known(name, percent(one.probability), "estimated", "their curves"))
+                yield web.Known(name, percent(one.probability), "estimated", "their curves")
         source = "specimen.toml; the intervals include their errors ([accuracy])"
         for sizes in dict.fromkeys(one.sizes for one in first.details.folder.recordings):
-            rows.append(web.Known("sizes", str(sizes), "assumed", source))
-        return rows
+            yield web.Known("sizes", str(sizes), "assumed", source)
 
     def chapters(self, fits: Sequence[SpecimenFit], pressed: web.PressedSection | None, note: str) -> list[web.Chapter]:
         """Return recordings, what was tested and what not, what to do and how it was done."""
@@ -95,8 +93,8 @@ class SpecimenReport(ReportKind):
         if not chosen.details.folder.returns:
             untested.append("Unloading, and everything after the first return, was not used.")
         return [
-            web.Chapter("Recordings and model", _recordings(fits)),
-            web.Chapter(web.TESTED, [web.Bullets(tested(fits))]),
+            web.Chapter("Recordings and model", list(_recordings(fits))),
+            web.Chapter(web.TESTED, [web.Bullets(list(tested(fits)))]),
             web.Chapter("What could not be tested", [web.Bullets(untested)]),
             web.Chapter("What to do next", [web.Bullets(_next(chosen))]),
             web.Chapter("How it was done", [web.Prose(procedure(chosen)), *estimates.how_found(fits)]),
@@ -105,7 +103,7 @@ class SpecimenReport(ReportKind):
     def figure(self, fits: Sequence[SpecimenFit]) -> Figure:
         """Return recordings beside the laws, those with the poorest fit."""
         what = f"Measured and simulated {compared(fits[0])[0].recording.axes.load}"
-        return curves_figure(curves_of(fits), what, fits[0].subject.title, fits[0].subject.origin)
+        return curves_figure(list(curves_of(fits)), what, fits[0].subject.title, fits[0].subject.origin)
 
     def files(self, fits: Sequence[SpecimenFit], folder: Path) -> list[ReportFile]:
         """Write the figures."""
@@ -154,27 +152,24 @@ def _next(best: SpecimenFit) -> list[str]:
     return lines
 
 
-def curves_of(results: Sequence[SpecimenFit]) -> list[Curves]:
+def curves_of(results: Sequence[SpecimenFit]) -> Iterator[Curves]:
     """Recordings beside the laws, over displacement and where one holds over time, those with the poorest fit first."""
     worst = sorted(compared(least_akaike(results)), key=lambda one: one.force.r_squared)
     # Of each of several tests one at least.
     first = {one.recording.test: one for one in reversed(worst)}.values()
     worst = sorted(worst, key=lambda one: one not in first)[: max(_MOST_CURVES, len(first))]
-    blocks = []
     for number, one in enumerate(worst):
         axes = one.recording.axes
-        blocks.append(_curves(results, one, number, axes.ways * one.course.displacement, axes.way, axes.way_unit))
+        yield _curves(results, one, number, axes.ways * one.course.displacement, axes.way, axes.way_unit)
         if one.course.holds:
-            blocks.append(_curves(results, one, number, one.course.time, "time", "s"))
-    return blocks
+            yield _curves(results, one, number, one.course.time, "time", "s")
 
 
-def _recordings(results: Sequence[SpecimenFit]) -> list[web.Block]:
+def _recordings(results: Sequence[SpecimenFit]) -> Iterator[web.Block]:
     first = least_akaike(results)
     every = compared(first)
-    blocks: list[web.Block] = []
     if len(every) > _MOST_CURVES:
-        blocks.append(web.Prose(f"The {_MOST_CURVES} of {len(every)} recordings with the poorest fit are drawn."))
+        yield web.Prose(f"The {_MOST_CURVES} of {len(every)} recordings with the poorest fit are drawn.")
     bars = [
         web.LabelledBar(
             f"{one.name}{'' if one.fitted else ' (left out, predicted)'}",
@@ -184,17 +179,18 @@ def _recordings(results: Sequence[SpecimenFit]) -> list[web.Block]:
         for one in every
     ]
     explains = f"How much of each recording the {LAW_NAMES[first.law]} law explains (R²)"
-    blocks += [*curves_of(results), web.Bars(explains, ("recording", "R², error"), bars, greatest=1.0)]
-    blocks += [*drawn(results), *_face_profile(results)]
+    yield from curves_of(results)
+    yield web.Bars(explains, ("recording", "R², error"), bars, greatest=1.0)
+    yield from drawn(results)
+    yield from _face_profile(results)
     for result in results:
         samples, law = compared(result), LAW_NAMES[result.law]
         for test in dict.fromkeys(one.recording.test for one in samples):
-            blocks.append(_test_in_numbers([one for one in samples if one.recording.test == test], law, test))
+            yield _test_in_numbers([one for one in samples if one.recording.test == test], law, test)
         if result.details.stiffness:
             rows = [{"specimen": name, "times as stiff": f"{x:.3f}"} for name, x in result.details.stiffness.items()]
             caption = f"Stiffness of each specimen relative to a typical one, {law} law"
-            blocks.append(web.WebTable.of(caption, rows, folded=True))
-    return blocks
+            yield web.WebTable.of(caption, rows, folded=True)
 
 
 def _face_profile(fits: Sequence[SpecimenFit]) -> list[Curves]:
@@ -335,21 +331,20 @@ def followed(result: SpecimenFit) -> str:
     return "; ".join(dict.fromkeys(one.sizes.kind.followed if one.recording.timed else tables for one in every))
 
 
-def tested(results: Sequence[SpecimenFit]) -> list[str]:
-    """Return how each law fared, how specimens differ, and how well what was left out is predicted."""
-    lines = []
+def tested(results: Sequence[SpecimenFit]) -> Iterator[str]:
+    """Yield how each law fared, how specimens differ, and how well what was left out is predicted."""
     for result in results:
         details, goodness = result.details, result.goodness
-        lines.append(
+        yield (
             f"The {LAW_NAMES[result.law]} law differs from the recordings by {rms_percent(result):.2g} % (rms), "
             f"chi-square {goodness.chi_square:.4g} on {goodness.degrees_of_freedom} degrees of freedom "
             f"({fit_probability(goodness.p_value)})."
         )
-        lines += channel_lines(result)
+        yield from channel_lines(result)
         if details.agreement is not None and not details.agreement.disagree:
-            lines.append(details.agreement.text)
+            yield details.agreement.text
         if each := details.stiffness.values():
-            lines.append(
+            yield (
                 f"of a typical specimen: {len(each)} specimens are {min(each):.2f} to {max(each):.2f} times as stiff "
                 f"(standard deviation of the logarithm {details.stiffness_spread:.2f})."
             )
@@ -359,8 +354,7 @@ def tested(results: Sequence[SpecimenFit]) -> list[str]:
                 stiff = ", with the stiffness of its specimen in the other recordings"
             elif details.stiffness:
                 stiff = f"; with {one.scale:.2f} times the stiffness of a typical specimen, {one.shape_r_squared:.3f}"
-            lines.append(
+            yield (
                 f"left out, {one.name}: predicted with R² {one.force.r_squared:.3f}, rmse {load(one.force.rms)} "
                 f"({100 * one.force.rms / one.course.peak:.2g} % of {load(one.course.peak)}){stiff}."
             )
-    return lines

@@ -1,6 +1,6 @@
 """What is shown of a leg in its stocking: page, figures of pressures and contours, and fields."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import ClassVar
 
@@ -62,7 +62,7 @@ class StockingReport(ReportKind):
             ("Problems found", _wrong(details)),
             ("How sure", " ".join(parts) or "Unknown: there is nothing to compare with."),
             ("What it means for comfort", comfort),
-            ("What to do", _next(chosen)[0]),
+            ("What to do", next(_next(chosen))),
         ]
 
     def known(self, fits: Sequence[StockingFit]) -> list[web.Known]:
@@ -90,27 +90,25 @@ class StockingReport(ReportKind):
             *_given(details),
         ]
 
-    def chapters(self, fits: Sequence[StockingFit], pressed: web.PressedSection | None, note: str) -> list[web.Chapter]:
-        """Return the leg to turn, pressures, stiffness, where model and scan differ, and how it was computed."""
+    def chapters(
+        self, fits: Sequence[StockingFit], pressed: web.PressedSection | None, note: str
+    ) -> Iterator[web.Chapter]:
+        """Yield the leg to turn, pressures, stiffness, where model and scan differ, and how it was computed."""
         (fit,) = fits
         details, differ = fit.details, fit.details.discrepancy
-        chapters = []
         if details.pressures is not None and details.moved is not None:
             dressed = stocking_pressures.dressed_leg(details, details.moved)
-            chapters.append(web.Chapter("The leg, bare and dressed", [dressed]))
+            yield web.Chapter("The leg, bare and dressed", [dressed])
         if details.equilibrium.state.report.complete:
-            chapters.append(web.Chapter(stocking_pressures.ALONG, stocking_pressures.level_blocks(details)))
+            yield web.Chapter(stocking_pressures.ALONG, stocking_pressures.level_blocks(details))
         where = [web.Prose(_wrong(details))] if differ is None else stocking_stiffness.discrepancy_blocks(differ)
-        return [
-            *chapters,
-            web.Chapter(stocking_pressures.PRESSURES, stocking_pressures.pressure_blocks(details)),
-            web.Chapter(stocking_stiffness.STIFFNESS, stocking_stiffness.stiffness_blocks(fit)),
-            web.Chapter("Where model and scan differ", [*where, *stocking_stiffness.contour_curves(details)]),
-            web.Chapter("What could not be tested", [web.Bullets(NOT_TESTED["stocking"])]),
-            web.Chapter("What to do next", [web.Bullets(_next(fit))]),
-            web.Chapter("What was scanned", _scanned(details)),
-            web.Chapter("How it was computed", [_computed(fit)]),
-        ]
+        yield web.Chapter(stocking_pressures.PRESSURES, stocking_pressures.pressure_blocks(details))
+        yield web.Chapter(stocking_stiffness.STIFFNESS, stocking_stiffness.stiffness_blocks(fit))
+        yield web.Chapter("Where model and scan differ", [*where, *stocking_stiffness.contour_curves(details)])
+        yield web.Chapter("What could not be tested", [web.Bullets(NOT_TESTED["stocking"])])
+        yield web.Chapter("What to do next", [web.Bullets(list(_next(fit)))])
+        yield web.Chapter("What was scanned", _scanned(details))
+        yield web.Chapter("How it was computed", [_computed(fit)])
 
     def figure(self, fits: Sequence[StockingFit]) -> Figure:
         """Return the pressure of the stocking on the skin, unrolled and on the leg."""
@@ -129,7 +127,7 @@ class StockingReport(ReportKind):
         if curves := stocking_pressures.fat_curves(details):
             shows = "fat thickness round the leg, and the pressures over it and in it"
             drawn.append(("fat", curves_figure(curves, capital(shows), leg.title, leg.origin), shows))
-        if curves := stocking_stiffness.contour_curves(details):
+        if curves := list(stocking_stiffness.contour_curves(details)):
             shows = "the contours that were compared: distances of model and bare leg"
             drawn.append(("contours", curves_figure(curves, capital(shows), leg.title, leg.origin), shows))
         return [picture(figure, folder, name, shows) for name, figure, shows in drawn]
@@ -205,28 +203,28 @@ def _wrong(details: StockingDetails) -> str:
     return "Nothing could be tested: the leg was not scanned in its stocking."
 
 
-def _next(fit: StockingFit) -> list[str]:
+def _next(fit: StockingFit) -> Iterator[str]:
     details = fit.details
     if fit.answer.finding is Finding.NOT_COMPUTED:
-        return ["Run it again with a finer mesh (--cells), and look at the warnings."]
+        yield "Run it again with a finer mesh (--cells), and look at the warnings."
+        return
     if fit.answer.finding is Finding.MISFIT:
-        return [
+        yield (
             "Don't use the stiffness. Look at the contours where model and scan differ: at the "
             "segmentation, the registration, and the stocking's size."
-        ]
-    lines = []
+        )
+        return
     if unsure := fit.answer.parameters["unsure"]:
-        lines.append(
+        yield (
             f"Do not rely on the stiffness of the {' and the '.join(unsure)}: these scans do not "
             "determine it well enough. The pressures hardly depend on it."
         )
     if details.leg.compressed is None:
-        lines.append("Scan the leg in its stocking, too: then the stiffness can be found.")
-    lines.append(
+        yield "Scan the leg in its stocking, too: then the stiffness can be found."
+    yield (
         "Compare the pressure on the skin with the stocking's class, or measure it at one place: "
         "all pressures inside follow it."
     )
-    return lines
 
 
 def _scanned(details: StockingDetails) -> list[web.Block]:
