@@ -190,7 +190,7 @@ def about_the_truth(subject: Subject) -> StationTest:
     curve = leg.solve(TRUTH, BOTH).curve
     noise = estimate_noise(test.observed, subject.instrument)
     law = law_of("neo-hookean", subject, leg.nominal)
-    unknowns = unknowns_at(test, subject, curve, TRUTH, None, law, {})
+    unknowns = list(unknowns_at(test, subject, curve, TRUTH, None, law, {}))
     return test.about(curve, TRUTH, test.contacts, noise, unknowns)
 
 

@@ -119,7 +119,7 @@ def test_what_is_assumed_may_be_off_beside_a_reading():
 
 def test_readings_of_effects_that_are_not_weighed_tell_nothing():
     given = Accuracy(effects=(MeasuredEffect("force-drift", 0.001, 0.001, "zeros"),))
-    assert measured_strengths(given, [SUPPORT]) == ()
+    assert not list(measured_strengths(given, [SUPPORT]))
     (one,) = measured_strengths(given, [SUPPORT, DRIFT])
     assert one.name == "force-drift.rate" and one.prior_z == pytest.approx(0.2)
 

@@ -33,7 +33,7 @@ def diagnosed_with(extra, seed=1):
 def test_a_null_leaves_in_every_phase_what_errors_make():
     shares = []
     for seed in (1, 2, 3):
-        checks = checks_by_phase(diagnosed_with(0.0, seed).weighted_base)
+        checks = list(checks_by_phase(diagnosed_with(0.0, seed).weighted_base))
         assert [check.phase for check in checks] == ["loading", "hold", "unloading"]
         assert all(0.05 * check.errors < check.left < 2 * check.errors for check in checks)
         shares += [check.p_value for check in checks]

@@ -72,7 +72,7 @@ def test_levels_between_which_the_pressure_does_not_decrease_are_named():
         ([15.0, 20.0, 18.0], [("B", "B1")]),
     ):
         told = replace(along, mean=np.interp(CALF.levels, list(heights.values()), mean))
-        found = rises(pressures_at_levels(told, MakersLevels(heights=heights), CALF))
+        found = rises(list(pressures_at_levels(told, MakersLevels(heights=heights), CALF)))
         assert [(lower.level, upper.level) for lower, upper in found] == named
 
 

@@ -1,7 +1,7 @@
 """How well the numbers are known that a base model assumes of a body, and what was measured of it by other means."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -146,15 +146,13 @@ def measured_strength(mechanism: Mechanism, value: float, sd: float, accuracy: A
     return MeasuredStrength(mechanism, prior.departure(value), whole / prior.sd)
 
 
-def measured_strengths(accuracy: Accuracy, able: Sequence[Mechanism]) -> tuple[MeasuredStrength, ...]:
-    """Return the readings of those mechanisms that are weighed; of others they tell nothing."""
+def measured_strengths(accuracy: Accuracy, able: Sequence[Mechanism]) -> Iterator[MeasuredStrength]:
+    """Yield the readings of those mechanisms that are weighed; of others they tell nothing."""
     weighed = {m.name: m for m in able}
-    found = []
     for one in accuracy.effects:
         if (mechanism := weighed.get(one.effect)) is not None:
             sd = one.sd / one.value if prior_of(mechanism.parameters[0]).scale == "log" else one.sd
-            found.append(measured_strength(mechanism, one.value, sd, accuracy))
-    return tuple(found)
+            yield measured_strength(mechanism, one.value, sd, accuracy)
 
 
 def check_measured(toml: Path, effects: Sequence[MeasuredEffect], mechanisms: Sequence[Mechanism]) -> None:

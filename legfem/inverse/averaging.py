@@ -88,7 +88,8 @@ def _intervals(
 ) -> Iterator[tuple[float, float]]:
     """Yield `averaged_interval` for each of several assumptions of how common mechanisms are; nothing for its None."""
     every = weights_of(explained, name)
-    each = [Weighted(e.names, weight, e.distribution(name)) for e, weight in every] + untried_pairs(explained, name)
+    each = [Weighted(e.names, weight, e.distribution(name)) for e, weight in every]
+    each += untried_pairs(explained, name)
     unseen = explained.base.problem.unseen if name in (DEEP_C10, DEEP_C20) else ()
     for times in assumed if every else ():
         parameter = next(p for p in every[0][0].fit.parameters if p.name == name)
@@ -106,14 +107,12 @@ def _intervals(
 
 def unseen_of(
     mechanisms: Sequence[Mechanism], observed: Observations, possible: Mapping[str, Occurrence]
-) -> tuple[Unseen, ...]:
-    """Return what is always there and recordings don't show."""
-    found = []
+) -> Iterator[Unseen]:
+    """Yield what is always there and recordings don't show."""
     for one in mechanisms:
         always = possible[one.name].always if one.name in possible else None
         if always is not None and (one.hides_in_stiffness or one.untestable(observed) is not None):
-            found.append(Unseen(one, tuple(map(float, one.unseen_factors(always, observed)))))
-    return tuple(found)
+            yield Unseen(one, tuple(map(float, one.unseen_factors(always, observed))))
 
 
 def _beside_unseen(each: Sequence[Weighted], prior: Prior, unseen: Sequence[Unseen]) -> Mixture:
@@ -276,8 +275,8 @@ def _log_weight(one: Explanation) -> float:
     return one.log_prior + POWER * one.posterior.log_evidence
 
 
-def untried_pairs(explained: Explained, name: str) -> list[Weighted]:
-    """Return the pairs of mechanisms that weren't tried, for a parameter's interval.
+def untried_pairs(explained: Explained, name: str) -> Iterator[Weighted]:
+    """Yield the pairs of mechanisms that weren't tried, for a parameter's interval.
 
     Linear about the base model's fit, and as if the recordings bound each effect by itself: where
     they bound the sum, this is somewhat too wide.
@@ -285,7 +284,7 @@ def untried_pairs(explained: Explained, name: str) -> list[Weighted]:
     base = explained.base
     like = next((one for one in weights_of(explained, name) if not one[0].is_base), None)
     if like is None or name not in base.fit.free:
-        return []
+        return
     alone = singles_of(explained.every).values()
     expected = {e.names[0]: e.fit.mechanisms[0].expected for e in alone}
     # Two that explain the same misfit don't add: those that explain none do.
@@ -295,7 +294,6 @@ def untried_pairs(explained: Explained, name: str) -> list[Weighted]:
     mean, variance = base.distribution(name).moments
     common = mean, max(variance, min((one.moments[1] for one in each.values()), default=0.0))
     tried = {frozenset(e.names) for e in explained.every}
-    found = []
     for one, other in combinations(singles, 2):
         names = one.names[0], other.names[0]
         log_evidence = one.posterior.log_evidence + log_bayes_factor(other, base)
@@ -303,8 +301,7 @@ def untried_pairs(explained: Explained, name: str) -> list[Weighted]:
         probability = like[1] * float(np.exp(log_weight - _log_weight(like[0])))
         if frozenset(names) not in tried and probability > _COUNTS:
             summed = _sum(each[names[0]], each[names[1]], common)
-            found.append(Weighted(names, probability, summed))
-    return found
+            yield Weighted(names, probability, summed)
 
 
 def _sum(one: Mixture, other: Mixture, common: tuple[float, float]) -> Mixture:

@@ -4,7 +4,7 @@ A reading is a mean of a few samples of one segment. Each sample lies between tw
 cylinder moves and by time where it is held, so that a dense record and a single ultrasound frame are read alike.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, Self
@@ -160,8 +160,8 @@ def noise_of(one: RecordedChannel) -> float:
     return max(one.accuracy.reading, sample_noise(one.values) if len(one.values) >= _FEWEST else 0.0)
 
 
-def channel_readings(trials: Sequence[Segmentation], stations: Sequence[Stations]) -> tuple[StationChannel, ...]:
-    """Return the readings of every channel that trials have beside the force.
+def channel_readings(trials: Sequence[Segmentation], stations: Sequence[Stations]) -> Iterator[StationChannel]:
+    """Yield the readings of every channel that trials have beside the force.
 
     Parameters
     ----------
@@ -171,7 +171,6 @@ def channel_readings(trials: Sequence[Segmentation], stations: Sequence[Stations
         Of each.
     """
     recorded = [(k, one) for k, trial in enumerate(trials) for one in trial.recording.channels]
-    found = []
     for name in dict.fromkeys(one.name for _, one in recorded):
         mine = [(k, one) for k, one in recorded if one.name == name]
         first = mine[0][1]
@@ -182,8 +181,7 @@ def channel_readings(trials: Sequence[Segmentation], stations: Sequence[Stations
             for samples, weights in _readings(trials[k], stations[k], here, bool(first.places))
         ]
         if readings:
-            found.append(_at_stations(CHANNELS[name], first.accuracy, readings, stations, first.places))
-    return tuple(found)
+            yield _at_stations(CHANNELS[name], first.accuracy, readings, stations, first.places)
 
 
 def _clear_of_threshold(one: RecordedChannel) -> RecordedChannel:
@@ -257,8 +255,8 @@ class PlannedChannel:
     places: tuple[tuple[float, ...], ...] = ()
 
 
-def planned_readings(planned: Sequence[PlannedChannel], stations: Sequence[Stations]) -> tuple[StationChannel, ...]:
-    """Return the readings, of nothing, that channels of a test would give.
+def planned_readings(planned: Sequence[PlannedChannel], stations: Sequence[Stations]) -> Iterator[StationChannel]:
+    """Yield the readings, of nothing, that channels of a test would give.
 
     Parameters
     ----------
@@ -267,7 +265,6 @@ def planned_readings(planned: Sequence[PlannedChannel], stations: Sequence[Stati
     stations
         Of each trial.
     """
-    found = []
     for one in planned:
         kind = CHANNELS[one.name]
         variance = kind.usual.reading**2
@@ -277,33 +274,30 @@ def planned_readings(planned: Sequence[PlannedChannel], stations: Sequence[Stati
             for number in range(max(1, len(one.places)))
             for count, weights in _planned_in(one, own)
         ]
-        found.append(_at_stations(kind, kind.usual, readings, stations, one.places))
-    return tuple(found)
+        yield _at_stations(kind, kind.usual, readings, stations, one.places)
 
 
-def _planned_in(one: PlannedChannel, stations: Stations) -> list[tuple[int, FloatArray]]:
-    """Return of each reading of a trial how many samples it has, and what it takes of the stations."""
-    found: list[tuple[int, FloatArray]] = []
+def _planned_in(one: PlannedChannel, stations: Stations) -> Iterator[tuple[int, FloatArray]]:
+    """Yield of each reading of a trial how many samples it has, and what it takes of the stations."""
     if one.at:
         loading = np.flatnonzero(stations.segment == 0)
         for row in _between(np.array(one.at), stations.displacement[loading]):
             weights = np.zeros(len(stations.time))
             weights[loading] = row
-            found.append((1, weights))
-        return found
+            yield 1, weights
+        return
     for number in np.unique(stations.segment):
         here = np.flatnonzero(stations.segment == number)
         for group in grouped(here, str(stations.phase[here[0]]), bool(one.places)):
             weights = np.zeros(len(stations.time))
             weights[group] = 1.0 / len(group)
-            found.append((len(group), weights))
-    return found
+            yield len(group), weights
 
 
 def _readings(
     trial: Segmentation, stations: Stations, one: RecordedChannel, at_places: bool = False
-) -> list[tuple[NDArray[np.int_], FloatArray]]:
-    """Return each reading's samples, and what it takes of the trial's stations (m,)."""
+) -> Iterator[tuple[NDArray[np.int_], FloatArray]]:
+    """Yield each reading's samples, and what it takes of the trial's stations (m,)."""
     since = one.time - trial.touched
     at = np.interp(one.time, trial.recording.time, trial.smooth) - trial.contact.displacement
     inside = (
@@ -311,7 +305,6 @@ def _readings(
         & (one.time <= trial.recording.time[-1])
         & (at > -_IN_AIR_MM * trial.scales.way)
     )
-    found: list[tuple[NDArray[np.int_], FloatArray]] = []
     begins = -np.inf
     for number, segment in enumerate(trial.segments):
         here = np.flatnonzero(stations.segment == number)
@@ -328,9 +321,8 @@ def _readings(
             for samples in grouped(mine, segment.phase, at_places):
                 weights = np.zeros(len(stations.time))
                 weights[here] = _between(along[samples], places).mean(axis=0)
-                found.append((samples, weights))
+                yield samples, weights
         begins = ends
-    return found
 
 
 def _between(along: FloatArray, places: FloatArray) -> FloatArray:

@@ -130,9 +130,9 @@ def diagnose(
     problem, ordinary, error = _begun(given, predictor, solved)
     problem = replace(
         problem,
-        measured=measured_strengths(accuracy, able),
+        measured=tuple(measured_strengths(accuracy, able)),
         possible=given.possible,
-        unseen=unseen_of(there, observed, given.possible),
+        unseen=tuple(unseen_of(there, observed, given.possible)),
         unweighed=unweighed,
         nuisances=given.nuisances if observed.channels else None,
     )

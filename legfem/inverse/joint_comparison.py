@@ -1,6 +1,6 @@
 """Stations of one or several sites that the same unknowns predict, and what each site says by itself."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -235,15 +235,15 @@ class SingleTests:
             for span in self._comparison.spans
         ]
 
-    def by_itself(self) -> list[dict[str, OwnEstimate]]:
+    def by_itself(self) -> Iterator[dict[str, OwnEstimate]]:
         """Parameters as each test alone has them, on the emulator of the joint fit's solves; nothing of one test."""
         joint, linear = self._comparison, self.found.linear
         if len(joint.tests) < 2:
-            return [{}]
+            yield {}
+            return
         law = linear.law
         emulated, domain = self.found.search.emulated(), Domain(law.parameters)
         joint_gain = linear.gain
-        found = []
         for number, span in enumerate(joint.spans):
             alone = joint.alone(number)
             gain = self._gain(number, alone)
@@ -257,12 +257,7 @@ class SingleTests:
             error = np.sqrt(np.diag(gain @ self._errors @ gain.T))
             apart = gain - joint_gain
             of_difference = np.maximum(np.sqrt(np.diag(apart @ self._errors @ apart.T)), 1e-9 * error)
-            found.append(
-                {
-                    name: OwnEstimate(
-                        float(at[k]), float(error[k]), float((at[k] - linear.point[k]) / of_difference[k])
-                    )
-                    for k, name in enumerate(law.names)
-                }
-            )
-        return found
+            yield {
+                name: OwnEstimate(float(at[k]), float(error[k]), float((at[k] - linear.point[k]) / of_difference[k]))
+                for k, name in enumerate(law.names)
+            }

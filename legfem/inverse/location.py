@@ -60,8 +60,8 @@ class Window:
 
 def significant(
     observed: Observations, members: Sequence[_Member], scores: FloatArray, largest: FloatArray, residual: FloatArray
-) -> tuple[Window, ...]:
-    """Return non-overlapping significant windows, the strongest first.
+) -> Iterator[Window]:
+    """Yield non-overlapping significant windows, the strongest first.
 
     Parameters
     ----------
@@ -76,7 +76,6 @@ def significant(
     residual
         (n,), N.
     """
-    found: list[Window] = []
     taken: set[int] = set()
     for k in np.argsort(-scores):
         p = (len(largest) - np.searchsorted(largest, scores[k]) + 1) / (len(largest) + 1)
@@ -89,19 +88,16 @@ def significant(
         at = observed.nearest[where]
         d, t = observed.displacement[at], observed.time[at]
         channels = zip(observed.data.channels, observed.data.spans, strict=True)
-        found.append(
-            Window(
-                name,
-                str(observed.phase[at[0]]),
-                (float(d.min()), float(d.max())),
-                (float(t.min()), float(t.max())),
-                float(residual[where].mean()),
-                float(p),
-                tuple(map(int, where)),
-                next(one.name for one, span in channels if where[0] < span.stop),
-            )
+        yield Window(
+            name,
+            str(observed.phase[at[0]]),
+            (float(d.min()), float(d.max())),
+            (float(t.min()), float(t.max())),
+            float(residual[where].mean()),
+            float(p),
+            tuple(map(int, where)),
+            next(one.name for one, span in channels if where[0] < span.stop),
         )
-    return tuple(found)
 
 
 def _stretches(count: int) -> list[slice]:
@@ -130,9 +126,8 @@ def windows_of(observed: Observations) -> tuple[list[_Member], FloatArray]:
     return members, boxes
 
 
-def _channel_windows(observed: Observations) -> list[_Member]:
-    """Return the windows of channels beside the force: of all trials of a protocol together, in order along them."""
-    found: list[_Member] = []
+def _channel_windows(observed: Observations) -> Iterator[_Member]:
+    """Yield the windows of channels beside the force: of all trials of a protocol together, in order along them."""
     for span in observed.data.spans[1:]:
         own = np.arange(span.start, span.stop)
         at = observed.nearest[own]
@@ -141,8 +136,7 @@ def _channel_windows(observed: Observations) -> list[_Member]:
             for segment in np.unique(observed.segment[at]):
                 here = np.flatnonzero((observed.protocol[at] == number) & (observed.segment[at] == segment))
                 here = here[np.argsort(observed.time[at[here]], kind="stable")]
-                found += [(name, own[here[part]]) for part in _stretches(len(here))]
-    return found
+                yield from ((name, own[here[part]]) for part in _stretches(len(here)))
 
 
 def runs(marks: NDArray[np.int_]) -> list[tuple[int, int]]:
@@ -199,11 +193,10 @@ class MisfitAssessment:
         return next((score for score in self.scores if score.name == name), None)
 
 
-def signatures_of(fitted: LinearisedFit, mechanisms: Sequence[Mechanism]) -> list[Signature]:
-    """Return the projected signatures at a fit."""
+def signatures_of(fitted: LinearisedFit, mechanisms: Sequence[Mechanism]) -> Iterator[Signature]:
+    """Yield the projected signatures at a fit."""
     problem, basis = fitted.problem, np.linalg.qr(fitted.augmented_jacobian)[0]
     observed = problem.predictor.observed
-    found: list[Signature] = []
     for mechanism in mechanisms:
         first = mechanism.parameters[0]
         null = null_of(first)
@@ -219,13 +212,12 @@ def signatures_of(fitted: LinearisedFit, mechanisms: Sequence[Mechanism]) -> lis
             rest = float(np.linalg.norm(direction))
             if length == 0 or rest < 1e-6 * length:
                 continue
-            found.append(Signature(mechanism, direction, first.bounds[0] >= null, shape, 1.0 - rest / length))
-    return found
+            yield Signature(mechanism, direction, first.bounds[0] >= null, shape, 1.0 - rest / length)
 
 
 def score_tests(fitted: LinearisedFit, mechanisms: Sequence[Mechanism], seed: int = 0) -> MisfitAssessment:
     """Test a fit's residual against errors, mechanisms and windows; no solution is needed."""
-    problem, found = fitted.problem, signatures_of(fitted, mechanisms)
+    problem, found = fitted.problem, tuple(signatures_of(fitted, mechanisms))
     basis = np.linalg.qr(fitted.augmented_jacobian)[0]
     members, boxes = windows_of(problem.predictor.observed)
     white_boxes = _padded(problem.whitened(boxes), fitted)
@@ -252,9 +244,9 @@ def score_tests(fitted: LinearisedFit, mechanisms: Sequence[Mechanism], seed: in
     return MisfitAssessment(
         float(misfit[0]),
         tuple(sorted(scores, key=lambda s: (s.p_value, -s.statistic))),
-        significant(problem.predictor.observed, members, window_scores[0], threshold, fitted.residual),
+        tuple(significant(problem.predictor.observed, members, window_scores[0], threshold, fitted.residual)),
         float(_rank(-joint)[0]),
-        tuple(found),
+        found,
     )
 
 

@@ -259,7 +259,7 @@ def blank_observations(protocols: Sequence[Protocol], planned: Sequence[PlannedC
         0.0,
         tuple(contact_at_start() for _ in protocols),
         (),
-        channels=planned_readings(planned, [stations[k] for k in numbers]),
+        channels=tuple(planned_readings(planned, [stations[k] for k in numbers])),
     )
 
 
@@ -304,6 +304,6 @@ def observe(trials: Sequence[Segmentation]) -> Observations:
         tuple(notice for trial in trials for notice in _about(trial)),
         tuple(t.depth for t in trials),
         all(t.contact.known for t in trials),
-        channel_readings(trials, stations),
+        tuple(channel_readings(trials, stations)),
         min(t.scales.way for t in trials),
     )

@@ -99,21 +99,19 @@ class PhaseCheck:
     """Share of replicated recordings in which as much is left."""
 
 
-def checks_by_phase(model: Explanation) -> tuple[PhaseCheck, ...]:
-    """Return the checks of a model's force in each phase, in the order in which phases are recorded."""
+def checks_by_phase(model: Explanation) -> Iterator[PhaseCheck]:
+    """Yield the checks of a model's force in each phase, in the order in which phases are recorded."""
     problem = model.problem
     observed = problem.predictor.observed
     forces = len(observed.force)
     residual, total = model.fit.residual[:forces], problem.errors.covariance[:forces, :forces]
-    found = []
     for phase in dict.fromkeys(observed.phase):
         here = np.flatnonzero((observed.phase == phase) & problem.counted[:forces])
         if len(here):
             own = residual[here]
             square = float(own @ cho_solve(cho_factor(total[np.ix_(here, here)], lower=True), own))
             left, errors = np.sqrt(np.mean(own**2)), np.sqrt(np.mean(np.diag(total)[here]))
-            found.append(PhaseCheck(str(phase), float(left), float(errors), float(chi2.sf(square, len(here)))))
-    return tuple(found)
+            yield PhaseCheck(str(phase), float(left), float(errors), float(chi2.sf(square, len(here))))
 
 
 _KEPT = 0.3

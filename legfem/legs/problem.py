@@ -1,7 +1,7 @@
 """A leg as a problem: one or several sites, in plane strain or in 3D, with what is unknown of its tissues."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from types import MappingProxyType
@@ -102,7 +102,7 @@ class LegProblem:
             left = observed.force - moved.every_reading(curve, best.values)[: len(observed.force)]
             noise = estimate_noise(observed, subject.instrument, left, subject.at_rest)
             changes = self.geometry(number, deep_stiffness(best.values))
-            unknowns = unknowns_at(moved, subject, curve, best.values, changes, law, self.own_errors)
+            unknowns = list(unknowns_at(moved, subject, curve, best.values, changes, law, self.own_errors))
             tests.append(moved.about(curve, best.values, test.contacts, noise, unknowns))
         about = best.values, near.linear.prediction.values
         return JointComparison(tuple(tests), weighting, about)
@@ -219,7 +219,7 @@ class LegProblem:
             "weakly_identifiable_within_relative_half_width": WEAKLY_WITHIN,
         }
 
-    def _test_fits(self, found: Found[JointComparison], single: SingleTests) -> list[SiteFit]:
+    def _test_fits(self, found: Found[JointComparison], single: SingleTests) -> Iterator[SiteFit]:
         """Every site's mean loading curve, and what else was recorded there, beside the joint fit."""
         joint, values = found.search.misfit, found.best.values
         every = zip(
@@ -231,7 +231,6 @@ class LegProblem:
             single.by_itself(),
             strict=True,
         )
-        fits = []
         for test, span, curve, solved, goodness, own in every:
             at, prediction = curve.displacement, found.linear.prediction.part(span)
             rates = {name: solved.sensitivity(name, at) for name in solved.sensitivities}
@@ -240,8 +239,7 @@ class LegProblem:
             for channel, rows in zip(test.data.channels[1:], test.data.spans[1:], strict=True):
                 slopes = {name: rate[rows] for name, rate in prediction.sensitivities.items()}
                 channels.append(ChannelFit(channel, prediction.values[rows], MappingProxyType(slopes)))
-            fits.append(SiteFit(test.name, tuple(channels), goodness, by_itself=MappingProxyType(own), curve=curve))
-        return fits
+            yield SiteFit(test.name, tuple(channels), goodness, by_itself=MappingProxyType(own), curve=curve)
 
 
 def leg_problem(

@@ -70,8 +70,8 @@ def unknowns_at(
     changes: NuisanceChanges | None,
     law: IdentifiedLaw,
     own_errors: Values,
-) -> list[NuisanceEffect]:
-    """Return what one standard deviation of each thing that isn't known exactly does to all of a site's readings.
+) -> Iterator[NuisanceEffect]:
+    """Yield what one standard deviation of each thing that isn't known exactly does to all of a site's readings.
 
     Parameters
     ----------
@@ -89,14 +89,13 @@ def unknowns_at(
         Standard deviations of the site's own instrument, by full name.
     """
     accuracy, predicted = accuracy_of_shape(subject), test.every_reading(curve, values)
-    found: list[NuisanceEffect] = []
     every, rates = {**law.nominal, **values}, test.derivatives(curve, values)
     for name in MATERIAL_LOG_SD:
         sd = accuracy.log_sd(name)
         if name in rates and name not in law.names and sd > 0:
             word, effect = word_of(name), sd * every[name] * rates[name]
-            found.append(NuisanceEffect(word, effect, Cause(word, MATERIAL_DOF), "assumed", True))
-    found += (
+            yield NuisanceEffect(word, effect, Cause(word, MATERIAL_DOF), "assumed", True)
+    yield from (
         [*_of_shape(test, subject, predicted, accuracy), *late_touch(test.observed.with_values(predicted), accuracy)]
         if changes is None
         else nuisance_effects(changes, test.observed, predicted, accuracy)
@@ -104,8 +103,7 @@ def unknowns_at(
     force: FloatArray = np.where(np.arange(len(predicted)) < len(test.observed.force), 1.0, 0.0)
     by_instrument = {GAIN: force * predicted, ZERO: force, OFFSET: test.by_displacement}
     for name, sd in own_errors.items():
-        found.append(NuisanceEffect(name, sd * by_instrument[name], Cause(name), "recordings"))
-    return found
+        yield NuisanceEffect(name, sd * by_instrument[name], Cause(name), "recordings")
 
 
 def _of_shape(

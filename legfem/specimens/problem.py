@@ -4,7 +4,7 @@ First contact is found along with the law.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
@@ -362,16 +362,16 @@ class _Fitting:
                 check_strained(folder, [one for one in folder.recordings if one not in held])
         away = frozenset(one.name for one in held)
         if not folder.alternatives:
-            return self._laws(folder, laws, away)
+            return list(self._laws(folder, laws, away))
         kind = next(one.sizes.kind for one in folder.recordings if one.sizes.kind.weighed)
-        each = {one: self._laws(folder.under(one), laws, away) for one in folder.alternatives}
+        each = {one: list(self._laws(folder.under(one), laws, away)) for one in folder.alternatives}
         chances = details.probabilities(each)
         return [
             details.weighed({one: fits[k] for one, fits in each.items()}, chances, kind.weighed, kind.to_know)
             for k in range(len(laws))
         ]
 
-    def _laws(self, folder: SpecimenFolder, laws: Sequence[LawName], away: frozenset[str]) -> list[_SpecimenFit]:
+    def _laws(self, folder: SpecimenFolder, laws: Sequence[LawName], away: frozenset[str]) -> Iterator[_SpecimenFit]:
         """Fit laws to a folder of which all is known."""
         asked, request = self.asked, self.request
         held = {one for one in folder.recordings if one.name in away}
@@ -380,7 +380,6 @@ class _Fitting:
         rates = [[one.course.rate for one in fitted if one.test == test] for test in {one.test for one in fitted}]
         if QUICKENING not in {*asked.names, *asked.priors, *asked.fixed} and not any(map(shows_quickening, rates)):
             asked = replace(asked, fixed={**asked.fixed, QUICKENING: READINGS[QUICKENING].null})
-        found = list[_SpecimenFit]()
         for name in laws:
             tissues = [one.of_law(name) for one in folder.tissues]
             law = identified_law(name, tissues, prepared.c10, folder.relaxes, asked)
@@ -388,8 +387,7 @@ class _Fitting:
             if rig := one.details.rig:
                 (again,) = replace(self, asked=asked)._laws(folder.on_rig(rig.compliance), [name], away)
                 one = details.taken_off(again, rig) if again.details.thickness is None else one
-            found.append(one)
-        return found
+            yield one
 
 
 def _fitted(folder: SpecimenFolder, prepared: Prepared, held_out: frozenset[str]) -> list[SpecimenRecording]:

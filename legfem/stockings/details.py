@@ -192,7 +192,7 @@ class StockingDetails(KindDetails):
     @property
     def at_levels(self) -> list[LevelPressure]:
         """Pressure at every level of makers that the modelled part of the leg has."""
-        return pressures_at_levels(self.pressure_along, self.leg.makers, self.leg.bare)
+        return list(pressures_at_levels(self.pressure_along, self.leg.makers, self.leg.bare))
 
 
 def _best_fit(best: ScanFit) -> dict[str, Any]:

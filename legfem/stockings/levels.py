@@ -1,6 +1,6 @@
 """The pressure along a leg, and at the levels at which makers give it, beside the limits of a class."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Literal, get_args
@@ -150,15 +150,13 @@ def rises(levels: Sequence[LevelPressure]) -> list[tuple[LevelPressure, LevelPre
     return [(low, up) for low, up in pairwise(upwards) if up.mean_pressure_mmHg >= low.mean_pressure_mmHg]
 
 
-def pressures_at_levels(along: PressureAlong, makers: MakersLevels, bare: LegShape) -> list[LevelPressure]:
-    """Return the pressure at each of the makers' levels that a leg has."""
+def pressures_at_levels(along: PressureAlong, makers: MakersLevels, bare: LegShape) -> Iterator[LevelPressure]:
+    """Yield the pressure at each of the makers' levels that a leg has."""
     places = makers.found(bare)
     ankle = along.at(places["B"][0])[0] if "B" in places else None
-    found = []
     for name, (height, stated) in places.items():
         mean, sd = along.at(height)
         half = quantile(0) * sd
         share = None if ankle is None else mean / ankle
         limits = makers.limits(name, ankle)
-        found.append(LevelPressure(name, height, stated, mean, (mean - half, mean + half), share, limits))
-    return found
+        yield LevelPressure(name, height, stated, mean, (mean - half, mean + half), share, limits)
