@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import shapely
 from making_stocking import PLANTED_KPA, laws, short_leg
 
 from legfem.common.errors import InputError
@@ -26,6 +28,7 @@ from legfem.stockings.equilibrium import EquilibriumSolver, LegModel3D
 from legfem.stockings.fabric import Stocking, fitted_stocking
 from legfem.stockings.identification import identify_in_stocking
 from legfem.stockings.leg import Posture, Sensor, SensorArray, StockingLeg, off_skin
+from legfem.stockings.loading import doubts_about_leg
 from legfem.stockings.schema import LegFile, parse_leg_file
 
 FINE = SolidMeshSettings(skin_size=8, inside_size=10, bone_size=8)
@@ -73,6 +76,60 @@ def test_a_metre_of_blood_presses_with_78_mmhg():
     assert list(Posture(1300.0).inside(0.0)) == ["standing"]
 
 
+@pytest.mark.parametrize(("diameter", "thickness"), [(50.0, 3.0), (14.0, 0.2), (30.0, 1.0)])
+def test_on_a_firm_leg_a_sensor_bears_what_a_string_around_both_turns_over_it(diameter, thickness):
+    """A string around a circle with a bump is their convex hull: its tension's resultant on the bump."""
+    radius = 50.0
+    around, over = np.linspace(0, 2 * np.pi, 40001), np.linspace(-1, 1, 2001) * diameter / (2 * radius)
+    circles = [(radius, around), (radius + thickness, over)]
+    points = np.vstack([far * np.column_stack([np.cos(turn), np.sin(turn)]) for far, turn in circles])
+    ring = np.array(shapely.MultiPoint(points).convex_hull.exterior.coords)[:-1]
+    pulls = [step / np.linalg.norm(step, axis=1)[:, None] for k in (1, -1) for step in [np.roll(ring, k, 0) - ring]]
+    bump = np.hypot(*ring.T) > radius + 0.5 * thickness
+    borne = -(pulls[0] + pulls[1])[bump, 0].sum()
+    rise = borne / (2 * np.sin(diameter / (2 * radius))) - 1
+    one = Sensor("s", np.zeros(3), 3e-3, 1e-4, diameter, thickness)
+    _, firm = one.rises(radius, 3e-3, thickness)
+    assert firm == pytest.approx(rise, rel=1e-3)
+    assert one.rises(radius, 1e6, thickness)[0] == pytest.approx(firm, rel=1e-3), "nothing sinks into a firm leg"
+
+
+def test_on_a_soft_leg_a_sensor_sinks_in_until_the_leg_bears_it():
+    radius, width, thickness, pressure, stiffness = 50.0, 30.0, 1.0, 3e-3, 3e-3
+    one = Sensor("s", np.zeros(3), pressure, 1e-4, width, thickness)
+    yielding, firm = one.rises(radius, stiffness, thickness)
+    # Sneddon's rigid disc on a half-space: the force is 2 d a E / (1 - nu^2), with E = 6 C10 and nu = 1/2.
+    outside, sunk = thickness, 0.0
+    for _ in range(400):
+        share = np.sqrt(2 * radius * outside) / (0.5 * width)
+        sunk = share * pressure * np.pi * (0.5 * width) ** 2 / (2 * 0.5 * width * 6 * stiffness / 0.75)
+        outside += 0.1 * (thickness - sunk - outside)
+    assert outside + sunk == pytest.approx(thickness, rel=1e-6)
+    # That is for small turns: the rise itself is by their sines.
+    assert yielding == pytest.approx(share, rel=0.1)
+    assert 0 < yielding < 0.5 * firm
+    corrected = one.corrected(radius, stiffness)
+    assert corrected.pressure * (1 + yielding) == pytest.approx(pressure)
+    assert corrected.sd > 0.5 * firm / np.sqrt(12) * pressure, "which share of it is left isn't known"
+    thin = replace(one, thickness=0.0).corrected(radius, stiffness)
+    assert (thin.pressure, thin.sd) == pytest.approx((pressure, 1e-4))
+    asis = replace(one, thickness=None).corrected(radius, stiffness)
+    assert (asis.pressure, asis.sd) == pytest.approx((pressure, 1e-4))
+
+
+def test_a_sensor_whose_thickness_is_not_stated_is_asked_for_it(tmp_path):
+    shape = short_leg()
+    sensors = tuple(replace(sensor(shape, point, 3e-3), thickness=t) for point, t in ((10, None), (50, 0.5)))
+    leg = StockingLeg(
+        *("t", "Test", "simulated", shape, shape, None, None),
+        *(fitted_stocking(shape, "2"), ACCURACY, laws(3.0, 3.0), True, "held", calf_levels(shape), (), sensors),
+    )
+    found = [one for one in doubts_about_leg(leg, tmp_path / "leg.toml") if "thickness" in one.field]
+    (doubt,) = found
+    assert doubt.field == "sensor at 10, thickness_mm" and "thickness" in doubt.remedy
+    assert re.search(r"one of 1 mm may read (\d+) % too much", doubt.problem)
+
+
 TOML = """
 id = "s"
 title = "S"
@@ -100,6 +157,7 @@ instrument = "PicoPress"
         ("22.0", "-1.0", "pressure_mmHg"),
         ("22.0", "2200.0", "pressure_mmHg"),
         ("pressure_mmHg", "pressure_kPa", "pressure_kPa"),
+        ("22.0", "22.0\nthickness_mm = -1.0", "thickness_mm"),
         ("[0.0, 60.0, 80.0]", "[0.0, 60.0]", "position_mm"),
     ],
 )

@@ -73,7 +73,7 @@ def sensor_rows(details: StockingDetails) -> list[Known]:
             f"model {mpa_to_mmhg(one.pressure):.1f} mmHg ({one.standardised_residual:+.1f} sd)",
             details.leg.origin,
             "leg.toml",
-            remark=used,
+            remark=used + (f"; corrected for its {one.sensor.thickness:g} mm" if one.sensor.thickness else ""),
         )
         for one in details.sensors
     ]

@@ -129,6 +129,7 @@ class StockingDetails(KindDetails):
                     "name": one.sensor.name,
                     "position_mm": one.sensor.position,
                     "diameter_mm": one.sensor.diameter,
+                    "thickness_mm": one.sensor.thickness,
                     "measured_kPa": mpa_to_kpa(one.sensor.pressure),
                     "measured_sd_kPa": mpa_to_kpa(one.sensor.sd),
                     "model_kPa": mpa_to_kpa(one.pressure),

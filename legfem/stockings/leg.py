@@ -8,10 +8,22 @@ both tissues 10 % stiffer. A sensor measures the pressure itself:
 with the stocking's pressure :math:`p_j` at the skin's points, weights :math:`w_{ij}` over the
 sensor's face, the relative error :math:`t` of the fabric's tension, the same everywhere, and the
 sensor's own error :math:`e_i`.
+
+A sensor lifts the fabric, and so bears what the fabric presses with beside it, too. A fabric of tension :math:`T`
+without friction that leaves a round firm leg of radius :math:`r` for a pliable sensor of width :math:`w` and thickness
+:math:`t` turns over it by :math:`2 (\theta + \varphi)` in place of :math:`2 \theta`, so that the sensor reads more by
+
+.. math:: u = \frac{\sin(\theta + \varphi)}{\sin\theta} - 1, \quad
+    \theta = \frac{w}{2 r}, \quad \cos\varphi = \frac{r}{r + t}
+
+(Laplace's law, :math:`p = T / r`, for the fabric beside and over it: a balance of forces). A leg that yields lets it
+sink in by :math:`\pi w u p / (32\, C_{10})`, as a rigid disc into an incompressible half-space (Sneddon 1965), until
+:math:`t` less that is what still stands out. Which share of :math:`t` is left isn't known well: the reading is
+corrected for that, with an even chance of anything from none to a firm leg's :math:`u` as its further error.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -69,6 +81,8 @@ class Sensor:
         Reading and its standard deviation (MPa).
     diameter : float
         Diameter of the face (mm).
+    thickness : float, optional
+        As it lies under the fabric (mm), for which the reading isn't corrected yet; None where nobody states it.
     """
 
     name: str
@@ -76,6 +90,33 @@ class Sensor:
     pressure: float
     sd: float
     diameter: float
+    thickness: float | None = None
+
+    def rises(self, radius: float, C10: float, thickness: float) -> tuple[float, float]:
+        """Return by which shares it reads more than what presses beside it: on this leg, and on a firm one.
+
+        Parameters
+        ----------
+        radius
+            Of the leg at its place, mm.
+        C10
+            Of what it lies on, MPa.
+        thickness
+            mm.
+        """
+        half = self.diameter / (2 * radius)
+        # It sinks in by `slack` times the root of what stands out (mm), as u is 2 / w times the root of 2 r that.
+        slack = np.pi * self.pressure * np.sqrt(2 * radius) / (16 * C10)
+        outside = (np.sqrt(slack**2 / 4 + thickness) - slack / 2) ** 2
+        turns = half + np.arccos(radius / (radius + np.array([outside, thickness])))
+        yielding, firm = np.sin(np.minimum(turns, np.pi / 2)) / np.sin(min(half, np.pi / 2)) - 1
+        return float(yielding), float(firm)
+
+    def corrected(self, radius: float, C10: float) -> "Sensor":
+        """Return it with what presses beside it as its pressure; as it is where its thickness isn't stated."""
+        yielding, firm = self.rises(radius, C10, self.thickness or 0.0)
+        pressure = self.pressure / (1 + yielding)
+        return replace(self, pressure=pressure, sd=float(np.hypot(self.sd, pressure * firm / np.sqrt(12))))
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,7 +32,17 @@ from legfem.inverse.elastography import ShearModulus, doubts_about_elastography
 from legfem.mechanics.materials import NeoHookean
 from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.fabric import Stocking, fitted_stocking, stocking_load
-from legfem.stockings.leg import KINDS, USUAL_DIAMETER, Posture, Sensor, StockingLeg, Vein, default_veins, off_skin
+from legfem.stockings.leg import (
+    KINDS,
+    USUAL_DIAMETER,
+    Posture,
+    Sensor,
+    SensorArray,
+    StockingLeg,
+    Vein,
+    default_veins,
+    off_skin,
+)
 from legfem.stockings.levels import LEVELS, MakersLevels
 from legfem.stockings.schema import LegFile, StockingEntry, parse_leg_file
 
@@ -113,7 +123,8 @@ def load_leg(directory: Path, progress: Progress | None = None) -> StockingLeg:
         makers=_makers(given.stocking),
         directory=directory,
     )
-    return replace(leg, doubts=tuple(doubts_about_leg(leg, toml)))
+    sensors = tuple(one.corrected(radius, c10) for one, radius, c10 in _sensors_on(leg))
+    return replace(leg, sensors=sensors, doubts=tuple(doubts_about_leg(leg, toml)))
 
 
 def _asked_length(toml: Path, given: LegFile) -> str:
@@ -229,9 +240,17 @@ def _sensors(toml: Path, given: LegFile, bare: LegShape) -> tuple[Sensor, ...]:
         else:
             kind = KINDS[entry.instrument]
             sd, usual = kind.relative_sd * pressure, kind.diameter
-        found.append(Sensor(entry.name, position, pressure, sd, entry.diameter_mm or usual))
+        found.append(Sensor(entry.name, position, pressure, sd, entry.diameter_mm or usual, entry.thickness_mm))
     check_distinct(toml, "sensor.name", (one.name for one in found), "give every sensor its own")
     return tuple(found)
+
+
+def _sensors_on(leg: StockingLeg) -> Iterator[tuple[Sensor, float, float]]:
+    """Yield sensors with the radius of the leg there, at most a round one's of its girth, mm, and C10 of fat, MPa."""
+    load = stocking_load(leg.bare, leg.stocking)
+    flattest = 2 * np.pi / load.perimeter.max()
+    for one, curvature in zip(leg.sensors, SensorArray.on(leg.bare, leg.sensors).averages(load.curvature), strict=True):
+        yield one, float(1 / max(curvature, flattest)), float(leg.tissues["superficial"].C10)
 
 
 def _veins(toml: Path, given: LegFile, bare: LegShape, level: float) -> tuple[Vein, ...]:
@@ -296,6 +315,16 @@ def doubts_about_leg(leg: StockingLeg, toml: Path) -> Iterator[Doubt]:
                 f"stocking.levels_mm.{level}",
                 f"{height:g} mm is not in the part that is modelled, {low:.4g} to {high:.4g} mm, and gets no pressure",
                 "give the height in the bare scan's coordinates, mm, or model more of the leg",
+            )
+    for sensor, radius, c10 in _sensors_on(leg):
+        if sensor.thickness is None:
+            by = 100 * sensor.rises(radius, c10, 1.0)[1]
+            yield Doubt(
+                str(toml),
+                f"sensor {sensor.name}, thickness_mm",
+                f"isn't stated: a sensor lifts the fabric, and one of 1 mm may read {by:.0f} % too much here",
+                "give its thickness as it lies under the fabric (0 if the reading is corrected for it)",
+                "a sensor's thickness isn't stated",
             )
     yield from doubts_about_elastography(toml, leg.elastography)
 

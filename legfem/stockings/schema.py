@@ -155,6 +155,8 @@ class SensorEntry(input_files.FileTable):
     sd_mmHg: input_files.Positive | None = None
     diameter_mm: Annotated[float, Field(ge=1, le=120, allow_inf_nan=False)] | None = None
     """Diameter of the face; the instrument's, or 30 mm, without it."""
+    thickness_mm: Annotated[float, Field(ge=0, le=20, allow_inf_nan=False)] | None = None
+    """Thickness as it lies under the fabric, by which it lifts that and reads too much; 0 of a corrected reading."""
 
     @model_validator(mode="after")
     def _one_error(self) -> "SensorEntry":
