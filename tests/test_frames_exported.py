@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -39,9 +40,11 @@ from legfem.common.errors import InputError
 from legfem.data.channel_reader import ChannelsEntry, SpecimenChannelsEntry, with_channels
 from legfem.data.recording import RecordedChannel, Recording
 from legfem.geometry.indenter import Site
+from legfem.inverse.channel_readings import not_read
 from legfem.legs.loading import load_subject
 from legfem.legs.plausibility import doubts_about
 from legfem.legs.subject import Subject
+from legfem.report.notices import sentence_of
 
 ALL = range(len(FRAMES))
 T = np.linspace(0.0, 6.0, 61)
@@ -584,6 +587,33 @@ def test_a_film_s_sensels_at_their_limit_are_left_out(tmp_path: Path, leg: Subje
     assert 0.3 < told.mean() < 0.9
     np.testing.assert_allclose(found.values, whole.values[told])
     np.testing.assert_allclose(found.place, whole.place[told])
+    assert found.left_out["limit"] == (~told).sum()
+
+
+def test_a_page_says_how_many_of_a_film_s_readings_are_left_out_and_why_and_which_trials_have_none(
+    tmp_path: Path, leg: Subject
+) -> None:
+    seen = [rows_of(np.minimum(grid(f), 8.0)) for f in ALL]
+    dead = ["\n".join(",".join(["B", *line.split(",")[1:]]) for line in rows.splitlines()) for rows in seen]
+    rows = "\n".join(f"Frame {f}\n{one}\n" for f, one in enumerate(dead))
+    (tmp_path / "a.asf").write_text(TEKSCAN + rows)
+    entry = f'[contact_pressure]\nfile = "{{trial}}.asf"\n{FILM}\nthreshold_kPa = 2.0\noptional = true\n'
+    pulls = [replace(PULL, trial=name) for name in ("a", "b")]
+    site = Site(leg.section, leg.indenter)
+    read = with_channels(tmp_path / "subject.toml", ChannelsEntry.model_validate(tomllib.loads(entry)), pulls, site)
+    pressures = np.array([grid(f)[:, 1:] for f in ALL])
+    limited = (pressures >= 8.0).any(axis=1)
+    faint = ~limited & (pressures.mean(axis=1) < 2.0)
+    assert limited.any() and faint.any()
+    without, left = map(sentence_of, not_read(read))
+    assert without.startswith("1 of 2 trials have no contact pressure (b): their force alone is used.")
+    counts = limited.sum(), len(ALL), faint.sum()
+    assert (
+        f"{sum(counts)} of {len(ALL) * (pressures.shape[2] + 1)} readings of the contact pressure are left out" in left
+    )
+    for count, why in zip(counts, ("with a sensel at the film's limit", "without a number", "below what"), strict=True):
+        assert f" {count} {why}" in left
+    assert not list(not_read([PULL, PULL])), "nothing was recorded, and nothing is said"
 
 
 @pytest.mark.parametrize("name", FILMS_REFUSED)

@@ -2,7 +2,7 @@
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -199,12 +199,15 @@ class Frames:
         The others of the table, (n, q), in its order.
     trial_time, trial_force
         Clock and force of the recording, (m,): s, and N.
+    left_out
+        How many readings of the file aren't in the table, by the reason.
     """
 
     time: FloatArray
     columns: FloatArray
     trial_time: FloatArray
     trial_force: FloatArray
+    left_out: Mapping[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,7 @@
 """Reading channels beside the force: columns of a recording, or files of their own that ``[channels]`` names."""
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from fnmatch import fnmatch
 from itertools import product
@@ -229,13 +229,16 @@ def _with_files(
     if key in OF_FRAMES and site is not None:
         file, faces = OF_FRAMES[key], site if isinstance(site, Site) else [site[k] for k in paths]
         frames = [_frames(path, file, faces, entry, recordings[k]) for k, path in paths.items()]
+        left_out = [one.left_out for one in frames]
         try:
             read = file.of_frames(frames, faces)
         except InputError as error:
             raise error.at(next(iter(paths.values()))) from None
     else:
+        left_out = [{} for _ in paths]
         read = [[Read(key, *read_channel(path, CHANNELS[key], entry.column))] for path in paths.values()]
-    found = {k: _with_read(toml, paths[k], entry, one, recordings[k]) for k, one in zip(paths, read, strict=True)}
+    each = zip(paths.items(), read, left_out, strict=True)
+    found = {k: _with_read(toml, path, entry, one, recordings[k], left) for (k, path), one, left in each}
     return [found.get(k, one) for k, one in enumerate(recordings)]
 
 
@@ -298,11 +301,18 @@ def _frames(
         table = read_table(path, ("time_s", *file.columns)).to_numpy(dtype=np.float64)
         laid.ask(path, {})
     table = table[np.argsort(table[:, 0], kind="stable")]
-    return Frames(table[:, 0], table[:, 1:], recording.time, recording.force)
+    left_out = {"limit": int(np.isinf(table[:, -1]).sum()), "lost": int(np.isnan(table[:, -1]).sum())}
+    table = table[np.isfinite(table[:, -1])]
+    return Frames(table[:, 0], table[:, 1:], recording.time, recording.force, left_out)
 
 
 def _with_read(
-    toml: Path, path: Path, entry: RecordedChannelEntry, found: Sequence[Read], recording: Recording
+    toml: Path,
+    path: Path,
+    entry: RecordedChannelEntry,
+    found: Sequence[Read],
+    recording: Recording,
+    left_out: Mapping[str, int],
 ) -> Recording:
     """Return a recording with the channels that a file gives, without what is below an instrument's threshold."""
     taken = {one.name for one in recording.channels} & {one.name for one in found}
@@ -318,7 +328,9 @@ def _with_read(
             problem = f"no reading reaches {least:g} {kind.unit}"
             raise InputError(path, one.name, problem, "give a lower threshold, or leave the file out")
         course = None if one.course is None else one.course[told]
-        channels.append(RecordedChannel(one.name, one.time[told], one.values[told], accuracy, path, course, one.places))
+        few = {**left_out, "threshold": int((~told).sum())}
+        read = one.time[told], one.values[told]
+        channels.append(RecordedChannel(one.name, *read, accuracy, path, course, one.places, few))
     return replace(recording, channels=(*recording.channels, *channels))
 
 

@@ -42,6 +42,8 @@ class RecordedChannel:
         Number of the place of each reading; all zero of a channel that has no places.
     places
         At which it was read, the same in all trials of a site.
+    left_out
+        How many readings of its file aren't among these, by the reason: ``limit``, ``lost``, ``threshold``.
     """
 
     name: str
@@ -51,6 +53,7 @@ class RecordedChannel:
     source: Path | None = None
     course: NDArray[np.int_] | None = None
     places: tuple[tuple[float, ...], ...] = ()
+    left_out: Mapping[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Keep read-only copies; raise ValueError if the arrays' shapes differ."""

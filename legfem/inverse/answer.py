@@ -122,6 +122,8 @@ class FitNotice(StrEnum):
     PRESSED_AGAIN = "pressed_again"
     SEVERAL_LOADINGS = "several_loadings"
     CHANNEL_NOT_SOLVED = "channel_not_solved"
+    READINGS_LEFT_OUT = "readings_left_out"
+    TRIALS_WITHOUT = "trials_without_channel"
     NO_ACCURACY_STATED = "no_accuracy_stated"
     NOT_REPEATED = "not_repeated"
     MODEL_AT_BOUND = "model_at_bound"

@@ -4,6 +4,7 @@ A reading is a mean of a few samples of one segment. Each sample lies between tw
 cylinder moves and by time where it is held, so that a dense record and a single ultrasound frame are read alike.
 """
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -19,9 +20,10 @@ from legfem.channels.kinds import CHANNELS, FILE_OF
 from legfem.channels.laid import laid_course
 from legfem.common.units import FloatArray
 from legfem.data.phases import HOLD, LOADING
-from legfem.data.recording import RecordedChannel
+from legfem.data.recording import RecordedChannel, Recording
 from legfem.data.segmentation import Segmentation
 from legfem.data.smoothing import sample_noise
+from legfem.inverse.answer import FitNotice, Notice
 from legfem.inverse.readings import Channel
 from legfem.inverse.stations import Stations
 
@@ -39,6 +41,22 @@ _FEWEST = 8
 _FRAMES_ABOVE = 5
 """Frames one after the other, about a reading, in which its place has to reach an instrument's threshold: a quarter of
 a record of fewer than 20."""
+
+
+def not_read(recordings: Sequence[Recording]) -> Iterator[Notice]:
+    """Say which readings of a site's channels are left out, and which of its recordings have none of one."""
+    every = [{channel.name: channel for channel in one.channels} for one in recordings]
+    for name in dict.fromkeys(name for own in every for name in own):
+        without = tuple(one.trial for one, own in zip(recordings, every, strict=True) if name not in own)
+        title, read = CHANNELS[name].title, [own[name] for own in every if name in own]
+        if without:
+            of = {"channel": title, "count": len(without), "trials": len(every), "names": without}
+            yield Notice.of(FitNotice.TRIALS_WITHOUT, **of)
+        counts = sum((Counter(one.left_out) for one in read), Counter())
+        if left := counts.total():
+            reasons = {reason: counts[reason] for reason in ("limit", "lost", "threshold")}
+            readings = left + sum(len(one.time) for one in read)
+            yield Notice.of(FitNotice.READINGS_LEFT_OUT, channel=title, left=left, readings=readings, **reasons)
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,6 +18,7 @@ from legfem.data import Recording
 from legfem.inverse.accuracy import check_measured
 from legfem.inverse.answer import FitNotice, Notice, doubted
 from legfem.inverse.catalogue import DEEP_C10, LAWS, deep_stiffness
+from legfem.inverse.channel_readings import not_read
 from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.diagnose import DiagnosisInput, Identified, diagnose
 from legfem.inverse.elastography import disagreement, elastography_priors
@@ -76,7 +77,7 @@ class Diagnoser:
     def observations(self, subject: Subject) -> Observations:
         """Return a subject's recordings at their stations."""
         observed = observe(subject.trials)
-        told = list(observed.notices)
+        told = [*observed.notices, *not_read(subject.recordings)]
         if not subject.instrument.stated:
             told.append(Notice.of(FitNotice.NO_ACCURACY_STATED, file=SUBJECTS.file))
         if subject.plane_strain and not subject.plane_strain_stated:

@@ -8,6 +8,7 @@ from legfem.common.errors import Doubt
 from legfem.data import LoadingCurve
 from legfem.inverse.answer import Notice, doubted
 from legfem.inverse.catalogue import DEEP_RATIO
+from legfem.inverse.channel_readings import not_read
 from legfem.inverse.elastography import FibreRatio, disagreement, elastography_priors
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import Fit, at_limits, far_from_priors, of_compromise, of_failed_solves, of_search
@@ -58,6 +59,7 @@ def notices_about(fit: Fit[LegDetails]) -> tuple[Notice, ...]:
     if details.subject.typical_shape:
         found.append(Notice.of(LegNotice.TYPICAL_SHAPE, force_percent=100 * TYPICAL_FORCE_SD))
     found += _left_out(fit)
+    found += dict.fromkeys(notice for site in details.leg.sites for notice in not_read(site.recordings))
     if isinstance(details.spatial, SpatialSites):
         found += of_elastography(details.subject, fit.estimates)
         return (*found, *_in_3d(fit, details.spatial))

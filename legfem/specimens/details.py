@@ -22,6 +22,7 @@ from legfem.common.errors import Doubt
 from legfem.common.numbers import number, percent, share
 from legfem.inverse.answer import Answer, Notice, doubted
 from legfem.inverse.catalogue import DEEP_C10, key_of, symbol_of
+from legfem.inverse.channel_readings import not_read
 from legfem.inverse.comparison import ErrorSource
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import (
@@ -80,6 +81,7 @@ def cut_short(recordings: Sequence[SpecimenRecording]) -> Iterator[Notice]:
             yield Notice.of(SpecimenNotice.TORN, name=one.name, used=float(one.recording.displacement[-1]))
         if np.isfinite(one.recording.hysteresis):
             yield Notice.of(SpecimenNotice.RETURN_LEFT_OUT, name=one.name, lost=one.recording.hysteresis)
+    yield from not_read([one.recording for one in recordings])
 
 
 def probabilities(each: Mapping[str, Sequence[_Fit]]) -> dict[str, float]:

@@ -57,7 +57,7 @@ def read_film(paths: Sequence[Path], laid: LaidFrames, indenter: Indenter) -> Fl
     -------
     (n, 3) array
         Time on the recording's clock, s; a sensel's angle from the face's deepest point, degrees; mean pressure along
-        the cylinder, kPa.
+        the cylinder, kPa: NaN of lost readings, infinite where a sensel is at its limit.
 
     Raises
     ------
@@ -96,7 +96,7 @@ def read_film(paths: Sequence[Path], laid: LaidFrames, indenter: Indenter) -> Fl
     if np.nanmax(pressure[:, beside], initial=0.0) > _BESIDE * np.nanmax(pressure[:, ~beside], initial=0.0):
         problem = f"sensels beyond {_WIDEST_DEG:g} degrees, where nothing touches, read as others do"
         raise InputError(path, "origin", problem, f"give origin = {needed['origin']}")
-    frame, sensel = np.nonzero(np.isfinite(pressure) & ~beside)
+    frame, sensel = np.nonzero(np.broadcast_to(~beside, pressure.shape))
     signed = -angle if axis.startswith("-") else angle
     return np.column_stack([times[frame], signed[sensel], pressure[frame, sensel]])
 
@@ -111,7 +111,7 @@ def _limit(grids: FloatArray) -> float:
 def _along(path: Path, grids: FloatArray, laid: LaidFrames, apart: float, length: float, limit: float) -> FloatArray:
     """Return the means (frames, n) of what sensels (frames, m, n) read along a cylinder of a length.
 
-    NaN of none, and where one of them is at its limit: the mean was more than it would be.
+    NaN of none; infinite where one of them is at its limit: the mean was more than it would be.
 
     Raises
     ------
@@ -125,8 +125,8 @@ def _along(path: Path, grids: FloatArray, laid: LaidFrames, apart: float, length
         raise InputError(path, "lines", problem, "give lines = [first, last], those that lie on it, counted from 1")
     taken = grids[:, first - 1 : last]
     there = np.isfinite(taken).sum(axis=1)
-    told = (there > 0) & ~(taken >= limit).any(axis=1)
-    return np.where(told, np.nansum(taken, axis=1) / np.maximum(there, 1), np.nan)
+    means = np.where(there > 0, np.nansum(taken, axis=1) / np.maximum(there, 1), np.nan)
+    return np.where((taken >= limit).any(axis=1), np.inf, means)
 
 
 def _film(path: Path, laid: LaidFrames) -> tuple[dict[str, str], list[tuple[Stated, FloatArray]]]:
