@@ -1,6 +1,7 @@
 """``legfem data``."""
 
 import sys
+from io import BytesIO
 from pathlib import Path
 from typing import Annotated
 
@@ -184,3 +185,34 @@ def preview(folder: Path, out: Path | None = None, quiet: Quiet = False, as_json
             if seen.trouble:
                 print(seen.trouble, file=sys.stderr)
                 raise typer.Exit(BAD_INPUT)
+
+
+@app.command(name="dicom-sr", cls=CheckedCommand)
+def dicom_sr(results: Path, of: Annotated[Path, typer.Option()], visit: str = "", out: Path | None = None) -> None:
+    """Write a result into a patient's study as a DICOM structured report (TID 1500).
+
+    C10, C20 and other constants with units and 95 % intervals, how they were found, and whether
+    the model fits; unverified until a person signs it in the hospital's archive.
+
+    Example: legfem data dicom-sr results/identify-3 --of image.dcm --visit "before surgery"
+
+    Parameters
+    ----------
+    results
+        Folder of results, of legfem identify, diagnose or stocking.
+    of
+        Any DICOM object of the study, such as an image of the leg: patient and study are taken from it.
+    visit
+        What the visit is called.
+    out
+        File to write; report.dcm in the folder of results by default.
+    """
+    with command_context():
+        from legfem.common.documents import write_atomically
+        from legfem.inverse.stored import read_result
+        from legfem.report.dicom_report import structured_report
+
+        file, path = BytesIO(), out or results / "report.dcm"
+        structured_report(read_result(results), of, visit).save_as(file)
+        write_atomically(path, file.getvalue())
+        print(path)
