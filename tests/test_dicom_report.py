@@ -61,7 +61,7 @@ def numbers(report: Path | sr.EnhancedSR) -> dict[tuple[str, str], tuple[float, 
 def test_a_report_has_the_constants_with_their_units_and_both_limits_in_the_patient_s_study(
     results: Path, image: Path
 ) -> None:
-    words = ["dicom-sr", str(results), "--of", str(image), "--visit", "before surgery"]
+    words = ["dicom", str(results), "--of", str(image), "--visit", "before surgery"]
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 0, done.output
     path = results / "report.dcm"
@@ -131,5 +131,5 @@ def test_what_is_no_dicom_names_no_study_or_has_no_numbers_is_refused_in_a_line(
     for said, study, cause in each:
         with pytest.raises(InputError, match=cause):
             structured_report(said, study)
-    done = CliRunner().invoke(app, ["dicom-sr", str(tmp_path), "--of", str(image)])
+    done = CliRunner().invoke(app, ["dicom", str(tmp_path), "--of", str(image)])
     assert done.exit_code == 2 and not (tmp_path / "report.dcm").exists()

@@ -5,9 +5,11 @@ import os
 import shutil
 from pathlib import Path
 
+import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
+from legfem.app.description import with_channels
 from legfem.commands.data import app
 from legfem.common.errors import InputError
 from legfem.common.resources import RESOURCES
@@ -133,3 +135,29 @@ def test_a_name_that_is_no_text_is_said_where_a_folder_or_a_file_is_looked_at(le
     seen.write(tmp_path)
     run = CliRunner().invoke(app, ["look", str(odd), "--out", str(tmp_path / "out")])
     assert run.exit_code == 2 and "can't be shown" in run.output
+
+
+@pytest.mark.parametrize("beside", [False, True], ids=["instead of the recordings", "beside them"])
+def test_a_described_leg_that_gets_a_workbook_is_told_what_to_click_and_reads_it_then(leg, tmp_path, beside):
+    (own,) = (leg / "recordings").glob("*.csv")
+    readings = pd.read_csv(own, comment="#").set_axis(["Zeit (s)", "Weg (mm)", "Kraft (N)"], axis="columns")
+    readings.to_excel(leg / "recordings" / "left calf.xlsx", index=False)
+    if not beside:
+        own.unlink()
+    seen = preview_of(leg, tmp_path)
+    (said,) = seen.doubts if beside else (seen.trouble,)
+    assert "choose their columns under Columns in the app" in said
+    book = next(one for one in seen.recordings if one.file == "left calf.xlsx")
+    assert not book.trouble and book.channels is not None, "what is proposed there needs no more than a click"
+    own.unlink(missing_ok=True)
+    toml = leg / "subject.toml"
+    toml.write_text(with_channels(toml.read_text(), book.channels))
+    again = preview_of(leg, tmp_path)
+    assert (again.trouble, [one.file for one in again.recordings]) == ("", ["left calf.xlsx"])
+
+
+def test_a_preview_of_columns_that_are_not_told_apart_says_what_to_click_before_a_command(leg, tmp_path):
+    (own,) = (leg / "recordings").glob("*.csv")
+    pd.read_csv(own, comment="#").set_axis(["Zeit (s)", "L", "Kraft (N)"], axis="columns").to_csv(own, index=False)
+    for said in (one.trouble for one in preview_of(leg, tmp_path).recordings):
+        assert "choose it under Columns in the app, or run legfem data look" in said

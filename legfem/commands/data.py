@@ -187,14 +187,14 @@ def preview(folder: Path, out: Path | None = None, quiet: Quiet = False, as_json
                 raise typer.Exit(BAD_INPUT)
 
 
-@app.command(name="dicom-sr", cls=CheckedCommand)
-def dicom_sr(results: Path, of: Annotated[Path, typer.Option()], visit: str = "", out: Path | None = None) -> None:
+@app.command(name="dicom", cls=CheckedCommand)
+def dicom(results: Path, of: Annotated[Path, typer.Option()], visit: str = "", out: Path | None = None) -> None:
     """Write a result into a patient's study as a DICOM structured report (TID 1500).
 
     C10, C20 and other constants with units and 95 % intervals, how they were found, and whether
     the model fits; unverified until a person signs it in the hospital's archive.
 
-    Example: legfem data dicom-sr results/identify-3 --of image.dcm --visit "before surgery"
+    Example: legfem data dicom results/identify-3 --of image.dcm --visit "before surgery"
 
     Parameters
     ----------

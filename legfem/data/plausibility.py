@@ -60,6 +60,10 @@ def trial_doubts(trials: Sequence[Segmentation]) -> Iterator[Doubt]:
     yield from instrument_doubts(trials)
 
 
+GIVE_COLUMNS = "choose their columns under Columns in the app, or give [recordings], which `legfem data look` writes"
+"""What to do with instruments' files that a described folder doesn't say how to read."""
+
+
 def unread_doubts(folder: Path, unread: Sequence[Path], remedy: str) -> Iterator[Doubt]:
     """Yield a doubt about files in a folder of recordings that nothing reads, if there are any."""
     if unread:

@@ -12,7 +12,7 @@ from legfem.data import Instrument, Recording, SourceColumns, check_trial, read_
 from legfem.data.channel_reader import is_channel_file, with_channels
 from legfem.data.formats import recording_files
 from legfem.data.formats.sheet import trial_of
-from legfem.data.plausibility import refuse_copies
+from legfem.data.plausibility import GIVE_COLUMNS, refuse_copies
 from legfem.data.reader import trials_in
 from legfem.data.recording import HEADER
 from legfem.geometry.indenter import Indenter, Site
@@ -199,7 +199,7 @@ def read_recordings(folder: Path, there: Sequence[Path], channels: SourceColumns
 def _where_recordings_are(folder: Path, there: Sequence[Path]) -> str:
     """Return how recordings that were put elsewhere, or come from an instrument, get to their place."""
     if there:
-        return "run `legfem data look` on the instrument's files, and give [recordings]"
+        return GIVE_COLUMNS
     if not folder.is_dir():
         if folder.exists():
             return "it is a file: make it a folder, and put one CSV file for each trial there"

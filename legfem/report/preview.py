@@ -10,6 +10,7 @@ from legfem.common.documents import write_document
 from legfem.common.errors import InputError, doubt_lines
 from legfem.common.input_files import check_printable
 from legfem.common.progress import Progress
+from legfem.common.wording import Command
 from legfem.data import Scales, Segmentation, seen_instrument, segment
 from legfem.data.columns import Proposal, propose
 from legfem.data.contact import LEG
@@ -84,7 +85,7 @@ class Preview:
     @classmethod
     def refused(cls, folder: Path, error: InputError, recordings: tuple[SeenRecording, ...] = ()) -> "Preview":
         """Return what is seen in a folder that can't be read."""
-        return cls(folder.name, "", str(error), error.unsaid, recordings=recordings)
+        return cls(folder.name, "", told(error), error.unsaid, recordings=recordings)
 
     def write(self, out: Path) -> Path:
         """Write ``preview.json``; return its path."""
@@ -96,6 +97,12 @@ class Preview:
         facts = [f"{what}: {value}" for what, value in self.facts]
         seen = [one.text or one.trouble for one in self.recordings]
         return "\n".join([self.title, *self.doubts, *facts, "", *seen])
+
+
+def told(error: InputError) -> str:
+    """Return an error's line, which says what to click in the app before it names a command."""
+    in_app = "choose it under Columns in the app, or run"
+    return str(error.worded(lambda one: f"{in_app} {one}" if isinstance(one, Command) else str(one)))
 
 
 def preview_of(folder: Path, out: Path, progress: Progress | None = None) -> Preview:
@@ -139,7 +146,7 @@ def _leg(folder: Path, out: Path) -> Preview:
         try:
             load_sites(folder)
         except InputError as error:  # between sites, as copies
-            trouble, unsaid = str(error), error.unsaid
+            trouble, unsaid = told(error), error.unsaid
     return Preview(
         f"{len(sites)} sites of one leg: {', '.join(site.title for site in sites.values())}",
         next(iter(sites.values())).origin,
@@ -163,7 +170,7 @@ def _site(folder: Path, out: Path, name: str = "") -> Preview:
     try:
         subject = load_subject(folder, site=name)
     except InputError as error:
-        trouble, unsaid = str(error), error.unsaid
+        trouble, unsaid = told(error), error.unsaid
         try:
             subject = load_subject(folder, need_recordings=False, need_instrument=False, site=name)
         except InputError:
@@ -297,7 +304,7 @@ def _recording(
         quality = quality_of(trial or segment(recording, scales=scales))
     except InputError as error:
         shown = "".join(c if c.isprintable() else "?" for c in path.name)
-        return SeenRecording(shown, trouble=str(error), columns=columns)
+        return SeenRecording(shown, trouble=told(error), columns=columns)
     # Trials of two sites may have one name.
     drawn = replace(recording, trial=f"{site}-{recording.trial}" if site else recording.trial)
     picture = draw_look(drawn, quality, out).name

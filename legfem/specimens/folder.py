@@ -16,7 +16,7 @@ from legfem.data import Instrument, Segmentation, among_repeats
 from legfem.data.channel_reader import is_channel_file, with_channels
 from legfem.data.formats import is_litter, read_sheets, recording_files
 from legfem.data.formats.sheet import file_of, trial_of
-from legfem.data.plausibility import refuse_copies, trial_doubts, unread_doubts
+from legfem.data.plausibility import GIVE_COLUMNS, refuse_copies, trial_doubts, unread_doubts
 from legfem.data.reader import trials_in
 from legfem.data.recording import Origin, SourceColumns
 from legfem.data.stress_tables import refuse_untimed, stretch_and_stress
@@ -382,8 +382,8 @@ def unread_files(directory: Path, given: SpecimenFile, read: Sequence[Path]) -> 
     folder = directory / "recordings"
     there = {file_of(path) for path in read}
     others = [f for f in recording_files(folder) if f not in there and not is_channel_file(f, given.channels)]
-    name_them = "name every file under [[specimen]], remove the others, or give [recordings]"
-    yield from unread_doubts(folder, others, f"{name_them} from `legfem data look --specimens`")
+    name_them = f"name every file under [[specimen]], remove the others, or {GIVE_COLUMNS}"
+    yield from unread_doubts(folder, others, name_them)
 
 
 def named_recordings(directory: Path, toml: Path, given: SpecimenFile) -> list[tuple[str, int | None, Path]]:
@@ -409,8 +409,7 @@ def named_recordings(directory: Path, toml: Path, given: SpecimenFile) -> list[t
                 toml,
                 where,
                 f"there is no file {pattern!r}",
-                "put one CSV file for each recording there: time_s,displacement_mm,force_N; or give "
-                "the channels of your instrument's files, from `legfem data look`",
+                f"put CSV files of time_s,displacement_mm,force_N there, or an instrument's files: {GIVE_COLUMNS}",
             )
         found += [(number, path) for path in trials_in(files, given.recordings.channels())]
     named = (path.relative_to(directory).as_posix() for _, path in found)
