@@ -224,6 +224,8 @@ class Read:
         Number of the place that each reading was taken at; none of a channel that has but one course.
     places
         The same in all trials of a site.
+    left_out
+        How many readings of the file aren't among these, by the reason.
     """
 
     name: str
@@ -231,6 +233,7 @@ class Read:
     values: FloatArray
     course: NDArray[np.int_] | None = None
     places: tuple[tuple[float, ...], ...] = ()
+    left_out: Mapping[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ import pandas as pd
 from legfem.common.errors import InputError
 from legfem.common.input_files import read_text
 from legfem.common.wording import Argument, Remedy
+from legfem.inverse.population import CohortParameter, read_cohort_population
 
 type Task = Literal["identify", "diagnose", "stocking"]
 """What is done with each member: the command of that name."""
@@ -84,6 +85,8 @@ class Members:
     every: tuple[Member, ...]
     table: Path | None = None
     notes: tuple[str, ...] = ()
+    norms: Mapping[str, CohortParameter] = field(default_factory=dict)
+    """What people are like by constant, from a ``population.json`` beside the table."""
 
 
 def find_members(folder: Path, task: Task, layout: str = "", table: Path | None = None) -> Members:
@@ -193,7 +196,9 @@ def _of_table(folder: Path, table: Path, found: Mapping[str, Path], files: Seque
     left = [name for name, path in found.items() if path.resolve() not in seen]
     shown = ", ".join(left[:5]) + (", …" if len(left) > 5 else "")
     notes = [f"Not in {table.name}, and so left out: {shown} ({len(left)})."] if left else []
-    return Members(folder, tuple(members), table, (*notes, *_doubts(table, cells, members)))
+    beside = table.parent / "population.json"
+    norms = read_cohort_population(beside).parameters if beside.is_file() else {}
+    return Members(folder, tuple(members), table, (*notes, *_doubts(table, cells, members)), norms)
 
 
 def check_numbers(table: Path, cells: pd.DataFrame, name: str, positive: bool = True) -> None:

@@ -30,6 +30,7 @@ from legfem.common.documents import json_types
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.common.wording import Argument
+from legfem.inverse.population import AGE
 
 type Numbers = NDArray[np.int_]
 OPEN = 5.0
@@ -98,6 +99,8 @@ class Hierarchy:
     """Without ``test``, which is each its own; what has as many as a level above it isn't there."""
     leg: Numbers | None = None
     """Whose tests err alike in part; None where each was tested once."""
+    log_ages: FloatArray | None = None
+    """(n,); None where age isn't in the design."""
 
     @property
     def levels(self) -> tuple[str, ...]:
@@ -227,7 +230,8 @@ def hierarchy_of(members: Sequence[Member], rows: Sequence[Row], key: str) -> tu
     found |= {name: of for name, of in several.items() if of.max() > 0}
     names = tuple(text.replace(", by one more", EXPONENT) for text, _ in shown)
     repeated = counts["leg"] < len(kept)
-    given = Hierarchy(names, design[:, 1:], found, shared["leg"] if repeated else None)
+    ages = kept["age"].to_numpy() if AGE in names else None
+    given = Hierarchy(names, design[:, 1:], found, shared["leg"] if repeated else None, ages)
     return given, Likelihoods.of(list(kept["measure"]), repeated), list(kept["row"])
 
 
@@ -281,7 +285,7 @@ class PopulationFit:
 
     def document(self, people: int, law: str, source: str) -> dict[str, Any]:
         """Return what a file of priors holds of it; stiffness in kPa."""
-        draws = self.draws
+        draws, ages = self.draws, self.given.log_ages
 
         def of(values: FloatArray, through: Callable[[Any], Any] = lambda v: v) -> dict[str, Any]:
             low, middle, high = through(np.quantile(values, (0.025, 0.5, 0.975)))
@@ -293,6 +297,7 @@ class PopulationFit:
             "people": people,
             "law": law,
             "source": source,
+            "log_ages": ages if ages is None else [float(of(ages)) for of in (np.mean, np.std, np.min, np.max)],
             "mean": of(draws.mean, np.exp),
             "log_sd_of": {level: of(values) for level, values in draws.sd.items()},
             "log_effects": {name: of(draws.effects[:, k]) for k, name in enumerate(self.given.names)},

@@ -187,9 +187,9 @@ def preview(folder: Path, out: Path | None = None, quiet: Quiet = False, as_json
                 raise typer.Exit(BAD_INPUT)
 
 
-@app.command(name="dicom", cls=CheckedCommand)
-def dicom(results: Path, of: Annotated[Path, typer.Option()], visit: str = "", out: Path | None = None) -> None:
-    """Write a result into a patient's study as a DICOM structured report (TID 1500).
+@app.command(cls=CheckedCommand)
+def dicom(results: Path, of: Annotated[Path, typer.Option()], visit: str = "") -> None:
+    """Write a result into a patient's study as a DICOM structured report (TID 1500), report.dcm.
 
     C10, C20 and other constants with units and 95 % intervals, how they were found, and whether
     the model fits; unverified until a person signs it in the hospital's archive.
@@ -204,15 +204,13 @@ def dicom(results: Path, of: Annotated[Path, typer.Option()], visit: str = "", o
         Any DICOM object of the study, such as an image of the leg: patient and study are taken from it.
     visit
         What the visit is called.
-    out
-        File to write; report.dcm in the folder of results by default.
     """
     with command_context():
         from legfem.common.documents import write_atomically
         from legfem.inverse.stored import read_result
         from legfem.report.dicom_report import structured_report
 
-        file, path = BytesIO(), out or results / "report.dcm"
+        file, path = BytesIO(), results / "report.dcm"
         structured_report(read_result(results), of, visit).save_as(file)
         write_atomically(path, file.getvalue())
         print(path)

@@ -1,7 +1,7 @@
 """Reading channels beside the force: columns of a recording, or files of their own that ``[channels]`` names."""
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from fnmatch import fnmatch
 from itertools import product
@@ -229,16 +229,14 @@ def _with_files(
     if key in OF_FRAMES and site is not None:
         file, faces = OF_FRAMES[key], site if isinstance(site, Site) else [site[k] for k in paths]
         frames = [_frames(path, file, faces, entry, recordings[k]) for k, path in paths.items()]
-        left_out = [one.left_out for one in frames]
         try:
-            read = file.of_frames(frames, faces)
+            each = zip(file.of_frames(frames, faces), frames, strict=True)
         except InputError as error:
             raise error.at(next(iter(paths.values()))) from None
+        read = [[replace(one, left_out=own.left_out) for one in found] for found, own in each]
     else:
-        left_out = [{} for _ in paths]
         read = [[Read(key, *read_channel(path, CHANNELS[key], entry.column))] for path in paths.values()]
-    each = zip(paths.items(), read, left_out, strict=True)
-    found = {k: _with_read(toml, path, entry, one, recordings[k], left) for (k, path), one, left in each}
+    found = {k: _with_read(toml, paths[k], entry, one, recordings[k]) for k, one in zip(paths, read, strict=True)}
     return [found.get(k, one) for k, one in enumerate(recordings)]
 
 
@@ -307,12 +305,7 @@ def _frames(
 
 
 def _with_read(
-    toml: Path,
-    path: Path,
-    entry: RecordedChannelEntry,
-    found: Sequence[Read],
-    recording: Recording,
-    left_out: Mapping[str, int],
+    toml: Path, path: Path, entry: RecordedChannelEntry, found: Sequence[Read], recording: Recording
 ) -> Recording:
     """Return a recording with the channels that a file gives, without what is below an instrument's threshold."""
     taken = {one.name for one in recording.channels} & {one.name for one in found}
@@ -328,9 +321,8 @@ def _with_read(
             problem = f"no reading reaches {least:g} {kind.unit}"
             raise InputError(path, one.name, problem, "give a lower threshold, or leave the file out")
         course = None if one.course is None else one.course[told]
-        few = {**left_out, "threshold": int((~told).sum())}
-        read = one.time[told], one.values[told]
-        channels.append(RecordedChannel(one.name, *read, accuracy, path, course, one.places, few))
+        read = one.time[told], one.values[told], accuracy, path, course, one.places
+        channels.append(RecordedChannel(one.name, *read, {**one.left_out, "threshold": int((~told).sum())}))
     return replace(recording, channels=(*recording.channels, *channels))
 
 

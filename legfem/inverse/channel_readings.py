@@ -4,7 +4,6 @@ A reading is a mean of a few samples of one segment. Each sample lies between tw
 cylinder moves and by time where it is held, so that a dense record and a single ultrasound frame are read alike.
 """
 
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -47,16 +46,14 @@ def not_read(recordings: Sequence[Recording]) -> Iterator[Notice]:
     """Say which readings of a site's channels are left out, and which of its recordings have none of one."""
     every = [{channel.name: channel for channel in one.channels} for one in recordings]
     for name in dict.fromkeys(name for own in every for name in own):
-        without = tuple(one.trial for one, own in zip(recordings, every, strict=True) if name not in own)
-        title, read = CHANNELS[name].title, [own[name] for own in every if name in own]
-        if without:
-            of = {"channel": title, "count": len(without), "trials": len(every), "names": without}
-            yield Notice.of(FitNotice.TRIALS_WITHOUT, **of)
-        counts = sum((Counter(one.left_out) for one in read), Counter())
-        if left := counts.total():
-            reasons = {reason: counts[reason] for reason in ("limit", "lost", "threshold")}
+        said, read = {"channel": CHANNELS[name].title}, [own[name] for own in every if name in own]
+        names = tuple(one.trial for one, own in zip(recordings, every, strict=True) if name not in own)
+        if names:
+            yield Notice.of(FitNotice.TRIALS_WITHOUT, count=len(names), trials=len(every), names=names, **said)
+        counts = {of: sum(one.left_out.get(of, 0) for one in read) for of in ("limit", "lost", "threshold")}
+        if left := sum(counts.values()):
             readings = left + sum(len(one.time) for one in read)
-            yield Notice.of(FitNotice.READINGS_LEFT_OUT, channel=title, left=left, readings=readings, **reasons)
+            yield Notice.of(FitNotice.READINGS_LEFT_OUT, left=left, readings=readings, **said, **counts)
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,9 +5,10 @@ isn't good for.
 """
 
 import json
+import math
 from functools import cache
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import BaseModel, PositiveFloat, ValidationError
 
@@ -87,6 +88,10 @@ def population_prior(name: str, site: str = CALF) -> Prior:
     return Prior(kpa_to_mpa(tissue.C10_median_kPa), tissue.log_sd, "log", table.source)
 
 
+AGE = "age's exponent"
+"""Effect of the logarithm of people's ages."""
+
+
 class CohortParameter(BaseModel):
     """A stiffness over the people of a cohort: in somebody new its logarithm is normal."""
 
@@ -96,6 +101,19 @@ class CohortParameter(BaseModel):
     people: int
     law: str
     source: str
+    log_effects: dict[str, dict[str, Any]] = {}
+    """Of groups and covariates."""
+    log_ages: tuple[float, float, float, float] | None = None
+    """Mean, standard deviation, least and greatest logarithm of the people's ages, where they were given."""
+
+    def at(self, age: float) -> tuple[float, float]:
+        """Return the median (kPa) and its logarithm's standard deviation in people of an age; NaN of ages not seen."""
+        mean, sd, low, high = self.log_ages or (math.nan,) * 4
+        if not low <= math.log(age) <= high:
+            return math.nan, math.nan
+        power = self.log_effects[AGE]["value"]
+        own = math.sqrt(abs(self.log_sd**2 - (power * sd) ** 2))
+        return self.median * math.exp(power * (math.log(age) - mean)), own
 
 
 class CohortPopulation(BaseModel):
@@ -106,6 +124,15 @@ class CohortPopulation(BaseModel):
     """By key: ``c10_deep``."""
 
 
+def read_cohort_population(path: Path) -> CohortPopulation:
+    """Read what a cohort found of its people; raises InputError if the file can't be read."""
+    remedy = Remedy("give the population.json that ", Command("cohort", (Argument("population"),), "FOLDER"), " wrote")
+    try:
+        return CohortPopulation.model_validate_json(read_text(path, remedy, remedy))
+    except ValidationError:
+        raise InputError(path, "JSON", "contains no population", remedy) from None
+
+
 def cohort_prior(name: str, path: Path) -> Prior:
     """Return the prior of a stiffness (MPa) that a cohort's file holds.
 
@@ -114,11 +141,7 @@ def cohort_prior(name: str, path: Path) -> Prior:
     InputError
         If the file can't be read, or doesn't have it.
     """
-    remedy = Remedy("give the population.json that ", Command("cohort", (Argument("population"),), "FOLDER"), " wrote")
-    try:
-        found = CohortPopulation.model_validate_json(read_text(path, remedy, remedy))
-    except ValidationError:
-        raise InputError(path, "JSON", "contains no population", remedy) from None
+    found = read_cohort_population(path)
     if key_of(name) not in found.parameters:
         raise InputError(path, key_of(name), "is not in it", f"there is {', '.join(found.parameters)}")
     one = found.parameters[key_of(name)]

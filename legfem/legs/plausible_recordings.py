@@ -15,14 +15,7 @@ from legfem.data import Segmentation
 from legfem.data.channel_reader import LONGEST_LAG_S, files_named
 from legfem.data.formats import recording_files
 from legfem.data.formats.sheet import file_of
-from legfem.data.plausibility import (
-    GIVE_COLUMNS,
-    loading_doubts,
-    pull_doubts,
-    refuse_copies,
-    trial_doubts,
-    unread_doubts,
-)
+from legfem.data.plausibility import loading_doubts, pull_doubts, refuse_copies, trial_doubts, unread_doubts
 from legfem.data.ranges import RANGES
 from legfem.data.recording import RecordedChannel
 from legfem.geometry.indenter import Indenter, Site
@@ -125,8 +118,7 @@ def _unread(subject: Subject) -> Iterator[Doubt]:
     read |= {file for source in sources for file in files_named(source)}
     others = sorted(file for folder in folders for file in recording_files(folder) if file not in read)
     them = "it" if len(others) == 1 else "them"
-    remedy = f"remove {them}, or {GIVE_COLUMNS}"
-    yield from unread_doubts(next(iter(folders), subject.directory), others, remedy)
+    yield from unread_doubts(next(iter(folders), subject.directory), others, f"remove {them}")
 
 
 def _motion(trial: Segmentation, room: float) -> Iterator[Doubt]:

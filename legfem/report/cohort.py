@@ -11,10 +11,10 @@ import legfem.report.page as web
 from legfem.cohort.anomalies import Suspicion, listed, missing, suspicions
 from legfem.cohort.members import Member, Members
 from legfem.cohort.population_model import PopulationFit
-from legfem.cohort.rows import Measure, ModelResult, Row, cohort_model, measured
+from legfem.cohort.rows import ModelResult, Row, cohort_model, measured
 from legfem.cohort.statistics import Statistics, statistics
 from legfem.common.documents import versions_of
-from legfem.common.numbers import NOT_DETERMINED, between, is_determined, number, short_probability
+from legfem.common.numbers import short_probability
 from legfem.inverse.answer import Tone
 from legfem.inverse.catalogue import called
 from legfem.inverse.claims import check
@@ -122,6 +122,7 @@ def cohort_web_page(
     chapters = [
         web.Chapter("Which results can be used", _believed(every, rows, task, judged)),
         web.Chapter("What was found", _numbers(every, rows, model, found)),
+        *cohort_statistics.side_chapters(members, rows, population),
         *([web.Chapter("Curves of all", [bundle])] if (bundle := _bundle(every, rows, found)) else []),
         cohort_statistics.chapter(numbers),
         *([cohort_statistics.population_chapter(population)] if population else []),
@@ -278,7 +279,7 @@ def _numbers(
         one, person = found.get(row.name, ModelResult({})), known[row.member]
         cells: list[Cell] = [row.name, *(person.given.get(name) for name in given)]
         for name in names:
-            cells += _cells(one.measures.get(name))
+            cells += cohort_statistics.cells_of(one.measures.get(name))
         cells.append(None if one.p_value is None else (one.p_value, short_probability(one.p_value)))
         cells += [row.shape.fat_mm, row.shape.girth_mm] if thick else []
         return [*cells, row.seconds or None]
@@ -296,16 +297,6 @@ def _numbers(
     caption = "All members; click a column to sort, a member for its own report."
     table = SortableTable("numbers", caption, header, list(map(line, rows)), [row.report for row in rows])
     return [*blocks, table]
-
-
-def _cells(one: Measure | None) -> list[Cell]:
-    if one is None:
-        return [None, None]
-    shown = number(one.value, one.sd if one.sd is not None else float("nan"))
-    if one.low is None or one.high is None:
-        return [(one.value, shown), None]
-    ends = " to ".join(between(one.low, one.high)) if is_determined(one.value, (one.low, one.high)) else NOT_DETERMINED
-    return [(one.value, shown), (one.high - one.low, ends)]
 
 
 def _grouped(members: Sequence[Member], rows: Sequence[Row]) -> Grouped:

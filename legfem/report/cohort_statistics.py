@@ -1,27 +1,32 @@
 """A cohort's numbers: the figure of all members, and the chapter of statistics on its page."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from statistics import NormalDist
 
 import numpy as np
+import pandas as pd
 from matplotlib.figure import Figure
 
 import legfem.report.page as web
 from legfem.cohort.agreement import ICC_FORM
-from legfem.cohort.members import Member
+from legfem.cohort.members import Member, Members
 from legfem.cohort.population_model import EXPONENT, LEVELS, PopulationFit
-from legfem.cohort.rows import Row, cohort_model, measured
-from legfem.cohort.statistics import LEVEL, POWER, Analysed, Pair, Repeated, Statistics
+from legfem.cohort.rows import Measure, Row, cohort_model, measured
+from legfem.cohort.statistics import LEVEL, POWER, Analysed, Pair, Repeated, Statistics, values_of
 from legfem.common.documents import versions_of
 from legfem.common.numbers import NOT_DETERMINED, between, is_determined, number, share, short_probability
 from legfem.inverse.catalogue import called
-from legfem.report.curves import Curves, Line
+from legfem.inverse.population import CohortParameter
+from legfem.report.curves import Cell, Curves, Line, shown
 from legfem.report.style import DATA_COLOUR, new_figure, styled
+from legfem.report.words import LAW_NAMES
 
 TITLE = "Statistics"
 _MOST_POINTS = 400
 """Of a plot."""
+_NORMAL = 1.96
 
 
 GROUP_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C6D1F", "#111111")
@@ -235,6 +240,96 @@ def population_chapter(found: Sequence[PopulationFit]) -> web.Chapter:
     if doubtful := [called(one.key) for one in found if not one.converged]:
         blocks.append(web.Prose(f"The draws of {', '.join(doubtful)} have not settled: do not rely on them."))
     return web.Chapter("What people are like", blocks)
+
+
+def ratio_of(right: Measure, left: Measure) -> tuple[float, float, float]:
+    r"""Return by which share one exceeds another, and the ends of its 95 % interval; NaN where one isn't positive.
+
+    Of two logarithms with 95 % intervals, :math:`r_0 < r < r_1` and :math:`l_0 < l < l_1`, whose errors are
+    independent, the interval of the difference is
+
+    .. math:: d - \sqrt{(r - r_0)^2 + (l_1 - l)^2} \quad \text{to} \quad d + \sqrt{(r_1 - r)^2 + (l - l_0)^2}
+
+    with :math:`d = r - l` (Zou and Donner, Statistics in Medicine 27, 2008, 1693-1702).
+    """
+    ends = (end for of in (right, left) for end in (of.value, of.low, of.high))
+    r, r0, r1, l, l0, l1 = (math.log(end) if end and end > 0 else math.nan for end in ends)  # noqa: E741
+    ratios = r - l, r - l - math.hypot(r - r0, l1 - l), r - l + math.hypot(r1 - r, l - l0)
+    return math.expm1(ratios[0]), math.expm1(ratios[1]), math.expm1(ratios[2])
+
+
+def cells_of(one: Measure | None) -> list[Cell]:
+    """Return a constant's value and its interval as a table shows them."""
+    if one is None:
+        return [None, None]
+    shown = number(one.value, one.sd if one.sd is not None else float("nan"))
+    if one.low is None or one.high is None:
+        return [(one.value, shown), None]
+    ends = " to ".join(between(one.low, one.high)) if is_determined(one.value, (one.low, one.high)) else NOT_DETERMINED
+    return [(one.value, shown), (one.high - one.low, ends)]
+
+
+def _text(one: Measure) -> str:
+    value, ends = map(shown, cells_of(one))
+    return f"{value} ({ends}) {one.unit}"
+
+
+def _pairs(name: str, table: pd.DataFrame) -> Iterator[dict[str, str]]:
+    """Yield both legs of each person at a visit."""
+    visits = table.assign(visit=table["session"].fillna(table["date"]).fillna("–").astype(str))
+    by = ["person", "visit"]
+    for (person, visit), own in visits.drop_duplicates([*by, "side"]).groupby(by, sort=False):
+        legs = dict(zip(own["side"], own["measure"], strict=True))
+        if not {"left", "right"} <= legs.keys():
+            continue
+        exceeds, low, high = (100 * one for one in ratio_of(legs["right"], legs["left"]))
+        said = "right is greater" if low > 0 else "left is greater" if high < 0 else "no difference beyond the errors"
+        difference = f"{round(exceeds) + 0:+d} % ({' to '.join(between(low, high))} %)"
+        if not math.isfinite(low + high):
+            difference = said = NOT_DETERMINED
+        row = {"person": person, "visit": visit, "what": called(name)}
+        row |= {f"{side} (95 %)": _text(legs[side]) for side in ("left", "right")}
+        yield row | {"right against left (95 %)": difference, "in words": said}
+
+
+def _among(name: str, norm: CohortParameter, table: pd.DataFrame) -> list[web.Block]:
+    """Return where tests stand among people of their age, in words and over the band; nothing where no age is known."""
+    said = []
+    for test in table.to_dict("records"):
+        median, sd = norm.at(test["age"] or math.nan)
+        if math.isfinite(median) and test["value"] > 0:
+            z = math.log(test["value"] / median) / sd
+            of = f"{test['row']}: {_text(test['measure'])} at {test['age']:g} years, more than in"
+            below = f"{share(min(max(NormalDist().cdf(z), 0.01), 0.99))} of people of this age (median"
+            where = f"{'outside' if abs(z) > _NORMAL else 'within'} what 95 of 100 of them have"
+            said.append(f"{of} {below} {number(median)}), {where}.")
+    if norm.log_ages is None or not said:
+        return []
+    ages = np.sort([*np.exp(np.linspace(*norm.log_ages[2:], 40)[1:-1]), *table["age"].dropna()])
+    medians, sds = np.array([norm.at(float(age)) for age in ages]).T
+    names = {"median": 0.0, "2.5 % have less": -_NORMAL, "2.5 % have more": _NORMAL}
+    lines = [Line(text, medians * np.exp(k * sds), None, dash="dashed" if k else "solid") for text, k in names.items()]
+    own = np.array([table["value"][table["age"] == age].mean() for age in ages])
+    lines.append(Line("members", own, None, GROUP_COLOURS[1], points=True))
+    more = f": members, and what 95 of 100 people of an age have, by {norm.source}."
+    axes = "age (years)", f"{called(name)} (kPa)", ""
+    return [web.Bullets(said), Curves(f"age-{name}", called(name), more, ages, *axes, lines)]
+
+
+def side_chapters(members: Members, rows: Sequence[Row], population: Sequence[PopulationFit]) -> Iterator[web.Chapter]:
+    """Yield chapters on legs whose model fits: left beside right, to be signed, and each among people of its age."""
+    model, kept = cohort_model(rows), [row for row in rows if row.judged.tone != "wrong"]
+    names = dict.fromkeys(name for _, one in measured(kept, model) for name in one.measures)
+    tables = {name: values_of(members.every, kept, name)[0] for name in names}
+    if pairs := [pair for name, table in tables.items() for pair in _pairs(name, table)]:
+        caption = "Both legs at one visit; legs whose model does not fit are left out"
+        signed = web.WebTable("Checked by", ["name", "date", "signature"], [["_" * 15] * 3])
+        yield web.Chapter("Left beside right", [web.WebTable.of(caption, pairs), signed])
+    own = {one.key: CohortParameter(**one.document(len(one.tests), model, "these people")) for one in population}
+    for name, norm in {**own, **members.norms}.items():
+        other = f"population.json is of another law ({LAW_NAMES.get(norm.law, norm.law)}): nothing is compared with it."
+        if blocks := [web.Prose(other)] if norm.law != model else _among(name, norm, tables.get(name, pd.DataFrame())):
+            yield web.Chapter(f"{called(name)} by age", blocks)
 
 
 def readings_page(path: Path, found: Statistics, command: str) -> web.WebPage:

@@ -60,39 +60,31 @@ def structured_report(found: StoredResult, study: Path, visit: str = "") -> sr.E
     Raises
     ------
     InputError
-        If the object is no DICOM, or names no study; if the result has no numbers.
+        If the object is no DICOM, or names no study.
     """
     try:
         of = pydicom.dcmread(study, stop_before_pixels=True)
-    except (OSError, InvalidDicomError):
-        raise InputError(study, "file", "is no DICOM object", "give an image of the patient's study") from None
-    if not of.get("StudyInstanceUID") or not of.get("SOPInstanceUID"):
-        raise InputError(study, "StudyInstanceUID", "it names no study", "give an image of the patient's study")
-    if not found.answer.values:
-        raise InputError(found.subject, "answer", "it has no numbers to report", "give the result of another run")
-    for keyword in (one for one in (*_PATIENT, *_STUDY) if one not in of):
-        setattr(of, keyword, "")
+        told = [repr(found), visit, str(of.StudyInstanceUID), str(of.SOPInstanceUID)]
+    except (OSError, AttributeError, InvalidDicomError):
+        raise InputError(study, "file", "is no DICOM object of a study", "give an image of the study") from None
+    for keyword in (*_PATIENT, *_STUDY):
+        of.setdefault(keyword, "")
     version, law = found.versions.get("legfem", ""), str(found.answer.parameters.get("law", found.chosen))
-    told = [repr(found), visit, str(of.StudyInstanceUID)]
     series, instance, tracked, device = (hd.UID(generate_uid(entropy_srcs=[*told, k])) for k in "abcd")
     finding = found.answer.finding.replace("_", " ") + ("; some input is doubted" if found.answer.doubts else "")
-    origin = _code("origin", "Where the data come from")
     group = sr.MeasurementsAndQualitativeEvaluations(
         sr.TrackingIdentifier(tracked, found.subject),
         algorithm_id=sr.AlgorithmIdentification("legfem", version, [f"law: {law}", f"kind: {found.kind}"]),
         time_point_context=sr.TimePointContext(visit) if visit else None,
         measurements=[one for name, known in found.answer.values.items() for one in _measured(name, known)],
         qualitative_evaluations=[
-            sr.QualitativeEvaluation(_code("finding", "Finding"), _code(found.answer.finding, finding)),
-            sr.QualitativeEvaluation(origin, _code(found.origin, found.origin)),
+            sr.QualitativeEvaluation(_code(name, name), _code(value, text))
+            for name, value, text in (("finding", found.answer.finding, finding), ("origin", *[found.origin] * 2))
         ],
     )
     observer = sr.ObserverContext(codes.DCM.Device, sr.DeviceObserverIdentifyingAttributes(device, "legfem"))
-    reported = sr.MeasurementReport(
-        sr.ObservationContext(observer_device_context=observer),
-        _code("identification", "Mechanical properties of soft tissue, by indentation"),
-        [group],
-        codes.DCM.ImagingMeasurementReport,
-    )
+    procedure = _code("identification", "Mechanical properties of soft tissue, by indentation")
+    context = sr.ObservationContext(observer_device_context=observer)
+    reported = sr.MeasurementReport(context, procedure, [group], codes.DCM.ImagingMeasurementReport)
     made = {"manufacturer": "legfem", "is_complete": True, "series_description": "legfem"}
     return sr.EnhancedSR([of], reported, series, 1, instance, 1, software_versions=version, **made)

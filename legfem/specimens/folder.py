@@ -382,8 +382,7 @@ def unread_files(directory: Path, given: SpecimenFile, read: Sequence[Path]) -> 
     folder = directory / "recordings"
     there = {file_of(path) for path in read}
     others = [f for f in recording_files(folder) if f not in there and not is_channel_file(f, given.channels)]
-    name_them = f"name every file under [[specimen]], remove the others, or {GIVE_COLUMNS}"
-    yield from unread_doubts(folder, others, name_them)
+    yield from unread_doubts(folder, others, "name every file under [[specimen]], remove the others")
 
 
 def named_recordings(directory: Path, toml: Path, given: SpecimenFile) -> list[tuple[str, int | None, Path]]:

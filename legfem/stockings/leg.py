@@ -22,7 +22,7 @@ sink in by :math:`\pi w u p / (32\, C_{10})`, as a rigid disc into an incompress
 corrected for that, with an even chance of anything from none to a firm leg's :math:`u` as its further error.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -38,7 +38,7 @@ from legfem.imaging.registration import Registration
 from legfem.inverse.elastography import ShearModulus
 from legfem.mechanics.materials import NeoHookean
 from legfem.stockings.contour_distances import ContourAccuracy
-from legfem.stockings.fabric import Stocking
+from legfem.stockings.fabric import Stocking, stocking_load
 from legfem.stockings.levels import NOTHING_STATED, MakersLevels
 
 
@@ -343,3 +343,11 @@ class StockingLeg(Pictured):
     doubts: tuple[Doubt, ...] = ()
     makers: MakersLevels = NOTHING_STATED
     directory: Path | None = None
+
+    def sensors_there(self) -> Iterator[tuple[Sensor, float, float]]:
+        """Yield sensors with the leg's radius there, mm, at most a round one's of its girth, and C10 of fat, MPa."""
+        load = stocking_load(self.bare, self.stocking)
+        flattest = 2 * np.pi / load.perimeter.max()
+        under = SensorArray.on(self.bare, self.sensors).averages(load.curvature)
+        for one, curvature in zip(self.sensors, under, strict=True):
+            yield one, float(1 / max(curvature, flattest)), float(self.tissues["superficial"].C10)

@@ -32,17 +32,7 @@ from legfem.inverse.elastography import ShearModulus, doubts_about_elastography
 from legfem.mechanics.materials import NeoHookean
 from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.fabric import Stocking, fitted_stocking, stocking_load
-from legfem.stockings.leg import (
-    KINDS,
-    USUAL_DIAMETER,
-    Posture,
-    Sensor,
-    SensorArray,
-    StockingLeg,
-    Vein,
-    default_veins,
-    off_skin,
-)
+from legfem.stockings.leg import KINDS, USUAL_DIAMETER, Posture, Sensor, StockingLeg, Vein, default_veins, off_skin
 from legfem.stockings.levels import LEVELS, MakersLevels
 from legfem.stockings.schema import LegFile, StockingEntry, parse_leg_file
 
@@ -123,7 +113,7 @@ def load_leg(directory: Path, progress: Progress | None = None) -> StockingLeg:
         makers=_makers(given.stocking),
         directory=directory,
     )
-    sensors = tuple(one.corrected(radius, c10) for one, radius, c10 in _sensors_on(leg))
+    sensors = tuple(one.corrected(radius, c10) for one, radius, c10 in leg.sensors_there())
     return replace(leg, sensors=sensors, doubts=tuple(doubts_about_leg(leg, toml)))
 
 
@@ -245,14 +235,6 @@ def _sensors(toml: Path, given: LegFile, bare: LegShape) -> tuple[Sensor, ...]:
     return tuple(found)
 
 
-def _sensors_on(leg: StockingLeg) -> Iterator[tuple[Sensor, float, float]]:
-    """Yield sensors with the radius of the leg there, at most a round one's of its girth, mm, and C10 of fat, MPa."""
-    load = stocking_load(leg.bare, leg.stocking)
-    flattest = 2 * np.pi / load.perimeter.max()
-    for one, curvature in zip(leg.sensors, SensorArray.on(leg.bare, leg.sensors).averages(load.curvature), strict=True):
-        yield one, float(1 / max(curvature, flattest)), float(leg.tissues["superficial"].C10)
-
-
 def _veins(toml: Path, given: LegFile, bare: LegShape, level: float) -> tuple[Vein, ...]:
     if given.veins:
         check_distinct(toml, "veins.name", (one.name for one in given.veins), "give every vein its own")
@@ -316,16 +298,12 @@ def doubts_about_leg(leg: StockingLeg, toml: Path) -> Iterator[Doubt]:
                 f"{height:g} mm is not in the part that is modelled, {low:.4g} to {high:.4g} mm, and gets no pressure",
                 "give the height in the bare scan's coordinates, mm, or model more of the leg",
             )
-    for sensor, radius, c10 in _sensors_on(leg):
+    for sensor, radius, c10 in leg.sensors_there():
         if sensor.thickness is None:
-            by = 100 * sensor.rises(radius, c10, 1.0)[1]
-            yield Doubt(
-                str(toml),
-                f"sensor {sensor.name}, thickness_mm",
-                f"isn't stated: a sensor lifts the fabric, and one of 1 mm may read {by:.0f} % too much here",
-                "give its thickness as it lies under the fabric (0 if the reading is corrected for it)",
-                "a sensor's thickness isn't stated",
-            )
+            rise = 100 * sensor.rises(radius, c10, 1.0)[1]
+            by = f"a sensor lifts the fabric, and one of 1 mm may read {rise:.0f} % too much"
+            remedy = "give its thickness as it lies under the fabric (0 if the reading is corrected for it)"
+            yield Doubt(f"{toml}", f"sensor {sensor.name}, thickness_mm", f"isn't stated: {by}", remedy, "isn't stated")
     yield from doubts_about_elastography(toml, leg.elastography)
 
 
