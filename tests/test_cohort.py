@@ -77,11 +77,9 @@ WRONG = {
     "empty": ("\n\n", "file: is empty; write a header, and rows below it"),
     "misspelt": ("foldr,age\na,3\n", "header: there is no column folder or subject; rename 'foldr' folder"),
     "folder misspelt": ("subject,fodler\nA,a\nA,b\n", "header: there is no column folder; rename 'fodler' folder"),
-    "a cell too many": ("folder,note\na,x\nb,x,y\n", "rows: cells don't match the header (Expected 2 fields in line 3"),
-    "cells too many": (
-        "folder,note\na,x,y\nb,x,y\n",
-        "rows: cells don't match the header (Expected 2 fields in line 2, saw 3); quote texts",
-    ),
+    "a cell too few": ("folder,side,age\na,left,30\nb,right\n", "line 3: has 2 cells, and the header 3"),
+    "a cell too many": ("folder,note\na,x\nb,x,y\n", "line 3: has 3 cells, and the header 2"),
+    "cells too many": ("folder,note\na,x,y\nb,x,y\n", "line 2: has 3 cells, and the header 2; quote texts"),
     "a column without a name": ("folder,\na,x\n", "header: column 2 has no name; name it, or remove it"),
 }
 

@@ -287,14 +287,15 @@ def _text_cells(table: Path) -> pd.DataFrame:
     text = read_text(table, "check the path", "save it as CSV UTF-8")
     first = text.partition("\n")[0]
     mark = next((mark for mark in ";\t" if mark in first), ",")
-    widths = [len(row) for row in csv.reader(StringIO(text), delimiter=mark, strict=True)]
-    if not any(widths):
+    rows = list(csv.reader(StringIO(text), delimiter=mark, strict=True))
+    if not any(rows):
         raise InputError(table, "file", "is empty", "write a header, and rows below it")
-    wide = [line for line, width in enumerate(widths, 1) if width > widths[0]]
-    if wide:
-        said = f"Expected {widths[0]} fields in line {wide[0]}, saw {widths[wide[0] - 1]}"
-        raise InputError(table, "rows", f"cells don't match the header ({said})", "quote texts with separators")
-    places = range(widths[0])
+    width = len(rows[0])
+    for line, row in enumerate(rows, 1):
+        if len(row) != width and any(map(str.strip, row)):
+            remedy = "quote texts with separators, and separate empty cells, too"
+            raise InputError(table, f"line {line}", f"has {len(row)} cells, and the header {width}", remedy)
+    places = range(width)
     return pd.read_csv(StringIO(text), sep=mark, dtype=str, header=None, names=places, skip_blank_lines=False)
 
 

@@ -68,12 +68,8 @@ def unread_doubts(folder: Path, unread: Sequence[Path], remedy: str) -> Iterator
     """Yield a doubt about files in a folder of recordings that nothing reads, if there are any."""
     if unread:
         names = ", ".join(path.name for path in unread[:5])
-        yield Doubt(
-            str(folder),
-            "recordings",
-            f"{names} {'is' if len(unread) == 1 else 'are'} not read",
-            f"{remedy}, or {GIVE_COLUMNS}",
-        )
+        what = f"{names} {'is' if len(unread) == 1 else 'are'} not read"
+        yield Doubt(str(folder), "recordings", what, f"{remedy}, or {GIVE_COLUMNS}")
 
 
 def pull_doubts(trial: Segmentation) -> Iterator[Doubt]:

@@ -92,7 +92,7 @@ AGE = "age's exponent"
 """Effect of the logarithm of people's ages."""
 
 
-class CohortParameter(BaseModel):
+class CohortParameter(BaseModel, allow_inf_nan=False):
     """A stiffness over the people of a cohort: in somebody new its logarithm is normal."""
 
     median: PositiveFloat

@@ -30,6 +30,7 @@ _BRACKETED = re.compile(r"[(\[]([kM]?Pa|N/cm[²2]|mmHg|psi)[)\]]")
 _BY_ROW = re.compile(r"\W*time\W*(?P<unit>[a-z]*)\W+1\W+2\b", re.IGNORECASE)
 """Above rows of a frame each."""
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE)
+_NONE = re.compile(r"b|nan(\(ind\))?|n/?a|null|-*", re.IGNORECASE)
 _WHOLE = re.compile(r"\s*\d+(?:\s*,\s*\d+)+\s*")
 """Between commas, where they may be decimal ones."""
 _COMMAS = re.compile(r",\s*\S+\s*,|^[^\s,]+,\s*[^\s,]+$")
@@ -146,7 +147,7 @@ def _film(path: Path, laid: LaidFrames) -> tuple[dict[str, str], list[tuple[Stat
     by_row = _BY_ROW.search(text)
     frames = split_frames(text[text.find("\n", by_row.end()) :] if by_row else text)
     lines = [[line for line in own if of_numbers(line)] for _, own in frames]
-    grids = [[_numbers_in(line) for line in own] for own in lines]
+    grids = [[_numbers_in(path, line) for line in own] for own in lines]
     widths = {len(row) for rows in grids for row in rows} | ({int(stated["count"])} if "count" in stated else set())
     unsure = "count" not in stated and all(_WHOLE.fullmatch(line) for own in lines for line in own)
     if len(widths) > 1 or (widths and unsure):
@@ -162,9 +163,17 @@ def _film(path: Path, laid: LaidFrames) -> tuple[dict[str, str], list[tuple[Stat
     return stated, [({"time": row[0] * unit.factor}, np.reshape(row[1:], grid)) for rows in grids for row in rows]
 
 
-def _numbers_in(line: str) -> list[float]:
-    """Return the numbers in a line; NaN where there is none."""
+def _numbers_in(path: Path, line: str) -> list[float]:
+    """Return the numbers in a line; NaN where there is no sensel, or it was lost.
+
+    Raises
+    ------
+    InputError
+        If a cell is anything else.
+    """
     delimiter = next((one for one in "\t;" if one in line), "," if _COMMAS.search(line) else None)
     cells = [one.strip(' "') for one in line.strip().removesuffix(delimiter or " ").split(delimiter)]
     plain = cells if delimiter == "," else [one.replace(",", ".") for one in cells]
+    if odd := next((one for one in plain if not (_NUMBER.fullmatch(one) or _NONE.fullmatch(one))), None):
+        raise InputError(path, "rows", f"'{odd}' is no reading", "correct it, or write B where there is no sensel")
     return [float(one) if _NUMBER.fullmatch(one) else float("nan") for one in plain]

@@ -89,11 +89,14 @@ def read_points(paths: Sequence[Path], laid: LaidFrames) -> FloatArray:
         If it has no such points, can be read in two ways, or something that it doesn't say isn't given.
     """
     path = paths[0]
-    every = ((said or number_in_name(one, paths), columns) for one in paths for said, columns in _frames_of(one))
-    frames = [(said, own) for said, own in every if all(np.isfinite(one.values).any() for one in own.values())]
-    if not frames:
-        problem = "no table names x and y of points and how far they moved in both (ux, uy), with a number of these"
-        raise InputError(path, "columns", problem, "export them so, or Ncorr's .mat with formatted displacements")
+    frames: list[tuple[Stated, _Columns]] = []
+    for path in paths:
+        every = ((said or number_in_name(path, paths), columns) for said, columns in _frames_of(path))
+        own = [(said, of) for said, of in every if all(np.isfinite(one.values).any() for one in of.values())]
+        if not own:
+            problem = "no table names x and y of points and how far they moved in both (ux, uy), with a number of these"
+            raise InputError(path, "columns", problem, "export them so, or Ncorr's .mat with formatted displacements")
+        frames += own
     times, needed = clock_of(path, [said for said, _ in frames], laid)
     first = frames[0][1]
     at = {key[-1]: np.nanmedian(one.values) + 0.0 for key, one in first.items() if key.startswith(("place", "before"))}

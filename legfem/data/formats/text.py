@@ -287,9 +287,13 @@ def _parted(lines: list[str], delimiter: str) -> list[list[str]]:
             for line in lines
         ]
     try:
-        return [[cell.strip() for cell in row] for row in csv.reader(lines, delimiter=delimiter, skipinitialspace=True)]
+        rows = [[cell.strip() for cell in row] for row in csv.reader(lines, delimiter=delimiter, skipinitialspace=True)]
     except csv.Error:  # a cell of a hundred thousand characters is no number either
-        return [row for line in lines for row in _parted([line], delimiter)] if len(lines) > 1 else [lines]
+        rows = []
+    # A quote that nothing closes would take the lines below it for its cell.
+    if len(rows) == len(lines):
+        return rows
+    return [row for line in lines for row in _parted([line], delimiter)] if len(lines) > 1 else [lines]
 
 
 def _words(line: str) -> list[str]:
