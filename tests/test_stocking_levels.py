@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,9 +11,18 @@ from making_stocking import short_leg
 
 from legfem.common.units import mpa_to_mmhg
 from legfem.geometry.leg_shape import SKIN, LegShape
+from legfem.report.stocking_pressures import _about_levels
 from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.fabric import Stocking, stocking_load
-from legfem.stockings.levels import MESH_SHARE, MakersLevels, PressureAlong, pressures_at_levels, rises
+from legfem.stockings.levels import (
+    LEVELS,
+    MESH_SHARE,
+    LevelPressure,
+    MakersLevels,
+    PressureAlong,
+    pressures_at_levels,
+    rises,
+)
 
 
 def round_calf(radii):
@@ -95,3 +105,24 @@ def test_a_level_is_judged_by_its_interval_beside_the_limits():
     assert judged((1.2 * share, 2.0 * share))["C"] == "too low"
     assert judged((0.1 * share, 0.8 * share))["C"] == "too high"
     assert judged((share, 1.2 * share))["C"] == "not certain"
+
+
+@pytest.mark.parametrize(
+    ("pressures", "said"),
+    [
+        ((20.0, 18.0, 15.0), "it does so at these levels."),
+        ((20.0, 20.03, 15.0), "it is the same at B and B1."),
+        ((20.0, 21.2, 21.2), "it increases from B to B1 (by 1.2 mmHg) and is the same at B1 and C."),
+    ],
+)
+def test_a_rise_of_nothing_is_no_rise(pressures: tuple[float, ...], said: str) -> None:
+    heights = dict(zip(("B", "B1", "C"), (0.0, 100.0, 200.0), strict=True))
+    levels = [
+        LevelPressure(name, height, True, p, (p - 1, p + 1), None, None)
+        for (name, height), p in zip(heights.items(), pressures, strict=True)
+    ]
+    makers = SimpleNamespace(found=lambda bare: dict.fromkeys(LEVELS), intended_class=None, assumed_fabric=False)
+    along = SimpleNamespace(levels=np.array([0.0, 100.0]), mean=np.array([20.0, 18.0]))
+    leg = SimpleNamespace(makers=makers, bare=CALF)
+    texts = list(_about_levels(SimpleNamespace(pressure_along=along, leg=leg, at_levels=levels)))
+    assert any(one.endswith(f"decreases steadily from the ankle upwards: {said}") for one in texts)

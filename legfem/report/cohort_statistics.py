@@ -318,7 +318,8 @@ def _among(name: str, norm: CohortParameter, table: pd.DataFrame) -> list[web.Bl
 
 def side_chapters(members: Members, rows: Sequence[Row], population: Sequence[PopulationFit]) -> Iterator[web.Chapter]:
     """Yield chapters on legs whose model fits: left beside right, to be signed, and each among people of its age."""
-    model, kept = cohort_model(rows), [row for row in rows if row.judged.tone != "wrong"]
+    kept = [row for row in rows if row.judged.tone != "wrong"]
+    model = cohort_model(kept)
     names = dict.fromkeys(name for _, one in measured(kept, model) for name in one.measures)
     tables = {name: values_of(members.every, kept, name)[0] for name in names}
     if pairs := [pair for name, table in tables.items() for pair in _pairs(name, table)]:

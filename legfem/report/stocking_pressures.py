@@ -29,10 +29,15 @@ def both_units(pressure: float) -> str:
     return f"{mpa_to_mmhg(pressure):.1f} mmHg ({mpa_to_kpa(pressure):.2f} kPa)"
 
 
-def low_in_fat(details: StockingDetails) -> str:
-    """Return by how much the greatest pressure in the fat is too low on the mesh."""
-    least, most = (f"{100 * share:.0f}" for share in too_low_by(details.tetrahedra))
-    return f"{least} to {most} % too low on this mesh, judging by finer meshes of a leg that comes with legfem"
+_SEEN_MMHG = 0.05
+"""A rise of less is none in a number of one decimal."""
+
+
+def greatest_in_fat(details: StockingDetails, found: TissuePressures) -> str:
+    """Return the greatest pressure in the fat, corrected for the mesh, and that on the mesh."""
+    least, most = (f"{mpa_to_mmhg(found.greatest_in_fat / (1 - by)):.1f}" for by in too_low_by(details.tetrahedra))
+    by = f"by finer meshes of a leg that comes with legfem; {both_units(found.greatest_in_fat)} on this mesh"
+    return f"{least} to {most} mmHg ({by})"
 
 
 def place_in_fat(bare: LegShape, point: FloatArray) -> str:
@@ -270,9 +275,10 @@ def _about_levels(details: StockingDetails) -> Iterator[str]:
             "standard into the table [stocking.limits_percent] of leg.toml."
         )
     if len(levels) > 1 and not makers.assumed_fabric:
-        steps = ((a, b, b.mean_pressure_mmHg - a.mean_pressure_mmHg) for a, b in rises(levels))
-        rising = [f"from {a.level} to {b.level} (by {step:.1f} mmHg)" for a, b, step in steps]
-        does = f"increases {' and '.join(rising)}" if rising else "does so at these levels"
+        steps = [(a.level, b.level, b.mean_pressure_mmHg - a.mean_pressure_mmHg) for a, b in rises(levels)]
+        said = [f"increases from {a} to {b} (by {step:.1f} mmHg)" for a, b, step in steps if step >= _SEEN_MMHG]
+        said += [f"is the same at {a} and {b}" for a, b, step in steps if step < _SEEN_MMHG]
+        does = " and ".join(said) or "does so at these levels"
         yield f"RAL-GZ 387 requires that the pressure decreases steadily from the ankle upwards: it {does}."
     slope = round(10 * float(np.polyfit(along.levels, along.mean, 1)[0]), 2) + 0.0
     assumed = (

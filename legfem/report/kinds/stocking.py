@@ -55,8 +55,7 @@ class StockingReport(ReportKind):
             where = stocking_pressures.place_in_fat(details.leg.bare, found.greatest_in_fat_at)
             comfort = (
                 "The greatest pressure in the fat, where the pain receptors are, is "
-                f"{stocking_pressures.both_units(found.greatest_in_fat)}, {where}. "
-                f"It is {stocking_pressures.low_in_fat(details)}."
+                f"{stocking_pressures.greatest_in_fat(details, found)}, {where}."
             )
         return [
             ("Problems found", _wrong(details)),
