@@ -13,12 +13,11 @@ _log = logging.getLogger("legfem")
 
 def made_in(module: ModuleType, base: Any) -> list[Any]:
     """Return an instance of each class that a module defines, of a base, that isn't abstract and is made of nothing."""
-    kinds = (kind for _, kind in getmembers(module, isclass) if kind.__module__ == module.__name__)
-    return [kind() for kind in kinds if issubclass(kind, base) and not isabstract(kind) and _of_nothing(kind)]
-
-
-def _of_nothing(kind: type) -> bool:
-    return all(one.default is not one.empty for one in signature(kind).parameters.values())
+    own = (kind for _, kind in getmembers(module, isclass) if kind.__module__ == module.__name__)
+    whole = (kind for kind in own if issubclass(kind, base) and not isabstract(kind))
+    return [
+        kind() for kind in whole if all(one.default is not one.empty for one in signature(kind).parameters.values())
+    ]
 
 
 def registered(folder: ModuleType, base: Any, group: str) -> list[Any]:

@@ -11,7 +11,6 @@ from legfem.inverse.document import estimate_document, fitted_document, members_
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.fit import Identity
-from legfem.inverse.location import SetAside
 from legfem.inverse.predictive import HeldOut, checks_by_phase
 from legfem.inverse.stored import SCHEMAS
 from legfem.inverse.verdict import Diagnosis, explained_share, residual_intervals
@@ -71,7 +70,7 @@ def document(found: Diagnosis, subject: Recorded, seconds: float) -> dict[str, A
             **members_of(found.assessment, "windows", "scores"),
             "places": places_of(found),
             **members_of(found, "limits", "untested", "seed"),
-            "set_aside": _aside(found.aside),
+            "set_aside": None if found.aside is None else members_of(found.aside, "trial", "phases", "size_N"),
             "by_phase": {
                 model_name(model): [*checks_by_phase(model)] for model in (found.weighted_base, *found.models)
             },
@@ -82,10 +81,6 @@ def document(found: Diagnosis, subject: Recorded, seconds: float) -> dict[str, A
             "versions": versions(),
         }
     )
-
-
-def _aside(part: SetAside | None) -> dict[str, Any] | None:
-    return None if part is None else members_of(part, "trial", "phases", "size_N")
 
 
 _LEAST = 1e-4
