@@ -67,6 +67,12 @@ class Task:
         c10, c20 = map(mpa_to_kpa, self.point)
         return f"{what}{at} at C10 {c10:.3g}, C20 {c20:.3g} kPa"
 
+    @property
+    def path(self) -> object:
+        """What tells a path in time that gives the derivatives of several mechanisms; nothing of other entries."""
+        m, stations = self.mechanism, self.stations
+        return (m.derived_together, stations.key, self.point) if m and m.derivatives and stations else None
+
 
 type Outcome = Mapping[str, Columns]
 """An entry's changes or courses, by the parameter of which there are several; else of none."""
@@ -231,6 +237,9 @@ def outcomes_of(
     if found:
         progress.stage(f"{len(found)} of {len(tasks)} responses are kept from earlier runs")
     missing = [place for place in range(len(tasks)) if place not in found]
+    firsts: dict[object, int] = {}
+    one_path = {place: firsts.setdefault(tasks[place].path, place) for place in missing if tasks[place].path}
+    missing = [place for place in missing if one_path.get(place, place) == place]
     stages = {"elastic responses": False, "responses in time": True}
     with Workers(_work, solved, jobs) as workers, suppress(TimeIsUpError):
         for name, in_time in stages.items():
@@ -241,4 +250,6 @@ def outcomes_of(
                 place = places[number]
                 found[place] = outcome
                 progress.advance(tasks[place].label + ("" if outcome is not None else ": STOPPED"))
-    return found
+    # What another's path gave, too, is recalled.
+    rest = {place: first for place, first in one_path.items() if place != first}
+    return found | {place: _work(solved, tasks[place]) for place, first in rest.items() if first in found}

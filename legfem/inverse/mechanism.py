@@ -333,6 +333,11 @@ class TissueMechanism(Mechanism):
         return ()
 
     @property
+    def derived_together(self) -> tuple[str, ...]:
+        """Those of all mechanisms that one solution of its variant, at their nulls, gives at once."""
+        return self.derivatives
+
+    @property
     def nodes(self) -> tuple[Values, ...]:
         """Values far from the null at which it is solved, too, where it is tabulated by derivatives.
 

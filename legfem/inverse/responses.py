@@ -289,7 +289,9 @@ class SolvedResponses:
         asked = self._at_grid(stiffness, solution)
         if stations is not None:
             asked = PathRequest(stations.protocol, stations.time, stiffness, solution)
-        columns = self._solve(replace(asked, derivatives=mechanism.derivatives))
+        there = self.variants.parameters(solution.variant)
+        together = tuple(name for name in mechanism.derived_together if name in there)
+        columns = self._solve(replace(asked, derivatives=together or mechanism.derivatives))
         force = np.maximum(columns["force"], _SMALLEST_FORCE_N)
         found = {"force": np.array([columns[name] / force for name in mechanism.derivatives])}
         for channel in channels_of(columns):

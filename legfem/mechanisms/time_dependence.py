@@ -171,12 +171,17 @@ class TissueRelaxation(TissueMechanism):
     def _branches_of(self, law: "Hyperelastic") -> Sequence[Any]:
         from legfem.mechanics.terms import Viscoelasticity
 
-        return [Viscoelasticity(self.region, law, branch=str(k + 1)) for k in range(len(TIMES_S))]
+        return [Viscoelasticity(self.region, law, 0.0, time, str(k)) for k, time in enumerate(TIMES_S, 1)]
 
     @property
     def derivatives(self) -> tuple[str, ...]:
         """Ratios of the model's branches: as they are small or great, the response is linear."""
-        return tuple(f"{name}.ratio" for name in self._branches())
+        return _ratios(self.region)
+
+    @property
+    def derived_together(self) -> tuple[str, ...]:
+        """Those of both tissues, which one path gives."""
+        return *_ratios("deep"), *_ratios("superficial")
 
     def shares(self, values: Values) -> FloatArray:
         """Return every branch's ratio; the last one bears what is slow."""
@@ -184,16 +189,14 @@ class TissueRelaxation(TissueMechanism):
         each[-1] += values["slow"]
         return values["ratio"] * each
 
-    def _branches(self) -> list[str]:
-        return [f"{self.region}.viscoelasticity{k + 1}" for k in range(len(TIMES_S))]
-
     def solution(self, values: Values) -> Solution:
-        """Return the model with its branches."""
-        given = {}
-        for name, time, ratio in zip(self._branches(), TIMES_S, self.shares(values), strict=True):
-            given[f"{name}.ratio"] = float(ratio)
-            given[f"{name}.relaxation_time"] = time
-        return Solution(self.variant, given)
+        """Return the model with its branches; at its null with none, as that of other tissues."""
+        shares = zip(self.derivatives, self.shares(values), strict=True)
+        return Solution(self.variant, {name: float(ratio) for name, ratio in shares if ratio})
+
+
+def _ratios(region: str) -> tuple[str, ...]:
+    return tuple(f"{region}.viscoelasticity{k}.ratio" for k in range(1, len(TIMES_S) + 1))
 
 
 class SuperficialViscoelasticity(TissueRelaxation):
