@@ -61,9 +61,10 @@ def numbers(report: Path | sr.EnhancedSR) -> dict[tuple[str, str], tuple[float, 
 def test_a_report_has_the_constants_with_their_units_and_both_limits_in_the_patient_s_study(
     results: Path, image: Path
 ) -> None:
-    words = ["dicom", str(results), "--of", str(image), "--visit", "before surgery"]
+    words = ["dicom", str(results), "--of", str(image), "--visit", "before surgery", "--json"]
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 0, done.output
+    assert pydicom.Dataset.from_json(done.stdout).Modality == "SR"
     path = results / "report.dcm"
     study, found = pydicom.dcmread(image), pydicom.dcmread(path)
     assert found.SOPClassUID == EnhancedSRStorage and found.Modality == "SR"

@@ -1,7 +1,6 @@
 """``legfem data``."""
 
 import sys
-from io import BytesIO
 from pathlib import Path
 from typing import Annotated
 
@@ -188,8 +187,12 @@ def preview(folder: Path, out: Path | None = None, quiet: Quiet = False, as_json
 
 
 @app.command(cls=CheckedCommand)
-def dicom(results: Path, of: Annotated[Path, typer.Option()], visit: str = "") -> None:
+def dicom(
+    results: Path, of: Annotated[Path, typer.Option()], visit: str = "", quiet: Quiet = False, as_json: AsJson = False
+) -> None:
     """Write a result into a patient's study as a DICOM structured report (TID 1500), report.dcm.
+
+    report.dcm.json has the same in DICOM's JSON model.
 
     C10, C20 and other constants with units and 95 % intervals, how they were found, and whether
     the model fits; unverified until a person signs it in the hospital's archive.
@@ -205,12 +208,14 @@ def dicom(results: Path, of: Annotated[Path, typer.Option()], visit: str = "") -
     visit
         What the visit is called.
     """
-    with command_context():
+    with command_context(quiet=quiet), brief_output(quiet, as_json) as written:
         from legfem.common.documents import write_atomically
         from legfem.inverse.stored import read_result
-        from legfem.report.dicom_report import structured_report
+        from legfem.report.dicom_report import files_of, structured_report
 
-        file, path = BytesIO(), results / "report.dcm"
-        structured_report(read_result(results), of, visit).save_as(file)
-        write_atomically(path, file.getvalue())
-        print(path)
+        path, document = results / "report.dcm", results / "report.dcm.json"
+        content, model = files_of(structured_report(read_result(results), of, visit))
+        write_atomically(path, content)
+        write_atomically(document, model)
+        written.append(document)
+        print(f"report: {path}")

@@ -284,7 +284,7 @@ def _pairs(name: str, table: pd.DataFrame) -> Iterator[dict[str, str]]:
             continue
         exceeds, low, high = (100 * one for one in ratio_of(legs["right"], legs["left"]))
         said = "right is greater" if low > 0 else "left is greater" if high < 0 else "no difference beyond the errors"
-        difference = f"{round(exceeds) + 0:+d} % ({' to '.join(between(low, high))} %)"
+        difference = f"{round(exceeds) + 0:+d} % ({number(low)} to {number(high)} %)"
         if not math.isfinite(low + high):
             difference = said = NOT_DETERMINED
         row = {"person": person, "visit": visit, "what": called(name)}

@@ -7,6 +7,7 @@ constant of which only a range is known, or that stands at a bound of its search
 
 import math
 from collections.abc import Iterator
+from io import BytesIO
 from pathlib import Path
 
 import highdicom as hd
@@ -88,3 +89,10 @@ def structured_report(found: StoredResult, study: Path, visit: str = "") -> sr.E
     reported = sr.MeasurementReport(context, procedure, [group], codes.DCM.ImagingMeasurementReport)
     made = {"manufacturer": "legfem", "is_complete": True, "series_description": "legfem"}
     return sr.EnhancedSR([of], reported, series, 1, instance, 1, software_versions=version, **made)
+
+
+def files_of(report: sr.EnhancedSR) -> tuple[bytes, str]:
+    """Return a report as DICOM's file and in its JSON model (PS3.18, annex F)."""
+    file = BytesIO()
+    report.save_as(file)
+    return file.getvalue(), pydicom.dcmread(BytesIO(file.getvalue())).to_json()
