@@ -28,7 +28,7 @@ from legfem.legs.finite_element_models import LegVariants
 from legfem.legs.loading import load_subject
 from legfem.legs.nuisances import errors_of_geometry
 from legfem.legs.schema import SUBJECTS
-from legfem.mechanisms import mechanism_named, mechanisms
+from legfem.mechanisms import mechanism_named, mechanisms, mechanisms_of
 from legfem.mechanisms.rig import EndEffects
 from legfem.solve.protocol import Protocol
 
@@ -45,7 +45,8 @@ def variants():
     subject = load_subject(SUBJECTS.find("3"), need_recordings=False)
     settings = PlaneStrainSettings()
     coarse = PlaneStrainSettings(mesh=settings.mesh.refined(0.4))
-    return LegVariants(plane_strain_test(subject, coarse))
+    motions = errors_of_geometry(subject.section.bones)
+    return LegVariants(replace(plane_strain_test(subject, coarse), motions=motions))
 
 
 @pytest.fixture(scope="module")
@@ -155,7 +156,9 @@ def test_slip_is_that_of_a_contact_as_stiff_as_the_tapes(variants, tmp_path):
 def test_the_library_stands_in_for_solutions(variants, observed, tmp_path):
     correction = read_correction(REFERENCE)
     solved = responses_in(tmp_path, variants)
-    able, unable = shown_mechanisms(with_correction(mechanisms(), correction), observed, WITHOUT_ENDS)
+    able, unable = shown_mechanisms(
+        with_correction(mechanisms_of(variants.base.section), correction), observed, WITHOUT_ENDS
+    )
     assert "preconditioning" in unable
     quick = [m for m in able if m.name not in ("contact-slip", "poroelastic-drainage")]
     library = build_library(solved, observed, quick, 1, Silent(), rounded(SOFT[0]), 0.8)
