@@ -10,10 +10,13 @@ from making_diagnosis import GRID, observations, ramps
 from legfem.common.progress import Silent
 from legfem.inverse.library_tasks import ONE, Task, outcomes_of
 from legfem.inverse.responses import Columns, NotKeptError, PathRequest, SolvedResponses
+from legfem.legs.loading import load_subject
+from legfem.legs.schema import SUBJECTS
 from legfem.mechanisms import mechanism_named
 from legfem.mechanisms.time_dependence import TIMES_S
 
-DEEP, FAT = mechanism_named("viscoelasticity"), mechanism_named("superficial-viscoelasticity")
+NAMES = ("viscoelasticity", "superficial-viscoelasticity")
+SECTION = load_subject(SUBJECTS.find("3"), need_recordings=False).section
 SOFT = (0.001, 0.0008)
 
 
@@ -28,15 +31,14 @@ class Solved(SolvedResponses):
         return {"force": 2.0 * ones, **{name: k * ones for k, name in enumerate(asked.derivatives)}}
 
 
-def body(*regions: str) -> SimpleNamespace:
-    names = [name for one in (DEEP, FAT) for name in one.derivatives if name.split(".")[0] in regions]
-    return SimpleNamespace(parameters=lambda _: dict.fromkeys(names, 0.0), described=str)
+BODY = SimpleNamespace(described=str)
 
 
 def test_relaxation_of_muscle_and_of_fat_take_one_solution() -> None:
     stations = observations(ramps())[0].protocols[0]
-    solved = Solved(body("deep", "superficial"), GRID[-1], None, {})
-    found = outcomes_of(solved, [Task(SOFT, m, 0.0, stations) for m in (DEEP, FAT)], 1, Silent())
+    solved = Solved(BODY, GRID[-1], None, {})
+    tasks = [Task(SOFT, mechanism_named(name, SECTION), 0.0, stations) for name in NAMES]
+    found = outcomes_of(solved, tasks, 1, Silent())
     assert solved.solutions == 1
     muscle, fat = (found[place][ONE]["force"][:, 0] for place in (0, 1))
     assert np.array_equal(muscle, 0.5 * np.arange(len(TIMES_S)))
@@ -45,6 +47,6 @@ def test_relaxation_of_muscle_and_of_fat_take_one_solution() -> None:
 
 def test_a_body_of_one_tissue_is_differentiated_by_that_alone() -> None:
     stations = observations(ramps())[0].protocols[0]
-    solved = Solved(body("deep"), GRID[-1], None, {})
-    outcomes_of(solved, [Task(SOFT, DEEP, 0.0, stations)], 1, Silent())
-    assert [one.derivatives for one in solved._made] == [DEEP.derivatives]
+    solved, relaxation = Solved(BODY, GRID[-1], None, {}), mechanism_named(NAMES[0])
+    outcomes_of(solved, [Task(SOFT, relaxation, 0.0, stations)], 1, Silent())
+    assert [one.derivatives for one in solved._made] == [relaxation.derivatives]

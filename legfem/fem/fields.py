@@ -156,9 +156,8 @@ class FieldReader:
         name = "interface_pressure" if given and not contacts else "contact_pressure"
         if not contacts and not given:
             return name, None
-        growth = ufl.sqrt(domain.sheet_invariants[1])
-        pressure = sum(term.pressure(domain) for term in contacts) / growth
-        pressure += sum(term.pressure(domain, growth) for term in given)
+        pressure = sum(term.pressure(domain) for term in contacts) / ufl.sqrt(domain.sheet_invariants[1])
+        pressure += sum(term.pressure(domain) for term in given)
         return name, _at_points(pressure, self.system.spaces.skin, domain.quadrature_degree)
 
     def on_skin(self) -> tuple[Any, Any]:

@@ -69,9 +69,9 @@ class Task:
 
     @property
     def path(self) -> object:
-        """What tells a path in time that gives the derivatives of several mechanisms; nothing of other entries."""
+        """What tells a path in time that gives the derivatives of several mechanisms; other entries are their own."""
         m, stations = self.mechanism, self.stations
-        return (m.derived_together, stations.key, self.point) if m and m.derivatives and stations else None
+        return (m.derived_together, stations.key, self.point) if m and m.derivatives and stations else id(self)
 
 
 type Outcome = Mapping[str, Columns]
@@ -237,9 +237,9 @@ def outcomes_of(
     if found:
         progress.stage(f"{len(found)} of {len(tasks)} responses are kept from earlier runs")
     missing = [place for place in range(len(tasks)) if place not in found]
-    firsts: dict[object, int] = {}
-    one_path = {place: firsts.setdefault(tasks[place].path, place) for place in missing if tasks[place].path}
-    missing = [place for place in missing if one_path.get(place, place) == place]
+    firsts = {tasks[place].path: place for place in reversed(missing)}
+    beside = {place: firsts[tasks[place].path] for place in missing if place not in firsts.values()}
+    missing = [place for place in missing if place not in beside]
     stages = {"elastic responses": False, "responses in time": True}
     with Workers(_work, solved, jobs) as workers, suppress(TimeIsUpError):
         for name, in_time in stages.items():
@@ -251,5 +251,4 @@ def outcomes_of(
                 found[place] = outcome
                 progress.advance(tasks[place].label + ("" if outcome is not None else ": STOPPED"))
     # What another's path gave, too, is recalled.
-    rest = {place: first for place, first in one_path.items() if place != first}
-    return found | {place: _work(solved, tasks[place]) for place, first in rest.items() if first in found}
+    return found | {place: _work(solved, tasks[place]) for place, first in beside.items() if first in found}

@@ -305,7 +305,7 @@ def _offset(fitted: LinearisedFit, solved: Responses) -> FloatArray | None:
     """Return the full prediction less the emulated one (N,), 0 of channels that it hasn't; None where it stopped."""
     plain = replace(fitted.problem.predictor, offset=0.0)
     if isinstance(solved, SolvedResponses) and _elastic_cancels(fitted):
-        solved = solved.beside_elastic(plain.library.elastic_courses)
+        solved = replace(solved, elastic_courses=plain.library.elastic_courses)
     full = replace(plain, responses=solved)
     difference = full(fitted.values, fitted.mechanisms) - plain(fitted.values, fitted.mechanisms)
     if np.isnan(difference[: len(plain.observed.force)]).any():

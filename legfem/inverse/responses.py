@@ -151,14 +151,6 @@ class SolvedResponses:
         """Return the same that makes no solution: `NotKeptError` is raised instead."""
         return replace(self, only_kept=True)
 
-    def beside_elastic(self, courses: Callable[[Stiffness], Columns]) -> "SolvedResponses":
-        """Return the same with elastic courses from elsewhere.
-
-        What one mechanism adds to the elastic force is told as a share of it, so that both together are that
-        mechanism's own solution, whatever the elastic courses are.
-        """
-        return replace(self, elastic_courses=courses)
-
     @property
     def solutions(self) -> int:
         """How many were made, not recalled."""
@@ -289,9 +281,7 @@ class SolvedResponses:
         asked = self._at_grid(stiffness, solution)
         if stations is not None:
             asked = PathRequest(stations.protocol, stations.time, stiffness, solution)
-        there = self.variants.parameters(solution.variant)
-        together = tuple(name for name in mechanism.derived_together if name in there)
-        columns = self._solve(replace(asked, derivatives=together or mechanism.derivatives))
+        columns = self._solve(replace(asked, derivatives=mechanism.derived_together))
         force = np.maximum(columns["force"], _SMALLEST_FORCE_N)
         found = {"force": np.array([columns[name] / force for name in mechanism.derivatives])}
         for channel in channels_of(columns):

@@ -65,7 +65,7 @@ class Memoryless:
 class NumberedTerm(Checked):
     """A term whose parameters are fields, named ``<name>.<field>``."""
 
-    numbers: ClassVar[tuple[str, ...]]
+    numbers: ClassVar[tuple[str, ...]] = ()
     """Fields that are parameters."""
 
     @property

@@ -1,6 +1,7 @@
 """What depends on time: tissues relax, over a spectrum of times; fluid drains; repeats soften or stiffen a leg."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -9,6 +10,7 @@ from scipy.stats import norm
 
 from legfem.common.units import FloatArray
 from legfem.data.phases import HOLD, UNLOADING
+from legfem.geometry.section import LegSection
 from legfem.inverse.advice import HALF_DEPTH, HOLD_A_MINUTE, HOLD_MINUTES, TWO_RATES, left
 from legfem.inverse.mechanism import (
     IndentedLeg,
@@ -121,8 +123,17 @@ SLOW = shape(
 )
 
 
+@dataclass(frozen=True)
 class TissueRelaxation(TissueMechanism):
-    """A spectrum of Prony branches of the deep tissue's deviatoric stress."""
+    """A spectrum of Prony branches of the deep tissue's deviatoric stress.
+
+    Parameters
+    ----------
+    beside_another
+        Whether its model has the branches of both tissues, as a limb's.
+    """
+
+    beside_another: bool = False
 
     name = "viscoelasticity"
     statement = "the deep tissue relaxes: its force depends on the rate and fades while held"
@@ -180,8 +191,12 @@ class TissueRelaxation(TissueMechanism):
 
     @property
     def derived_together(self) -> tuple[str, ...]:
-        """Those of both tissues, which one path gives."""
-        return *_ratios("deep"), *_ratios("superficial")
+        """Those of both tissues of a limb, which one path gives."""
+        return (*_ratios("deep"), *_ratios("superficial")) if self.beside_another else self.derivatives
+
+    def in_limb(self, section: LegSection) -> Sequence[Mechanism]:
+        """Return the same of a limb."""
+        return (replace(self, beside_another=True),)
 
     def shares(self, values: Values) -> FloatArray:
         """Return every branch's ratio; the last one bears what is slow."""

@@ -22,8 +22,9 @@ sink in by :math:`\pi w u p / (32\, C_{10})`, as a rigid disc into an incompress
 corrected for that, with an even chance of anything from none to a firm leg's :math:`u` as its further error.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -344,10 +345,13 @@ class StockingLeg(Pictured):
     makers: MakersLevels = NOTHING_STATED
     directory: Path | None = None
 
-    def sensors_there(self) -> Iterator[tuple[Sensor, float, float]]:
-        """Yield sensors with the leg's radius there, mm, at most a round one's of its girth, and C10 of fat, MPa."""
+    @cached_property
+    def sensors_there(self) -> tuple[tuple[Sensor, float, float], ...]:
+        """Sensors with the leg's radius there, mm, at most a round one's of its girth, and C10 of fat, MPa."""
+        if not self.sensors:
+            return ()
         load = stocking_load(self.bare, self.stocking)
         flattest = 2 * np.pi / load.perimeter.max()
         under = SensorArray.on(self.bare, self.sensors).averages(load.curvature)
-        for one, curvature in zip(self.sensors, under, strict=True):
-            yield one, float(1 / max(curvature, flattest)), float(self.tissues["superficial"].C10)
+        c10 = float(self.tissues["superficial"].C10)
+        return tuple((one, float(1 / max(at, flattest)), c10) for one, at in zip(self.sensors, under, strict=True))

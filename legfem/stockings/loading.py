@@ -113,7 +113,7 @@ def load_leg(directory: Path, progress: Progress | None = None) -> StockingLeg:
         makers=_makers(given.stocking),
         directory=directory,
     )
-    sensors = tuple(one.corrected(radius, c10) for one, radius, c10 in leg.sensors_there())
+    sensors = tuple(one.corrected(radius, c10) for one, radius, c10 in leg.sensors_there)
     return replace(leg, sensors=sensors, doubts=tuple(doubts_about_leg(leg, toml)))
 
 
@@ -298,7 +298,7 @@ def doubts_about_leg(leg: StockingLeg, toml: Path) -> Iterator[Doubt]:
                 f"{height:g} mm is not in the part that is modelled, {low:.4g} to {high:.4g} mm, and gets no pressure",
                 "give the height in the bare scan's coordinates, mm, or model more of the leg",
             )
-    for sensor, radius, c10 in leg.sensors_there():
+    for sensor, radius, c10 in leg.sensors_there:
         if sensor.thickness is None:
             rise = 100 * sensor.rises(radius, c10, 1.0)[1]
             by = f"a sensor lifts the fabric, and one of 1 mm may read {rise:.0f} % too much"

@@ -123,13 +123,12 @@ class SkinPressure(NumberedTerm, Memoryless):
 
     name = "skin_pressure"
     domain: ClassVar[Literal["skin"]] = "skin"
-    numbers = ()
 
     def residual(self, skin: Skin, history: Mapping[str, Any]) -> Expr:
         """Return the virtual work against the pressure."""
         return skin.time * skin.applied_pressure * ufl.dot(skin.area_vector(), skin.variation) * skin.measure
 
-    def pressure(self, skin: Skin, growth: Expr) -> Expr:
+    def pressure(self, skin: Skin) -> Expr:
         """Return the pressure per deformed area (MPa)."""
         return skin.time * skin.applied_pressure
 
