@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import making_broken_files
 import meshio
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from making_scans import surface, write_polydata
 from legfem.common.errors import InputError
 from legfem.geometry.leg_shape import LegShape, fat_thickness_around, largest_girth, perimeter
 from legfem.geometry.motion import CuttingPlane
+from legfem.imaging import polydata_reader
 from legfem.imaging.surfaces import outlines_of_surfaces, read_surface, read_surfaces, shape_of_surfaces
 
 REAL = SHARED / "data" / "leg_geometry"
@@ -108,8 +110,53 @@ def test_a_polygon_that_ends_beyond_its_points_is_refused_at_once(tmp_path, end)
     ends = text.index('Name="offsets"')
     first = text.index(">", ends) + 1
     path.write_text(text[:first] + f"3 {end}" + text[text.index("<", first) :])
-    with pytest.raises(InputError, match="a polygon ends where there are no points"):
+    with pytest.raises(InputError, match='"offsets" array is not long enough'):
         read_surface(path)
+
+
+@pytest.mark.parametrize(
+    ("how", "old", "new", "words"),
+    [
+        ("binary", 'NumberOfPolys="', 'NumberOfPolys="9999999', "VTK's reader breaks down on it"),
+        ("raw zlib", 'NumberOfComponents="', 'NumberOfComponents="429496729', "VTK hasn't read it within 5 s"),
+    ],
+    ids=["a crash", "no end"],
+)
+def test_what_ends_or_holds_vtk_s_reader_costs_its_own_process_alone(
+    tmp_path, monkeypatch, capfd, how, old, new, words
+):
+    monkeypatch.setattr(polydata_reader, "_LONGEST_S", 5)
+    path = write_polydata(tmp_path / "s.vtp", surface("fibula"), how)
+    assert old.encode() in path.read_bytes()
+    path.write_bytes(path.read_bytes().replace(old.encode(), new.encode(), 1))
+    with pytest.raises(InputError, match=words) as caught:
+        read_surface(path)
+    assert "\n" not in str(caught.value)
+    assert capfd.readouterr() == ("", "")
+
+
+DAMAGE = ("_cut", "_bits", "_nothing", "_zeros", "_page", "_twice", "_cell", "_row", "_headless", "_column")
+
+
+@pytest.mark.parametrize(
+    ("kind", "how"), [("vtk", "ascii"), ("vtk", "binary"), ("vtp", "ascii"), ("vtp", "binary"), ("vtp", "raw zlib")]
+)
+def test_broken_polydata_are_refused_in_a_line_or_read_whole(tmp_path, kind, how):
+    content = write_polydata(tmp_path / f"good.{kind}", surface("fibula"), how).read_bytes()
+    good = read_surface(tmp_path / f"good.{kind}")
+    refused = 0
+    for number, name in enumerate(DAMAGE):
+        path = tmp_path / f"{name}.{kind}"
+        path.write_bytes(getattr(making_broken_files, name)(np.random.default_rng([58, number]), content))
+        try:
+            read = read_surface(path)
+        except InputError as error:
+            refused += 1
+            assert "\n" not in str(error) and error.remedy, name
+        else:
+            # A bit may make another digit of one.
+            assert name == "_bits" or (len(read.faces), read.volume) == (len(good.faces), good.volume), name
+    assert refused >= 5
 
 
 def test_outlines_are_cut_at_any_level_also_through_vertices(tmp_path):
@@ -147,14 +194,14 @@ def test_bad_files_give_one_line(tmp_path):
     for text, words in (
         (header, "contains no triangles"),
         (f"{header}POLYGONS 1 4\n3 0 1 2\n", r"names a point that isn't there.*save it as STL"),
-        (f"{header}POLYGONS 2 8\n3 0 0 0\n", r"4 numbers where 8 are announced"),
+        (f"{header}POLYGONS 2 8\n3 0 0 0\n", "Error reading ascii cell data"),
     ):
         (tmp_path / "slicer.vtk").write_text(text)
         with pytest.raises(InputError, match=words) as caught:
             read_surface(tmp_path / "slicer.vtk")
         assert "\n" not in str(caught.value)
     (tmp_path / "s.vtp").write_text("<VTKFile type='ImageData'></VTKFile>")
-    with pytest.raises(InputError, match="contains no PolyData"):
+    with pytest.raises(InputError, match="Cannot find PolyData"):
         read_surface(tmp_path / "s.vtp")
     (tmp_path / "text.stl").write_text("nothing")
     with pytest.raises(InputError, match=r"text.stl: file"):

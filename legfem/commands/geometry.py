@@ -53,7 +53,7 @@ def convert(
     label
         TISSUE=NUMBER of the scan; repeat it. superficial=1, deep=2, bone=3.
     surface
-        PART=FILE (STL, PLY, OBJ, VTU); repeat it, for single muscles too.
+        PART=FILE (STL, PLY, OBJ, VTU, VTP); repeat it, for single muscles too.
     level
         Level at which the section is cut (mm).
     out

@@ -98,7 +98,7 @@ EXTRAS = {
     "cluster": ("work on dask's workers", ("bokeh", "dask", "dask_jobqueue", "distributed")),
     "cohort": ("a cohort", ("jax", "numpyro", "statsmodels")),
     "files": ("a file of this kind", ("h5py", "lvm_read", "meshio", "nptdms", "pymatreader", "xlrd")),
-    "imaging": ("a scan", ("highdicom", "nibabel", "SimpleITK")),
+    "imaging": ("a scan", ("highdicom", "nibabel", "SimpleITK", "vtk")),
     "study": ("a design of experiments", ("pyDOE3", "SALib", "statsmodels")),
 }
 """What needs more than legfem's own dependencies, and the modules, by pyproject.toml's extra that brings them."""

@@ -1,30 +1,23 @@
-"""A leg's shape from closed surfaces of its parts: STL and what else trimesh reads, and VTK's polydata.
-
-Polydata are ``.vtp`` (XML) and ``.vtk`` (legacy), ASCII or binary: Kitware, VTK File Formats
-(docs.vtk.org/en/latest/vtk_file_formats).
-"""
+"""A leg's shape from closed surfaces of its parts: STL and what else trimesh reads, and VTK's polydata."""
 
 import re
-from base64 import b64encode
 from collections.abc import Mapping, Sequence
-from io import BytesIO
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 import shapely
 import trimesh
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from shapely import Polygon
 
 from legfem.common.errors import InputError
-from legfem.common.units import FloatArray
 from legfem.geometry.contours import MUSCLE_HULL, check_girth
 from legfem.geometry.leg_shape import SKIN, LegShape
 from legfem.geometry.motion import CuttingPlane
 from legfem.geometry.section_from_outlines import Clearances, joined
 from legfem.imaging.outlines import nested_shape
+from legfem.imaging.polydata_reader import read_polydata
 
 _END = 1e-3  # mm; nearer than that to a surface's end a plane passes through it
 
@@ -69,9 +62,9 @@ def read_surface(path: Path) -> Any:
         with path.open("rb") as file:
             legacy = re.search(rb"^DATASET\s+POLYDATA", file.read(1000), re.M | re.I)
         polydata = legacy or path.suffix.lower() == ".vtp"
-        surface = trimesh.Trimesh(*_read_polydata(path)) if polydata else trimesh.load(path, force="mesh")
+        surface = trimesh.Trimesh(*read_polydata(path)) if polydata else trimesh.load(path, force="mesh")
     except ImportError as error:  # trimesh looks for the encoding of what it takes for text
-        if error.name == "meshio":
+        if error.name in ("meshio", "vtk"):
             raise
         raise InputError(path, "file", "is neither a whole binary STL nor text", "save it again") from None
     except Exception as error:  # the readers raise all kinds
@@ -175,174 +168,3 @@ def _check_ends(skin: Polygon, plane: CuttingPlane, low: float, high: float, sou
     if z.min() < low + _END or z.max() > high - _END:
         remedy = f"the surface reaches from {low:.1f} to {high:.1f} mm: cut it elsewhere"
         raise InputError(source, SKIN, f"ends within the section at {plane}", remedy)
-
-
-type _Triangles = NDArray[np.intp]
-type _Numbers = NDArray[np.generic]
-
-_LEGACY = {
-    **{"float": "f4", "double": "f8", "char": "i1", "short": "i2", "int": "i4", "long": "i8", "vtkidtype": "i8"},
-    **{"unsigned_char": "u1", "unsigned_short": "u2", "unsigned_int": "u4", "unsigned_long": "u8"},
-    "vtktypeint64": "i8",
-}
-_TO_LPS = np.array([-1.0, -1.0, 1.0])
-
-
-def _read_polydata(path: Path) -> tuple[FloatArray, _Triangles]:
-    """Read points (n, 3), mm, and triangles (m, 3) of a surface; polygons are cut into fans.
-
-    Slicer's ``SPACE=RAS`` in a legacy file's title is brought to the patient's left and back.
-
-    Raises
-    ------
-    ValueError
-        If the file isn't what it says.
-    """
-    content = path.read_bytes()
-    points, faces = _of_xml(content) if path.suffix.lower() == ".vtp" else _of_legacy(content)
-    if len(faces) and not (0 <= faces.min() and faces.max() < len(points)):
-        raise ValueError("a polygon names a point that isn't there")
-    return points, faces
-
-
-def _fans(connectivity: _Numbers, ends: _Numbers) -> _Triangles:
-    """Return the triangles of polygons that end where they are said to."""
-    nodes, stops = connectivity.astype(np.intp), ends.astype(np.intp)
-    starts = np.concatenate([[0], stops[:-1]])
-    corners = stops - starts
-    if (corners < 0).any() or (len(stops) and stops[-1] > len(nodes)):
-        raise ValueError("a polygon ends where there are no points")
-    found = [
-        starts[corners == count, None] + np.array([0, j + 1, j + 2])
-        for count in np.unique(corners)
-        for j in range(count - 2)
-    ]
-    return nodes[np.concatenate(found)] if found else np.zeros((0, 3), dtype=np.intp)
-
-
-def _strips(connectivity: _Numbers, ends: _Numbers) -> _Triangles:
-    """Return the triangles of strips, every second one turned."""
-    strips = np.split(connectivity.astype(np.intp), ends.astype(np.intp)[:-1])
-    return np.asarray(trimesh.util.triangle_strips_to_faces(strips), dtype=np.intp)
-
-
-_CELLS = {"POLYGONS": _fans, "TRIANGLE_STRIPS": _strips}
-
-
-class _Legacy(BytesIO):
-    """A legacy file, as far as it is read."""
-
-    binary = False
-
-    def text(self) -> str:
-        """Return the next line that isn't empty; empty at the end."""
-        lines = (line.decode("ascii", "replace").strip() for line in self)
-        return next(filter(None, lines), "")
-
-    def numbers(self, count: int, kind: str) -> _Numbers:
-        """Return the next numbers of a legacy type."""
-        code = _LEGACY.get(kind.lower())
-        if code is None or count < 0:
-            raise ValueError(f"{count} numbers of type '{kind}'")
-        if self.binary:
-            found: _Numbers = np.frombuffer(self.read(count * np.dtype(code).itemsize), f">{code}")
-        else:
-            words: list[str] = []
-            while len(words) < count and (text := self.text()):
-                words += text.split()
-            found = np.array(words, dtype=float).astype(code)
-        if len(found) != count:
-            raise ValueError(f"{len(found)} numbers where {count} are announced")
-        return found
-
-
-def _of_legacy(content: bytes) -> tuple[FloatArray, _Triangles]:
-    file = _Legacy(content)
-    version = re.match(r"# vtk DataFile Version (\d+)", file.text())
-    if version is None:
-        raise ValueError("the first line names no version")
-    # The title may be empty: it is the second line in any case.
-    title = file.readline()
-    file.binary = file.text().upper() == "BINARY"
-    points, faces = np.zeros((0, 3)), list[_Triangles]()
-    while words := file.text().split():
-        key = words[0].upper()
-        if key in ("POINT_DATA", "CELL_DATA"):
-            break
-        if key == "POINTS":
-            points = file.numbers(3 * int(words[1]), words[2]).astype(float).reshape(-1, 3)
-        elif key in ("VERTICES", "LINES", *_CELLS):
-            connectivity, ends = _legacy_cells(file, int(version[1]), words)
-            if key in _CELLS and len(ends):
-                faces.append(_CELLS[key](connectivity, ends))
-        elif key == "FIELD":
-            for _ in range(int(words[2])):
-                name, components, tuples, kind = file.text().split()
-                if kind == "string":
-                    raise ValueError(f"the field '{name}' of words is not understood")
-                file.numbers(int(components) * int(tuples), kind)
-        elif key == "METADATA":
-            while file.readline().strip():
-                pass
-        elif key != "DATASET":
-            raise ValueError(f"'{words[0][:40]}' is not understood")
-    if b"SPACE=RAS" in title:
-        points = points * _TO_LPS
-    return points, _together(faces)
-
-
-def _together(faces: Sequence[_Triangles]) -> _Triangles:
-    return np.concatenate([np.zeros((0, 3), dtype=np.intp), *faces])
-
-
-def _legacy_cells(file: _Legacy, version: int, words: Sequence[str]) -> tuple[_Numbers, _Numbers]:
-    """Return the points of all cells of a kind, and where each cell's end."""
-    count, size = int(words[1]), int(words[2])
-    if version >= 5:
-        ends, connectivity = (file.numbers(length, file.text().split()[1]) for length in (count, size))
-        return connectivity, ends[1:]
-    flat, heads = file.numbers(size, "int").astype(np.intp), [0]
-    for _ in range(count):
-        heads.append(heads[-1] + 1 + int(flat[heads[-1]]))
-    return np.delete(flat, heads[:-1]), np.array(heads[1:]) - np.arange(1, count + 1)
-
-
-def _of_xml(content: bytes) -> tuple[FloatArray, _Triangles]:
-    from meshio.vtu._vtu import VtuReader
-
-    raw = b""
-    if begun := re.search(rb"<AppendedData[^>]*\braw\b[^>]*>\s*_", content):
-        end = content.rfind(b"</AppendedData>")
-        raw, content = content[begun.end() : end], content[: begun.start()] + content[end + len(b"</AppendedData>") :]
-    root = ElementTree.fromstring(content)
-    grid, appended = root.find("PolyData"), root.findtext("AppendedData", "").strip().removeprefix("_")
-    if root.tag != "VTKFile" or grid is None:
-        raise ValueError("it contains no PolyData")
-    # Its arrays are written as an unstructured grid's, which is all that meshio reads by itself.
-    coded = VtuReader.__new__(VtuReader)
-    coded.compression, coded.byte_order = root.get("compressor"), root.get("byte_order")
-    coded.header_type = root.get("header_type", "UInt32")
-    header = np.dtype((">u" if coded.byte_order == "BigEndian" else "<u") + str(int(coded.header_type[4:]) // 8))
-    there = [one for one in root.iter("DataArray") if one.get("format") == "appended"]
-    starts = sorted(int(one.attrib["offset"]) for one in there)
-    for one in there:
-        start = int(one.attrib["offset"])
-        part = slice(start, next((other for other in starts if other > start), None))
-        block = raw[part]
-        # What says how blocks are packed is in a code of its own.
-        head = header.itemsize * (3 + int(np.frombuffer(block, header, 1)[0])) if raw and coded.compression else 0
-        one.text = (b64encode(block[:head]) + b64encode(block[head:])).decode() if raw else appended[part]
-        one.set("format", "binary")
-    points, faces, before = list[FloatArray](), list[_Triangles](), 0
-    for piece in grid.iter("Piece"):
-        at = piece.find("Points/DataArray")
-        if at is None:
-            continue
-        points.append(coded.read_data(at).astype(float).reshape(-1, 3))
-        for tag, triangles in (("Polys", _fans), ("Strips", _strips)):
-            named = {one.attrib.get("Name"): one for one in piece.findall(f"{tag}/DataArray")}
-            if int(piece.attrib.get(f"NumberOf{tag}", "0")):
-                arrays = (coded.read_data(named[name]).ravel() for name in ("connectivity", "offsets"))
-                faces.append(before + triangles(*arrays))
-        before += len(points[-1])
-    return np.concatenate([np.zeros((0, 3)), *points]), _together(faces)
