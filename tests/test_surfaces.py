@@ -29,8 +29,12 @@ def _cone(path: Path, x: float, y: float, radius: float, slope: float, **change:
     z = surface.vertices[:, 2:] + 50
     grown = surface.vertices[:, :2] * (1 + slope / radius * z)
     surface.vertices = np.column_stack([grown + np.array([x, y]), z])
-    if change.get("holes"):
-        surface.update_faces(np.arange(len(surface.faces)) != 7)
+    middle = surface.triangles_center
+    if (level := change.get("hole")) is not None:
+        side = np.hypot(*(middle[:, :2] - [x, y]).T) > 0.8 * radius
+        surface.update_faces(np.arange(len(surface.faces)) != np.argmin(np.abs(middle[:, 2] - level) + 1e3 * ~side))
+    if change.get("open"):
+        surface.update_faces(np.abs(surface.face_normals[:, 2]) < 0.9)
     surface.apply_scale(change.get("scale", 1.0))
     surface.export(path)
     return path
@@ -171,7 +175,7 @@ def test_outlines_are_cut_at_any_level_also_through_vertices(tmp_path):
 @pytest.mark.parametrize(
     ("change", "levels", "message"),
     [
-        ({"holes": True}, LEVELS, r"skin.stl: surface: has holes: 3 free edges, one near \("),
+        ({"hole": 50.0}, LEVELS, r"leg: skin: has a hole at level \d+ mm, near \(.*: 3 of its edges are free"),
         ({"scale": 0.1}, LEVELS, "look like centimetres; multiply the coordinates by 10"),
         ({"scale": 10.0}, LEVELS, "not a leg's"),
         ({"scale": 0.001}, LEVELS, "look like metres"),
@@ -181,6 +185,23 @@ def test_outlines_are_cut_at_any_level_also_through_vertices(tmp_path):
 def test_bad_surfaces_give_one_line(tmp_path, change, levels, message):
     with pytest.raises(InputError, match=message) as caught:
         _shape(_leg(tmp_path, **change), levels)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("change", [{"hole": 95.0}, {"open": True}], ids=["a hole beyond the levels", "open ends"])
+def test_a_scan_that_is_open_away_from_the_levels_is_cut_as_if_it_were_closed(tmp_path, change):
+    (tmp_path / "closed").mkdir()
+    whole, found = _shape(_leg(tmp_path / "closed"), LEVELS), _shape(_leg(tmp_path, **change), LEVELS)
+    assert not read_surface(tmp_path / "skin.stl").is_watertight
+    for part in whole.parts:
+        np.testing.assert_allclose(found.contours[part], whole.contours[part], atol=1e-3)
+
+
+def test_a_plane_beyond_the_open_end_is_refused(tmp_path):
+    surface = read_surface(_cone(tmp_path / "s.stl", 0, 0, 55, 0.05, open=True))
+    tilted = CuttingPlane(np.array([0.0, 0.0, 90.0]), np.array([0.3, 0.0, 1.0]))
+    with pytest.raises(InputError, match="skin: has a hole at plane through") as caught:
+        outlines_of_surfaces({"skin": [surface]}, tilted, "leg")
     assert "\n" not in str(caught.value)
 
 

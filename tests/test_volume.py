@@ -163,7 +163,8 @@ def _affine_sheared(by: float) -> np.ndarray:
         (volume().labels, np.diag([1, 0, 1, 1]), None, "singular"),
         (volume().labels[0], np.eye(4), None, "is not the shape of a volume"),
         (volume().labels, np.eye(4), {"superficial": 1, "deep": 2}, "bone has no label given"),
-        (volume().labels, np.eye(4), {"fat": 1}, "unknown tissue 'fat'"),
+        (volume().labels, np.eye(4), {"mussle": 1}, "mussle: is no part of a limb.*did you mean 'muscle'"),
+        (volume().labels, np.eye(4), {"fat": 1}, "deep has no label given"),
         (volume().labels, np.eye(4), {"superficial": 1, "deep": 2, "bone": 4}, "3 has no meaning given"),
     ],
 )

@@ -37,9 +37,10 @@ def convert(
 ) -> None:
     """Make a subject folder (contours, subject.toml, a picture) from a scanned leg.
 
-    Parts: skin, muscle_hull, tibia, fibula. In DICOM's coordinates +y is posterior, which the
-    default direction presses. With --subject-dir nothing is made but the picture of that folder's
-    section, cut as its subject.toml says.
+    Parts: skin, muscle_hull or muscles, and bones, as segmenters name them (bone_NAME and
+    muscle_NAME for others). In DICOM's coordinates +y is posterior, which the default direction
+    presses. With --subject-dir nothing is made but the picture of that folder's section, cut as its
+    subject.toml says.
 
     Example: legfem geometry --cross-sections cross_sections_5mm.csv --level 300
     --out my-leg
@@ -51,7 +52,7 @@ def convert(
     scan
         Label volume (NIfTI, NRRD, DICOM-SEG, folder of a DICOM series).
     label
-        TISSUE=NUMBER of the scan; repeat it. superficial=1, deep=2, bone=3.
+        PART=NUMBER of the scan; repeat it. superficial=1, deep=2, bone=3.
     surface
         PART=FILE (STL, PLY, OBJ, VTU, VTP); repeat it, for single muscles too.
     level
@@ -132,7 +133,7 @@ def _source(
         return LegSource(str(scan), volume=read_volume(scan, meaning or None))
     files = {part: [Path(name) for name in names] for part, names in _by_name(surface).items()}
     surfaces = read_surfaces(files)
-    return LegSource(str(files["skin"][0].parent), surfaces=surfaces)
+    return LegSource(str(next(iter(files.values()))[0].parent), surfaces=surfaces)
 
 
 def _by_name(options: Sequence[str]) -> dict[str, list[str]]:

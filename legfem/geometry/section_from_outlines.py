@@ -1,11 +1,11 @@
 """From outlines of a leg's segmented parts at a level to a section that can be meshed.
 
-There are outlines of the skin, the muscle's hull and a calf's two bones, as sections of segmented
-surfaces give them. These have no fascia, and the hull may meet the tibia, leave it outside (at the
+There are outlines of the skin, the muscle's hull and the bones, as sections of segmented surfaces
+give them. These have no fascia, and the hull may meet a bone, leave it outside (the tibia at the
 shin), or be in pieces, muscle by muscle.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,10 +15,9 @@ from shapely import GEOSException, Polygon, make_valid, union_all
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.geometry.contours import MOST_POINTS, MUSCLE_HULL, Loops, check_girth, check_section
-from legfem.geometry.section import CALF, LIMBS, LegSection, resample_closed_curve
+from legfem.geometry.part_names import bones_of, part_named
+from legfem.geometry.section import LegSection, resample_closed_curve
 
-SURFACES = ("skin", MUSCLE_HULL, *LIMBS[CALF])
-OTHER_LIMBS = "of another limb than a calf give contours of one section"
 _INSIDE = 0.8
 """Share of a part's area that lies in the skin; outlines of two scans cross by some mm."""
 _BARE = 0.5
@@ -57,24 +56,37 @@ class Clearances:
         return max(self.fascia_to_skin, 1.5 * fascia_thickness)
 
 
-def polygons_of(loops: Loops, path: Path, where: str) -> dict[str, Polygon]:
+def polygons_of(loops: Loops, path: Path, where: str, elsewhere: Collection[str] = ()) -> dict[str, Polygon]:
     """Return the outline of every part at a level: its largest, the muscles' joined.
+
+    Parameters
+    ----------
+    loops : dict
+        Part to its outlines, (m, 2) each, mm.
+    path, where : Path, str
+        What errors name as the file, and the level.
+    elsewhere : collection of str
+        Parts at other levels, which have to be here too.
 
     Raises
     ------
     InputError
-        If a part is missing.
+        If a part is missing, or nothing says what it is.
     """
-    named = {MUSCLE_HULL if part == "hull" else part: pieces for part, pieces in loops.items()}
-    outlines = {}
-    for part in SURFACES:
+    named: Loops = {}
+    for part, own in loops.items():
+        named.setdefault(part_named(part, path), []).extend(own)
+    bones = bones_of([*named, *(part_named(part, path) for part in elsewhere)])
+    outlines: dict[str, Polygon] = {}
+    for part in ("skin", MUSCLE_HULL, *bones):
         if part not in named:
-            remedy = f"choose another level or add the outline; {OTHER_LIMBS}"
-            raise InputError(path, part, f"missing at {where}", remedy)
+            raise InputError(path, part, f"missing at {where}", "choose another level or add the outline")
         pieces = [_polygon(path, part, points) for points in named[part]]
         outlines[part] = (
             joined(pieces, path, where) if part == MUSCLE_HULL else max(pieces, key=lambda piece: piece.area)
         )
+    if not bones:
+        raise InputError(path, "bones", f"there are none at {where}", "choose another level or add their outlines")
     return outlines
 
 
@@ -100,7 +112,7 @@ def joined(pieces: Sequence[Polygon], source: str | Path, where: str, bridge: fl
 
 
 def section_from_outlines(outlines: Mapping[str, Polygon], fascia_thickness: float, source: str | Path) -> LegSection:
-    """Make a calf's section of outlines of skin, muscle hull and its two bones.
+    """Make a section of outlines of skin, muscle hull and bones.
 
     The fascia's outer face is the hull joined with the bones and their clearance, its furrows
     bridged, kept off the skin. A bone that stands too close to the skin (the tibia at the shin)
@@ -109,7 +121,7 @@ def section_from_outlines(outlines: Mapping[str, Polygon], fascia_thickness: flo
     Parameters
     ----------
     outlines : mapping of Polygon
-        Keys `SURFACES`; mm.
+        ``skin``, ``muscle_hull`` and the bones, mm.
     fascia_thickness : float
         mm.
     source : str or Path
@@ -125,11 +137,13 @@ def section_from_outlines(outlines: Mapping[str, Polygon], fascia_thickness: flo
         raise InputError(
             source, "fascia_thickness_mm", f"{fascia_thickness:g} is not positive", "give it in mm (0.2-1.0 is usual)"
         )
-    parts = nested_outlines(outlines, fascia_thickness, source, room)
+    bones = bones_of(outlines)
+    parts = {part: outlines[part] for part in ("skin", MUSCLE_HULL, *bones)}
+    parts = nested_outlines(parts, fascia_thickness, source, room)
     section = LegSection(
         skin=_ring(parts["skin"]),
         fascia=_ring(parts["muscle_hull"]),
-        bones={bone: _ring(parts[bone]) for bone in LIMBS[CALF]},
+        bones={bone: _ring(parts[bone]) for bone in bones},
         fascia_thickness=fascia_thickness,
     )
     check_section(section, source)

@@ -3,8 +3,8 @@
 Coordinates are those of DICOM, in mm: x to the patient's left, y to the back, z towards the head.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -14,6 +14,8 @@ from scipy.ndimage import affine_transform, binary_dilation
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, frozen_array, runs_of
+from legfem.geometry.contours import MUSCLE_HULL
+from legfem.geometry.part_names import part_named
 
 _SHEAR = 1e-3
 _HALF = 0.5
@@ -95,7 +97,7 @@ class LabelVolume:
     Parameters
     ----------
     labels : (n_x, n_y, n_z) array of uint8
-        `BACKGROUND`, `SUPERFICIAL`, `DEEP` or `BONE`; both bones share a label.
+        `BACKGROUND`, `SUPERFICIAL`, `DEEP`; `BONE` and the next ones are ``bones``.
     spacing : (3,) array
         Between voxels' centres, mm.
     origin : (3,) array
@@ -104,6 +106,8 @@ class LabelVolume:
         What errors name as the file.
     transform : bool
         Whether the file states where the volume lies; else its spacing may be lost too.
+    bones : tuple of str
+        Names of the bones; none where a calf's two share a label.
     """
 
     labels: NDArray[np.uint8]
@@ -111,6 +115,7 @@ class LabelVolume:
     origin: FloatArray
     source: str = "volume"
     transform: bool = True
+    bones: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Check the labels."""
@@ -121,14 +126,15 @@ class LabelVolume:
         if not (self.spacing > 0).all():
             raise InputError(self.source, "spacing", "is not positive", "correct the header")
         refused = partial(InputError, self.source, "labels")
-        present = np.bincount(self.labels.ravel(), minlength=4)
+        last = BONE + max(1, len(self.bones))
+        present = np.bincount(self.labels.ravel(), minlength=last)
         for name, label in TISSUES.items():
             if not present[label]:
                 skin = "segment fat and skin: without them the leg's surface isn't known"
                 remedy = skin if label == SUPERFICIAL else "segment it, or say which label it has"
                 raise refused(f"no voxel is labelled {label} ({name})", remedy)
-        if len(present) > 4 and present[4:].any():
-            other = 4 + int(np.argmax(present[4:] > 0))
+        if present[last:].any():
+            other = last + int(np.argmax(present[last:] > 0))
             known = ", ".join(f"{v} ({k})" for k, v in TISSUES.items())
             problem = f"{present[other]} voxels are labelled {other}, which is none of {known}"
             raise refused(problem, "say which tissue it is")
@@ -160,8 +166,8 @@ def volume_of_array(
     source : str
         What errors name as the file.
     meaning : mapping, optional
-        ``superficial``, ``deep`` and ``bone`` to the labels they have in the array (one or
-        several); 1, 2 and 3 by default.
+        Parts (see `legfem.geometry.part_names.part_named`) to the labels they have in the array, one or several;
+        ``superficial``, ``deep`` and ``bone`` are 1, 2 and 3 by default. Bones that aren't there are left out.
 
     Raises
     ------
@@ -170,23 +176,37 @@ def volume_of_array(
     """
     array, affine = _along_axes(array, np.asarray(affine, dtype=np.float64), source)
     refused = partial(InputError, source, "labels")
+    bones: tuple[str, ...] = ()
     if meaning is None:
         if array.min(initial=0) < 0 or array.max(initial=0) > 255:
             problem = f"range from {array.min()} to {array.max()}"
             raise refused(problem, "give a label volume, not an image; 0 background, 1 superficial, 2 deep, 3 bone")
         labels = array.astype(np.uint8)
     else:
-        if unknown := [name for name in meaning if name not in TISSUES]:
-            raise refused(f"unknown tissue '{unknown[0]}'", f"tissues are {', '.join(TISSUES)}")
-        if unsaid := [name for name in TISSUES if name not in meaning]:
-            raise refused(f"{unsaid[0]} has no label given", "give one")
+        parts = {name: part_named(name, f"{source}: labels") for name in meaning}
+        if unsaid := unsaid_tissues(meaning, source):
+            raise refused(f"{next(iter(unsaid))} has no label given", "give one")
+        of_bones = [name for name, part in parts.items() if _label_of(part) == BONE]
+        there = [parts[name] for name in of_bones if np.isin(array, meaning[name]).any()]
+        bones = tuple(dict.fromkeys(there)) if there != ["bone"] else ()
         labels = np.full(array.shape, 255, dtype=np.uint8)
         labels[array == 0] = BACKGROUND
         for name, given in meaning.items():
-            labels[np.isin(array, given)] = TISSUES[name]
+            label = BONE + bones.index(parts[name]) if parts[name] in bones else _label_of(parts[name])
+            labels[np.isin(array, given)] = label
         if (labels == 255).any():
             raise refused(f"{array[labels == 255][0]} has no meaning given", "say which tissue it is")
-    return LabelVolume(labels, np.diag(affine)[:3], affine[:3, 3], source)
+    return LabelVolume(labels, np.diag(affine)[:3], affine[:3, 3], source, bones=bones)
+
+
+def _label_of(part: str) -> int:
+    return {"skin": SUPERFICIAL, MUSCLE_HULL: DEEP}.get(part, BONE)
+
+
+def unsaid_tissues(meaning: Collection[str], source: str) -> dict[str, int]:
+    """Return the tissues, with their usual labels, that no name of a part stands for."""
+    said = {_label_of(part_named(name, f"{source}: labels")) for name in meaning}
+    return {name: label for name, label in TISSUES.items() if label not in said}
 
 
 def check_same_spacing(first: LabelVolume, second: LabelVolume) -> None:
@@ -243,14 +263,15 @@ def check_anatomy(volume: LabelVolume) -> None:
         If another label than the fat's touches the air most, or there is more bone than muscle.
     """
     refused = partial(InputError, volume.source, "labels")
-    air = volume.labels == BACKGROUND
-    at_air = volume.labels[ndimage.binary_dilation(air, _IN_PLANE) & ~air]
+    tissues = np.minimum(volume.labels, BONE)
+    air = tissues == BACKGROUND
+    at_air = tissues[ndimage.binary_dilation(air, _IN_PLANE) & ~air]
     names = {label: name for name, label in TISSUES.items()}
     outermost = names[int(np.argmax(np.bincount(at_air, minlength=4)[1:])) + 1]
     if outermost != "superficial":
         problem = f"what is labelled {outermost} lies outermost, where fat is"
         raise refused(problem, f"exchange superficial and {outermost} under [labels]")
-    bone, deep = (int((volume.labels == label).sum()) for label in (BONE, DEEP))
+    bone, deep = (int((tissues == label).sum()) for label in (BONE, DEEP))
     if bone > deep:
         raise refused(
             f"there is more bone ({bone} voxels) than muscle ({deep})", "exchange deep and bone under [labels]"
@@ -264,4 +285,4 @@ def cropped(volume: LabelVolume, low: float, high: float) -> LabelVolume:
         return volume
     first, last = int(kept[0]), int(kept[-1])
     origin = volume.origin + np.array([0.0, 0.0, first * volume.spacing[2]])
-    return LabelVolume(volume.labels[:, :, first : last + 1], volume.spacing, origin, volume.source, volume.transform)
+    return replace(volume, labels=volume.labels[:, :, first : last + 1], origin=origin)

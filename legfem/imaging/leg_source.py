@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -14,31 +15,26 @@ from legfem.common.units import FloatArray
 from legfem.geometry.contours import MUSCLE_HULL, read_loops
 from legfem.geometry.leg_shape import HULL, LegShape
 from legfem.geometry.motion import CuttingPlane
-from legfem.geometry.section_from_outlines import OTHER_LIMBS, SURFACES, Clearances, polygons_of
-from legfem.imaging.label_volume import LabelVolume, check_anatomy, cropped
+from legfem.geometry.section import CALF, LIMBS
+from legfem.geometry.section_from_outlines import Clearances, polygons_of
+from legfem.imaging.label_volume import LabelVolume, check_anatomy, cropped, unsaid_tissues
 from legfem.imaging.outlines import OutlineSettings, not_closed, read_shape, shape_of_outlines, shape_of_volume
-from legfem.imaging.shape_schema import LabelsEntry, ShapeEntry, existing
+from legfem.imaging.shape_schema import Labels, ShapeEntry, existing
 from legfem.imaging.surfaces import outlines_of_surfaces, read_surfaces, shape_of_surfaces
 
 _STEP = 0.25  # mm along the leg
 
 
 def outlines_of_shape(shape: LegShape, plane: CuttingPlane, source: str) -> dict[str, Polygon]:
-    """Return the outlines of skin, muscles' hull, tibia and fibula where a plane cuts a shape.
+    """Return the outlines of skin, muscles' hull and bones where a plane cuts a shape.
 
     Raises
     ------
     InputError
-        If a part is missing, or ends before the plane has cut it.
+        If a part ends before the plane has cut it.
     """
-    outlines = {}
-    for part in SURFACES:
-        name = HULL if part == MUSCLE_HULL else part
-        if name not in shape.contours:
-            remedy = f"label tibia and fibula apart from each other, or cut the leg elsewhere; {OTHER_LIMBS}"
-            raise InputError(source, part, f"missing at {plane}", remedy)
-        outlines[part] = Polygon(_contour(shape, name, plane, source))
-    return outlines
+    cut = {part: Polygon(_contour(shape, part, plane, source)) for part in shape.parts}
+    return {MUSCLE_HULL if part == HULL else part: polygon for part, polygon in cut.items()}
 
 
 def _contour(shape: LegShape, part: str, plane: CuttingPlane, source: str) -> FloatArray:
@@ -78,7 +74,9 @@ class LegSource:
     """Levels between which it is read and checked, mm."""
 
     @classmethod
-    def opened(cls, directory: Path, toml: Path, field: str, entry: ShapeEntry, labels: LabelsEntry) -> "LegSource":
+    def opened(
+        cls, directory: Path, toml: Path, field: str, entry: ShapeEntry, labels: Mapping[str, Labels]
+    ) -> "LegSource":
         """Read what a table of a folder's file names.
 
         Raises
@@ -92,10 +90,10 @@ class LegSource:
 
         if entry.scan is not None:
             file = path(entry.scan)
-            meaning = {"superficial": labels.superficial, "deep": labels.deep, "bone": labels.bone}
             series = None if entry.series is None else path(entry.series)
             from legfem.imaging.volume_file import read_volume
 
+            meaning = {**unsaid_tissues(labels, str(toml)), **labels} if labels else None
             return cls(str(file), volume=read_volume(file, meaning, series))
         if entry.contours is not None:
             file = path(entry.contours)
@@ -157,7 +155,7 @@ class LegSource:
         return shape_of_surfaces(self.surfaces, levels, self.name, room)
 
     def outlines(self, plane: CuttingPlane) -> dict[str, Polygon]:
-        """Return the outlines of skin, muscles' hull, tibia and fibula on a plane, as scanned.
+        """Return the outlines of skin, muscles' hull and bones on a plane, as scanned.
 
         Raises
         ------
@@ -165,9 +163,6 @@ class LegSource:
             If one of them is missing there, or the scan ends before.
         """
         if self.surfaces is not None:
-            for part in SURFACES:
-                if part not in self.surfaces:
-                    raise InputError(self.name, part, "the part is missing", f"give its file; {OTHER_LIMBS}")
             return outlines_of_surfaces(self.surfaces, plane, self.name)
         if self.contours is not None:
             return _outlines_of_contours(self.contours, plane)
@@ -178,7 +173,11 @@ class LegSource:
         assert self.volume is not None
         ends = self.volume.origin[:2] + self.volume.spacing[:2] * self.volume.labels.shape[:2]
         low, high = plane.levels(self.volume.origin[:2], ends)
-        return self.between(low - _BEYOND, high + _BEYOND).shape(_FINE, None)
+        shape = self.between(low - _BEYOND, high + _BEYOND).shape(_FINE, None)
+        if not self.volume.bones and len(shape.bones) < len(LIMBS[CALF]):
+            remedy = f"label {' and '.join(LIMBS[CALF])} apart from each other, or say which bone it is (femur = 3)"
+            raise InputError(self.name, "bone", f"is in one piece at {plane}, where a calf has two", remedy)
+        return shape
 
     def outlines_about(self, level: float) -> dict[float, dict[str, Polygon]]:
         """Return the outlines at a level (mm), and above and below it as far as there are any."""
@@ -199,13 +198,13 @@ class LegSource:
 def _outlines_of_contours(path: Path, plane: CuttingPlane) -> dict[str, Polygon]:
     levels, loops = read_loops(path)
     level = float(plane.point[2])
-    nearest = int(np.argmin(np.abs(levels - level)))
+    nearest, parts = int(np.argmin(np.abs(levels - level))), list(chain(*loops))
     if plane.is_level and np.isclose(levels[nearest], level):
-        return polygons_of(loops[nearest], path, f"level {level:g} mm")
+        return polygons_of(loops[nearest], path, f"level {level:g} mm", parts)
     if len(levels) < 2:
         problem = f"there is no level {level:g} mm, only {levels[0]:g} mm"
         raise InputError(path, "level", problem, "choose that level, or give contours at several")
-    outlines = [polygons_of(here, path, f"level {at:g} mm") for at, here in zip(levels, loops, strict=True)]
+    outlines = [polygons_of(here, path, f"level {at:g} mm", parts) for at, here in zip(levels, loops, strict=True)]
     try:
         shape = shape_of_outlines(levels, outlines, _FINE.n_points)
     except ValueError as error:

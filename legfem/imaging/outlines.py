@@ -6,6 +6,7 @@ too: what they call ``muscle_hull`` is given room.
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -163,7 +164,8 @@ def read_shape(path: Path, between: tuple[float, float] = (-np.inf, np.inf)) -> 
     levels, found = read_loops(path, between)
     if any(MUSCLE_HULL in here for here in found):
         names = [f"level {level:g} mm" for level in levels]
-        outlines = [polygons_of(here, path, at) for here, at in zip(found, names, strict=True)]
+        parts = list(chain(*found))
+        outlines = [polygons_of(here, path, at, parts) for here, at in zip(found, names, strict=True)]
         try:
             return nested_shape(levels, outlines, path)
         except ValueError as error:
@@ -262,7 +264,7 @@ def shape_of_volume(
     sizes = np.sort(np.bincount(ndimage.label(masks[SKIN][:, :, middle])[0].ravel())[1:])
     if len(sizes) > 1 and sizes[-2] > _LEAST_LEG * sizes[-1]:
         raise InputError(volume.source, f"slice {middle}", "shows two legs", "remove the labels of the other leg")
-    _slices_with({**masks, "bone": volume.labels == BONE}, volume)
+    _slices_with({**masks, "bone": volume.labels >= BONE}, volume)
     masks |= _bones(volume)
     slices = _slices_with(masks, volume)
     outlines: list[dict[str, Polygon]] = []
@@ -281,7 +283,9 @@ def shape_of_volume(
 
 
 def _bones(volume: LabelVolume) -> dict[str, NDArray[np.bool_]]:
-    """Return the bones apart, the largest first."""
+    """Return the bones apart: those with names; a calf's two, the largest first."""
+    if volume.bones:
+        return {bone: volume.labels == BONE + k for k, bone in enumerate(volume.bones)}
     pieces, _ = ndimage.label(volume.labels == BONE)
     sizes = np.bincount(pieces.ravel())[1:]
     order = [int(i) for i in np.argsort(-sizes) if sizes[i] > _LEAST_BONE * sizes.max()]

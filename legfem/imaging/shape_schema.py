@@ -10,14 +10,6 @@ from legfem.common.input_files import FileTable, Text, Trouble
 type Labels = int | list[int]
 
 
-class LabelsEntry(FileTable):
-    """``[labels]``: which labels a scan has for a tissue."""
-
-    superficial: Labels = 1
-    deep: Labels = 2
-    bone: Labels = 3
-
-
 class ShapeEntry(FileTable):
     """A leg's shape: one of a label volume, contours, or closed surfaces."""
 

@@ -1,4 +1,4 @@
-"""A leg's shape from closed surfaces of its parts: STL and what else trimesh reads, and VTK's polydata."""
+"""A leg's shape from surfaces of its parts, closed but for their ends: what trimesh reads, and VTK's polydata."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -15,10 +15,12 @@ from legfem.common.errors import InputError
 from legfem.geometry.contours import MUSCLE_HULL, check_girth
 from legfem.geometry.leg_shape import SKIN, LegShape
 from legfem.geometry.motion import CuttingPlane
+from legfem.geometry.part_names import BONE, part_named
 from legfem.geometry.section_from_outlines import Clearances, joined
 from legfem.imaging.outlines import nested_shape
 from legfem.imaging.polydata_reader import read_polydata
 
+_LOOSE = "edges without two triangles"
 _END = 1e-3  # mm; nearer than that to a surface's end a plane passes through it
 
 
@@ -28,32 +30,37 @@ def read_surfaces(paths: Mapping[str, Sequence[Path]]) -> dict[str, list[Any]]:
     Parameters
     ----------
     paths : mapping
-        ``skin``, ``muscle_hull`` and the bones by any names to their files; coordinates in mm, z
-        along the leg. The hull may be given muscle by muscle.
+        Parts (see `legfem.geometry.part_names.part_named`) to their files; coordinates in mm, z along the leg.
+        The hull may be given muscle by muscle.
 
     Raises
     ------
     InputError
-        If a file is missing, its surface has holes, or the coordinates are not mm.
+        If a file or a part is missing, or the coordinates are not mm.
     """
+    files: dict[str, list[Path]] = {}
+    for name, own in paths.items():
+        files.setdefault(part_named(name, "surfaces"), []).extend(own)
     for part in (SKIN, MUSCLE_HULL):
-        if part not in paths:
+        if part not in files:
             raise InputError("surfaces", part, "the part is missing", "give its file")
-    surfaces = {part: [read_surface(file) for file in files] for part, files in paths.items()}
+    if BONE in files or len(files) == 2:
+        raise InputError("surfaces", BONE, "no bone is named", "give each by its name: tibia, femur, radius, ...")
+    surfaces = {part: [read_surface(file) for file in own] for part, own in files.items()}
     # Before anything else: levels in mm don't meet a leg in metres.
     skin = surfaces[SKIN][0]
-    pieces = _pieces(skin, CuttingPlane.at_level(float(skin.bounds[:, 2].mean())))
-    check_girth(max((piece.exterior.length for piece in pieces), default=0.0), paths[SKIN][0])
+    if pieces := _pieces(skin, CuttingPlane.at_level(float(skin.bounds[:, 2].mean()))):
+        check_girth(max(piece.exterior.length for piece in pieces), files[SKIN][0])
     return surfaces
 
 
 def read_surface(path: Path) -> Any:
-    """Read a closed surface (`trimesh.Trimesh`, mm).
+    """Read a surface (`trimesh.Trimesh`, mm), which may be open where its scan ends.
 
     Raises
     ------
     InputError
-        If the file can't be read, or the surface has holes.
+        If the file can't be read, or is in pieces.
     """
     path = Path(path)
     if not path.is_file():
@@ -77,13 +84,12 @@ def read_surface(path: Path) -> Any:
         raise InputError(path, "file", "contains no triangles", "save it as STL, PLY or OBJ")
     if not np.isfinite(surface.vertices).all():
         raise InputError(path, "surface", "has corners that are not finite numbers", "save it again")
-    if not surface.is_watertight:
-        edges, count = np.unique(surface.edges_sorted, axis=0, return_counts=True)
-        free = edges[count == 1]
-        near = surface.vertices[free[0]].mean(axis=0) if len(free) else surface.centroid
-        at = ", ".join(f"{c:.1f}" for c in near)
-        problem = f"has holes: {len(free)} free edges, one near ({at})"
-        raise InputError(path, "surface", problem, "close it in the program that made it")
+    edges, count = np.unique(surface.edges_sorted, axis=0, return_counts=True)
+    loose = edges[count != 2]
+    if 2 * len(loose) >= len(edges):
+        problem = f"is in pieces: at {len(loose)} of its {len(edges)} edges no two triangles meet"
+        raise InputError(path, "surface", problem, "save the whole surface")
+    surface.metadata[_LOOSE] = surface.vertices[loose]
     return surface
 
 
@@ -104,10 +110,12 @@ def outlines_of_surfaces(
     Raises
     ------
     InputError
-        If the plane doesn't meet a part, or passes the skin's end.
+        If the plane doesn't meet a part, goes through a hole of its surface, or passes the skin's end.
     """
     outlines = {}
     for part, every in surfaces.items():
+        for surface in every:
+            _check_closed(surface, plane, source, part)
         pieces = [piece for surface in every for piece in _pieces(surface, plane)]
         low, high = (f([s.bounds[k, 2] for s in every]) for f, k in ((min, 0), (max, 1)))
         if not pieces:
@@ -159,6 +167,17 @@ def _pieces(surface: Any, plane: CuttingPlane) -> list[Polygon]:
         for face in getattr(faces, "geoms", [faces])
         if isinstance(face, Polygon) and face.area > 0
     ]
+
+
+def _check_closed(surface: Any, plane: CuttingPlane, source: str | Path, part: str) -> None:
+    """Check that two triangles meet at every edge that a plane goes through, so that what it cuts is closed."""
+    loose = surface.metadata.get(_LOOSE, np.empty((0, 2, 3)))
+    height = plane.height(loose)
+    met = loose[(height.min(axis=1) <= 0) & (height.max(axis=1) >= 0)]
+    if len(met):
+        at = ", ".join(f"{c:.1f}" for c in met[0].mean(axis=0))
+        problem = f"has a hole at {plane}, near ({at}): {len(loose)} of its edges are free"
+        raise InputError(source, part, problem, "close it in the program that made it, or cut the leg elsewhere")
 
 
 def _check_ends(skin: Polygon, plane: CuttingPlane, low: float, high: float, source: str | Path) -> None:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.imaging.label_volume import TISSUES, LabelVolume, volume_of_array
+from legfem.imaging.label_volume import LabelVolume, unsaid_tissues, volume_of_array
 
 # NIfTI's axes point to the right and to the front; DICOM's to the left and to the back.
 _TO_DICOM = np.diag([-1.0, -1.0, 1.0, 1.0])
@@ -35,8 +35,9 @@ def read_volume(path: Path, meaning: Meaning | None = None, series: Path | None 
         NIfTI (``.nii``, ``.nii.gz``), NRRD or MetaImage (``.nrrd``, ``.mha``, ...), or a DICOM
         segmentation (``.dcm``), or the folder of a DICOM series whose pixels are labels.
     meaning : mapping, optional
-        ``superficial``, ``deep`` and ``bone`` to the labels they have in the file, one or several.
-        By default 1, 2 and 3; in a DICOM segmentation by its segments' names, if these are they.
+        Parts (see `legfem.geometry.part_names.part_named`) to the labels they have in the file, one or several. By
+        default ``superficial``, ``deep`` and ``bone`` are 1, 2 and 3; in a DICOM segmentation by its segments' names,
+        if these are parts'.
     series : Path, optional
         Folder of the DICOM series on which a volume was labelled that doesn't say where it lies.
 
@@ -174,12 +175,12 @@ def _affine(image: SimpleITK.Image) -> FloatArray:
 def _read_dicom(path: Path) -> _Raw:
     segmentation = highdicom.seg.segread(path)
     volume = segmentation.get_volume(combine_segments=True, skip_overlap_checks=False)
-    named = {}
-    for number in segmentation.segment_numbers:
-        label = segmentation.get_segment_description(number).segment_label.lower()
-        if label in TISSUES:
-            named[label] = int(number)
-    every = named if set(named) == set(TISSUES) else None
+    numbers = map(int, segmentation.segment_numbers)
+    named = {segmentation.get_segment_description(number).segment_label: number for number in numbers}
+    try:
+        every = None if unsaid_tissues(named, str(path)) else named
+    except InputError:  # a segment of another name
+        every = None
     return _integers(volume.array, path), volume.affine, every, True
 
 

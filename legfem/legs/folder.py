@@ -5,6 +5,7 @@ import re
 import shutil
 import tempfile
 from collections.abc import Sequence
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,7 +18,7 @@ from legfem.common.wording import Argument
 from legfem.data import Instrument, Recording, write_recording
 from legfem.geometry.contours import write_contours
 from legfem.geometry.motion import CuttingPlane
-from legfem.geometry.section import LegSection
+from legfem.geometry.section import LIMBS, LegSection
 from legfem.geometry.section_from_outlines import facing_point, section_from_outlines
 
 if TYPE_CHECKING:
@@ -122,6 +123,8 @@ def write_subject_folder(
         deep_law,
         plane_strain,
     )
+    usual = tuple(chain(*LIMBS.values()))
+    text += "".join(f'\n[regions.{bone}]\nkind = "bone"\n' for bone in section.bones if bone not in usual)
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         scratch = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))

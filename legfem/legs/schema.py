@@ -16,7 +16,7 @@ from legfem.data.channel_reader import ChannelsEntry
 from legfem.data.folder import AccuracyEntry, Catalogue, InstrumentEntry, RecordingsEntry, with_lab
 from legfem.geometry.indenter import IndenterShape
 from legfem.geometry.section import LIMBS
-from legfem.imaging.shape_schema import LabelsEntry, ShapeEntry
+from legfem.imaging.shape_schema import Labels, ShapeEntry
 from legfem.inverse.elastography import ElastographyEntry, StatedRatio, check_once
 
 Vector = Annotated[list[input_files.Finite], Field(min_length=3, max_length=3)]
@@ -199,7 +199,8 @@ class SubjectFile(input_files.NamedFile):
     """``subject.toml`` as it is written, in the file's units."""
 
     section: SectionEntry
-    labels: LabelsEntry = LabelsEntry()
+    labels: dict[input_files.Text, Labels] = Field(default_factory=dict)
+    """Labels that a scan has for each part, one or several; superficial = 1, deep = 2, bone = 3 without them."""
     regions: dict[RegionName, RegionEntry] = Field(default_factory=dict)
     """What outlines of other names than the usual bones' are."""
     groups: dict[RegionName, list[input_files.Text]] = Field(default_factory=dict)

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from legfem.common import input_files
-from legfem.imaging.shape_schema import LabelsEntry, ShapeEntry
+from legfem.imaging.shape_schema import Labels, ShapeEntry
 from legfem.inverse.elastography import ElastographyEntry, check_once
 from legfem.stockings.fabric import CompressionClass, Standard
 from legfem.stockings.leg import KINDS
@@ -173,7 +173,7 @@ class LegFile(input_files.NamedFile):
     bare: ShapeEntry
     compressed: ShapeEntry | None = None
     stocking: StockingEntry
-    labels: LabelsEntry = LabelsEntry()
+    labels: dict[input_files.Text, Labels] = Field(default_factory=dict)
     accuracy: OutlineAccuracyEntry = OutlineAccuracyEntry()
     tissues: StockingTissues = StockingTissues()
     segment: SegmentEntry = SegmentEntry()

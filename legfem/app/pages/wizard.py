@@ -232,10 +232,9 @@ def _section(folder: Path, source: str, level: float | None) -> LegSection:
     if level is None:
         return read_contours(folder / source, FASCIA_MM)
     from legfem.imaging.leg_source import LegSource
-    from legfem.imaging.shape_schema import LabelsEntry
 
     entry = SectionEntry(scan=source, level_mm=level, fascia_thickness_mm=FASCIA_MM)
-    scan = LegSource.opened(folder, folder / "subject.toml", "section", entry, LabelsEntry())
+    scan = LegSource.opened(folder, folder / "subject.toml", "section", entry, {})
     return section_from_outlines(scan.outlines(CuttingPlane.at_level(level)), FASCIA_MM, scan.name)
 
 
