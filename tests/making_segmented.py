@@ -86,10 +86,9 @@ def write_volume(folder: Path, limb: Limb, eroded: float = 0.0) -> Path:
             angle = np.arctan2(off[..., 1], off[..., 0]) % (2 * np.pi)
             for j, number in enumerate(numbers):
                 start, stop = 2 * np.pi * np.array([j, j + 1]) / len(numbers)
-                room = np.hypot(*off.transpose(2, 0, 1)) * np.sin(
-                    np.minimum(angle - start, stop - angle).clip(0, np.pi / 2)
-                )
-                found[inside & (angle >= start) & (angle < stop) & ((len(numbers) == 1) | (room >= eroded)), k] = number
+                apart = np.minimum(angle - start, stop - angle)
+                room = np.hypot(off[..., 0], off[..., 1]) * np.sin(apart.clip(0, np.pi / 2))
+                found[inside & (apart >= 0) & ((len(numbers) == 1) | (room >= eroded)), k] = number
     affine = np.diag([-SPACING[0], -SPACING[1], SPACING[2], 1.0])
     affine[:3, 3] = -x[0], -y[0], z[0]
     image = nibabel.Nifti1Image(found, affine)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
-import nibabel
 import numpy as np
 import pytest
-from making_scans import made_leg
+import trimesh
+from making_scans import made_leg, subject_of_scan
 from making_segmented import LEVEL, LIMBS, write_outlines, write_surfaces, write_volume
 from shapely import Polygon
 from typer.testing import CliRunner
@@ -46,5 +47,104 @@ def off(points: np.ndarray, ellipse: np.ndarray) -> float:
 def test_a_limb_has_its_outlines_and_its_bones_by_name_whatever_it_is_made_of(tmp_path: Path, name: str, way: str):
     section = made(tmp_path, name, way).section
     assert (*section.bones,) == BONES[name]
-    for part, drawn in {"skin": "skin", "fascia": "muscle", **dict(zip(section.bones, section.bones))}.items():
-        assert off(section.contour(part), LIMBS[name].ellipse(drawn, LEVEL[name])) < WITHIN[way], part
+    for part, drawn in {"skin": "skin", "fascia": "muscle", **dict.fromkeys(section.bones)}.items():
+        assert off(section.contour(part), LIMBS[name].ellipse(drawn or part, LEVEL[name])) < WITHIN[way], part
+
+
+def test_muscles_labelled_apart_and_eroded_are_closed_up_to_one_hull(tmp_path: Path):
+    apart = made(tmp_path, "forearm", "volume", eroded=1.5).section
+    whole = LIMBS["forearm"].outline("muscle", LEVEL["forearm"])
+    assert off(apart.fascia, LIMBS["forearm"].ellipse("muscle", LEVEL["forearm"])) < WITHIN["volume"]
+    assert Polygon(apart.fascia).area == pytest.approx(Polygon(whole).area, rel=0.01)
+
+
+NAMES = {
+    "muscle_hull": ("Quadriceps_femoris_left", "biceps femoris long head", "skeletal_muscle", "muscle_of_mine"),
+    "skin": ("subcutaneous_fat", "body_extremities", "SKIN", "superficial"),
+    "femur": ("femur_right", "Femur", "left femur"),
+    "nail": ("bone_nail",),
+}
+
+
+@pytest.mark.parametrize("part", NAMES)
+def test_segmenters_names_are_known(part: str):
+    assert {part_named(name, "scan") for name in NAMES[part]} == {part}
+
+
+def test_a_bone_of_any_name_is_one_in_the_folder_that_is_made(tmp_path: Path):
+    files = write_surfaces(tmp_path, LIMBS["thigh"])
+    given = [f"--surface={'bone_nail' if part == 'femur' else part}={file}" for part, file in files.items()]
+    assert (*made_leg(tmp_path / "leg", *given, "--level", "30").section.bones,) == ("nail",)
+
+
+def test_a_folder_cuts_its_section_from_labels_by_name_and_the_usual_numbers_of_the_rest(tmp_path: Path):
+    volume = write_volume(tmp_path, LIMBS["thigh"])
+    labels = "[labels]\nsubcutaneous_fat = 1\nmuscles = [3, 4]\nfemur_left = 75\n"
+    leg = subject_of_scan(tmp_path / "leg", f'scan = "{volume}"\nlevel_mm = 30.0', more=labels)
+    assert (*leg.section.bones,) == ("femur",)
+    labels = "[labels]\ndeep = [3, 4]\nfemur = 75\n"
+    again = subject_of_scan(tmp_path / "leg", f'scan = "{volume}"\nlevel_mm = 30.0', more=labels)
+    assert Polygon(again.section.skin).equals(Polygon(leg.section.skin))
+
+
+def _moved(files: dict[str, Path], part: str, by: tuple[float, float, float]) -> None:
+    surface = trimesh.load(files[part])
+    surface.apply_translation(by)
+    surface.export(files[part])
+
+
+def _holed(files: dict[str, Path], part: str) -> None:
+    surface = trimesh.load(files[part])
+    middle = surface.triangles_center
+    surface.update_faces(np.abs(middle[:, 2] - LEVEL["forearm"]).argsort().argsort() > 3)
+    surface.export(files[part])
+
+
+WRONG = {
+    "bones that overlap": (lambda f: _moved(f, "radius", (28, 0, 0)), r"overlaps the radius: \d+ mm² lie in both"),
+    "a bone beside the limb": (lambda f: _moved(f, "ulna", (60, 0, 0)), "ulna: lies outside the skin"),
+    "a hole": (lambda f: _holed(f, "skin"), r"skin: has a hole at level 30 mm, near \("),
+    "a bone above the level": (lambda f: _moved(f, "ulna", (0, 0, 200)), "ulna: no closed outline at level 30 mm"),
+    "no bone": (lambda f: [f.pop("radius"), f.pop("ulna")], "no bone is named"),
+    "no muscle": (lambda f: f.pop("muscle"), "muscle_hull: the part is missing"),
+    "a name that is no kind": (lambda f: f.update(ulnar=f.pop("ulna")), "ulnar: is no part of a limb.*'ulna'"),
+    "parts exchanged": (lambda f: f.update(ulna=f["skin"], skin=f["ulna"]), "girth"),
+}
+
+
+@pytest.mark.parametrize("fault", WRONG)
+def test_a_wrong_or_missing_region_of_a_scan_gets_one_line(tmp_path: Path, fault: str):
+    files = write_surfaces(tmp_path, LIMBS["forearm"])
+    change, line = WRONG[fault]
+    change(files)
+    given = [f"--surface={part}={file}" for part, file in files.items()]
+    refused(tmp_path, [*given, "--level", "30"], line)
+
+
+@pytest.mark.parametrize(
+    ("labels", "line"),
+    [
+        ({"skin": 9, "muscle": (1, 4, 5), "bone": (2, 3)}, None),
+        ({"skin": 9, "muscle": (1, 4, 5), "bone": 2, "muscle_of": 3}, "bone: is in one piece at level 30 mm"),
+        ({"skin": 9, "muscle": (1, 4), "radius": 2, "ulna": 3}, "5 has no meaning given"),
+        ({"skin": 9, "muscle": (1, 4, 5), "radius": 2, "stone": 3}, "stone: is no part of a limb"),
+        ({"skin": 9, "muscle": (1, 4, 5), "radius": (2, 3), "femur": 8}, None),
+        ({"muscle": (1, 4, 5), "skin": 2, "radius": 9, "ulna": 3}, "what is labelled bone lies outermost"),
+    ],
+    ids=["a calf's two", "one bone in one piece", "a label unsaid", "no kind", "a bone elsewhere", "exchanged"],
+)
+def test_labels_of_a_volume_are_taken_by_name_or_refused_in_one_line(tmp_path: Path, labels: dict, line: str | None):
+    volume = write_volume(tmp_path, LIMBS["forearm"])
+    pairs = [(name, number) for name, own in labels.items() for number in np.atleast_1d(own)]
+    given = ["--scan", str(volume), *(f"--label={name}={number}" for name, number in pairs), "--level", "30"]
+    if line is None:
+        made_leg(tmp_path / "leg", *given)
+    else:
+        refused(tmp_path, given, line)
+
+
+def refused(folder: Path, given: list[str], line: str) -> None:
+    done = CliRunner().invoke(app, [*given, "--out", str(folder / "leg")])
+    assert done.exit_code == 2, done.output
+    assert re.search(line, done.output) and done.output.count("\n") == 1, done.output
+    assert not (folder / "leg").exists()

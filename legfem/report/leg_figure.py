@@ -36,7 +36,7 @@ def placement_figure(subject: Subject, scanned: Mapping[str, Polygon] | None = N
         Outlines by part as the scan has them (mm), before they were given room.
     """
     section, indenter = subject.section, subject.indenter
-    what = "Section of the leg and the cylinder at first touch"
+    what = "Section and cylinder at first touch"
     figure = style.titled(6.4, 6.9, what, subject.title, subject.origin)
     axes = figure.subplots()
     fascia = section.polygon("fascia")
