@@ -67,6 +67,8 @@ LIMBS = {
     ),
 }
 LEVEL = {"thigh": 30.0, "forearm": 30.0, "residual": 80.0}
+DIRECTION = {"thigh": "90", "forearm": "90", "residual": "270"}
+"""Of travel, degrees: a residual limb is pressed from behind, away from its bones."""
 SPACING = np.array([1.1, 1.0, 2.5])
 
 

@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import re
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
+from making_limbs import pressed
 from making_scans import made_leg, subject_of_scan
-from making_segmented import LEVEL, LIMBS, write_outlines, write_surfaces, write_volume
+from making_segmented import DIRECTION, LEVEL, LIMBS, write_outlines, write_surfaces, write_volume
 from shapely import Polygon
+from test_limbs import OF_A_CALF
 from typer.testing import CliRunner
 
+import legfem as lf
+from legfem.commands.data import app as data
 from legfem.geometry.__main__ import app
 from legfem.geometry.part_names import part_named
 from legfem.legs.subject import Subject
+from studies.making.plane_leg import OtherCase
 
 WITHIN = {"volume": 0.25, "surfaces": 0.12, "outlines": 0.12}
 """mm, root mean square off the ellipses; a voxel is 1.0 by 1.1 mm, and sections are smoothed by 0.1 mm."""
@@ -34,7 +40,7 @@ def options(folder: Path, name: str, way: str, eroded: float = 0.0) -> list[str]
 
 def made(folder: Path, name: str, way: str, eroded: float = 0.0) -> Subject:
     given = options(folder, name, way, eroded)
-    return made_leg(folder / way, *given, "--level", str(LEVEL[name]), "--direction", "90")
+    return made_leg(folder / way, *given, "--level", str(LEVEL[name]), "--direction", DIRECTION[name])
 
 
 def off(points: np.ndarray, ellipse: np.ndarray) -> float:
@@ -87,6 +93,15 @@ def test_a_folder_cuts_its_section_from_labels_by_name_and_the_usual_numbers_of_
     assert Polygon(again.section.skin).equals(Polygon(leg.section.skin))
 
 
+@pytest.mark.parametrize(("level", "bones"), [(36.0, ("tibia",)), (52.0, ("tibia", "fibula"))])
+def test_a_bone_that_ends_before_the_level_is_no_part_of_the_section(tmp_path: Path, level: float, bones: tuple):
+    given = options(tmp_path, "residual", "volume")
+    section = made_leg(tmp_path / "leg", *given, "--level", f"{level:g}").section
+    assert (*section.bones,) == bones
+    for part, drawn in {"skin": "skin", "fascia": "muscle", "tibia": "tibia"}.items():
+        assert off(section.contour(part), LIMBS["residual"].ellipse(drawn, level)) < 3 * WITHIN["volume"], part
+
+
 def _moved(files: dict[str, Path], part: str, by: tuple[float, float, float]) -> None:
     surface = trimesh.load(files[part])
     surface.apply_translation(by)
@@ -126,7 +141,7 @@ def test_a_wrong_or_missing_region_of_a_scan_gets_one_line(tmp_path: Path, fault
     [
         ({"skin": 9, "muscle": (1, 4, 5), "bone": (2, 3)}, None),
         ({"skin": 9, "muscle": (1, 4, 5), "bone": 2, "muscle_of": 3}, "bone: is in one piece at level 30 mm"),
-        ({"skin": 9, "muscle": (1, 4), "radius": 2, "ulna": 3}, "5 has no meaning given"),
+        ({"skin": 9, "muscle": (1, 4), "radius": 2, "ulna": 3}, "labelled 5, which is none of"),
         ({"skin": 9, "muscle": (1, 4, 5), "radius": 2, "stone": 3}, "stone: is no part of a limb"),
         ({"skin": 9, "muscle": (1, 4, 5), "radius": (2, 3), "femur": 8}, None),
         ({"muscle": (1, 4, 5), "skin": 2, "radius": 9, "ulna": 3}, "what is labelled bone lies outermost"),
@@ -148,3 +163,38 @@ def refused(folder: Path, given: list[str], line: str) -> None:
     assert done.exit_code == 2, done.output
     assert re.search(line, done.output) and done.output.count("\n") == 1, done.output
     assert not (folder / "leg").exists()
+
+
+PLANTS_KPA = {"thigh": (1.5,), "forearm": (1.5,), "residual": (0.8, 1.5, 3.0)}
+DEPTH = {"thigh": 12.0, "forearm": 5.0, "residual": 8.0}
+
+
+def pressed_by_another_code(folder: Path, name: str, c10: float) -> dict[str, Path]:
+    """Press a limb's drawn section by another code, and let each way's folder have its recordings."""
+    ways = {way: made(folder, name, way, eroded=1.0).directory for way in ("outlines", "volume")}
+    for one in ways.values():
+        text = (one / "subject.toml").read_text()
+        text = text.replace('origin = "measured"', 'origin = "simulated"')
+        text = text.replace("starts_at_contact = false", "starts_at_contact = true\nplane_strain = true")
+        own = "[instrument]\nforce_sd_N = 0.04\ndisplacement_sd_mm = 0.02\n\n[recordings]"
+        (one / "subject.toml").write_text(re.sub(r"\[instrument\].*?\[recordings\]", own, text, flags=re.DOTALL))
+    pressed(ways["outlines"], OtherCase(c10), DEPTH[name], finer=0.6)
+    shutil.copytree(ways["outlines"] / "recordings", ways["volume"] / "recordings", dirs_exist_ok=True)
+    return ways
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "c10"), [(name, c10) for name, plants in PLANTS_KPA.items() for c10 in plants])
+def test_another_codes_limb_is_as_stiff_from_its_outlines_as_from_a_volume(tmp_path: Path, name: str, c10: float):
+    ways, found = pressed_by_another_code(tmp_path, name, c10), {}
+    trials = sorted(map(str, (ways["volume"] / "recordings").iterdir()))
+    assert CliRunner().invoke(data, ["look", *trials, "--out", str(tmp_path / "look")]).exit_code == 0
+    for way, folder in ways.items():
+        identified = lf.identify(folder, law="neo-hookean", progress=False)
+        fit = identified["neo-hookean"]
+        low, high = fit.estimates["deep.C10"].ci95
+        found[way] = fit.estimates["deep.C10"].value
+        assert fit.goodness.fits and low < c10 * 1e-3 < high, (way, found, low, high)
+        assert found[way] == pytest.approx(c10 * 1e-3, rel=0.06)
+        assert not OF_A_CALF.search(identified.write(tmp_path / way / "found").read_text()) or name == "residual"
+    assert found["volume"] == pytest.approx(found["outlines"], rel=0.015)

@@ -155,7 +155,7 @@ def _affine_sheared(by: float) -> np.ndarray:
     ("array", "affine", "meaning", "message"),
     [
         (np.where(volume().labels == 3, 2, volume().labels), np.eye(4), None, r"no voxel is labelled 3 \(bone\)"),
-        (np.where(volume().labels == 3, 7, volume().labels), np.eye(4), None, "no voxel is labelled 3"),
+        (np.where(volume().labels == 3, 7, volume().labels), np.eye(4), None, "labelled 7, which"),
         (volume().labels.astype(int) - 1000, np.eye(4), None, "give a label volume, not an image"),
         (np.pad(volume().labels, 1, constant_values=9), np.eye(4), None, "labelled 9, which"),
         (volume().labels, _affine_sheared(0.2), None, "the grid is sheared"),
@@ -165,7 +165,12 @@ def _affine_sheared(by: float) -> np.ndarray:
         (volume().labels, np.eye(4), {"superficial": 1, "deep": 2}, "bone has no label given"),
         (volume().labels, np.eye(4), {"mussle": 1}, "mussle: is no part of a limb.*did you mean 'muscle'"),
         (volume().labels, np.eye(4), {"fat": 1}, "deep has no label given"),
-        (volume().labels, np.eye(4), {"superficial": 1, "deep": 2, "bone": 4}, "3 has no meaning given"),
+        (
+            volume().labels,
+            np.eye(4),
+            {"superficial": 1, "deep": 2, "bone": 4},
+            r"labelled 3, which is none of 1 .superficial., 2 .deep., 4",
+        ),
     ],
 )
 def test_what_is_no_label_volume_gives_one_line(array, affine, meaning, message):

@@ -15,7 +15,7 @@ from scipy.ndimage import affine_transform, binary_dilation
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, frozen_array, runs_of
 from legfem.geometry.contours import MUSCLE_HULL
-from legfem.geometry.part_names import part_named
+from legfem.geometry.part_names import bones_of, part_named
 
 _SHEAR = 1e-3
 _HALF = 0.5
@@ -87,6 +87,7 @@ def _resampled(array: NDArray[np.integer], affine: FloatArray, source: str) -> t
 
 BACKGROUND, SUPERFICIAL, DEEP, BONE = 0, 1, 2, 3
 TISSUES = {"superficial": SUPERFICIAL, "deep": DEEP, "bone": BONE}
+_UNSAID = 255
 _SQUARE = 1e-3  # of a direction's cosine
 
 
@@ -125,19 +126,13 @@ class LabelVolume:
             raise InputError(self.source, "shape", f"is {self.labels.ndim}-dimensional", "give one volume")
         if not (self.spacing > 0).all():
             raise InputError(self.source, "spacing", "is not positive", "correct the header")
-        refused = partial(InputError, self.source, "labels")
         last = BONE + max(1, len(self.bones))
         present = np.bincount(self.labels.ravel(), minlength=last)
         for name, label in TISSUES.items():
-            if not present[label]:
+            if not present[label : last if label == BONE else label + 1].any():
                 skin = "segment fat and skin: without them the leg's surface isn't known"
                 remedy = skin if label == SUPERFICIAL else "segment it, or say which label it has"
-                raise refused(f"no voxel is labelled {label} ({name})", remedy)
-        if present[last:].any():
-            other = last + int(np.argmax(present[last:] > 0))
-            known = ", ".join(f"{v} ({k})" for k, v in TISSUES.items())
-            problem = f"{present[other]} voxels are labelled {other}, which is none of {known}"
-            raise refused(problem, "say which tissue it is")
+                raise InputError(self.source, "labels", f"no voxel is labelled {label} ({name})", remedy)
 
     @property
     def affine(self) -> FloatArray:
@@ -176,26 +171,22 @@ def volume_of_array(
     """
     array, affine = _along_axes(array, np.asarray(affine, dtype=np.float64), source)
     refused = partial(InputError, source, "labels")
-    bones: tuple[str, ...] = ()
-    if meaning is None:
-        if array.min(initial=0) < 0 or array.max(initial=0) > 255:
-            problem = f"range from {array.min()} to {array.max()}"
-            raise refused(problem, "give a label volume, not an image; 0 background, 1 superficial, 2 deep, 3 bone")
-        labels = array.astype(np.uint8)
-    else:
-        parts = {name: part_named(name, f"{source}: labels") for name in meaning}
-        if unsaid := unsaid_tissues(meaning, source):
-            raise refused(f"{next(iter(unsaid))} has no label given", "give one")
-        of_bones = [name for name, part in parts.items() if _label_of(part) == BONE]
-        there = [parts[name] for name in of_bones if np.isin(array, meaning[name]).any()]
-        bones = tuple(dict.fromkeys(there)) if there != ["bone"] else ()
-        labels = np.full(array.shape, 255, dtype=np.uint8)
-        labels[array == 0] = BACKGROUND
-        for name, given in meaning.items():
-            label = BONE + bones.index(parts[name]) if parts[name] in bones else _label_of(parts[name])
-            labels[np.isin(array, given)] = label
-        if (labels == 255).any():
-            raise refused(f"{array[labels == 255][0]} has no meaning given", "say which tissue it is")
+    meaning = TISSUES if meaning is None else meaning
+    parts = {name: part_named(name, f"{source}: labels") for name in meaning}
+    if unsaid := unsaid_tissues(meaning, source):
+        raise refused(f"{next(iter(unsaid))} has no label given", "give one")
+    of_bones = [name for name, part in parts.items() if _label_of(part) == BONE]
+    there = [parts[name] for name in of_bones if np.isin(array, meaning[name]).any()]
+    bones = tuple(bones_of(there)) if there != ["bone"] else ()
+    labels = np.full(array.shape, _UNSAID, dtype=np.uint8)
+    labels[array == 0] = BACKGROUND
+    for name, given in meaning.items():
+        label = BONE + bones.index(parts[name]) if parts[name] in bones else _label_of(parts[name])
+        labels[np.isin(array, given)] = label
+    if (unknown := array[labels == _UNSAID]).size:
+        known = ", ".join(f"{number} ({name})" for name, number in meaning.items())
+        problem = f"{(unknown == unknown[0]).sum()} voxels are labelled {unknown[0]}, which is none of {known}"
+        raise refused(problem, "say which tissue that is; give a label volume, not an image")
     return LabelVolume(labels, np.diag(affine)[:3], affine[:3, 3], source, bones=bones)
 
 
@@ -286,3 +277,17 @@ def cropped(volume: LabelVolume, low: float, high: float) -> LabelVolume:
     first, last = int(kept[0]), int(kept[-1])
     origin = volume.origin + np.array([0.0, 0.0, first * volume.spacing[2]])
     return replace(volume, labels=volume.labels[:, :, first : last + 1], origin=origin)
+
+
+def with_bones_between(volume: LabelVolume, low: float, high: float) -> LabelVolume:
+    """Return a volume without the bones that end beyond two levels (mm), which count as deep tissue where they are.
+
+    It stays as it is where no bone is between them.
+    """
+    within = cropped(volume, low - volume.spacing[2], high + volume.spacing[2]).labels
+    kept = [k for k in range(len(volume.bones)) if (within == BONE + k).any()]
+    if len(kept) in (0, len(volume.bones)):
+        return volume
+    new = np.full(BONE + len(volume.bones), DEEP, dtype=np.uint8)
+    new[:BONE], new[np.add(BONE, kept)] = range(BONE), BONE + np.arange(len(kept))
+    return replace(volume, labels=new[volume.labels], bones=tuple(volume.bones[k] for k in kept))

@@ -17,7 +17,7 @@ from legfem.geometry.leg_shape import HULL, LegShape
 from legfem.geometry.motion import CuttingPlane
 from legfem.geometry.section import CALF, LIMBS
 from legfem.geometry.section_from_outlines import Clearances, polygons_of
-from legfem.imaging.label_volume import LabelVolume, check_anatomy, cropped, unsaid_tissues
+from legfem.imaging.label_volume import LabelVolume, check_anatomy, cropped, unsaid_tissues, with_bones_between
 from legfem.imaging.outlines import OutlineSettings, not_closed, read_shape, shape_of_outlines, shape_of_volume
 from legfem.imaging.shape_schema import Labels, ShapeEntry, existing
 from legfem.imaging.surfaces import outlines_of_surfaces, read_surfaces, shape_of_surfaces
@@ -173,7 +173,8 @@ class LegSource:
         assert self.volume is not None
         ends = self.volume.origin[:2] + self.volume.spacing[:2] * self.volume.labels.shape[:2]
         low, high = plane.levels(self.volume.origin[:2], ends)
-        shape = self.between(low - _BEYOND, high + _BEYOND).shape(_FINE, None)
+        volume = with_bones_between(self.volume, low, high)
+        shape = replace(self, volume=volume).between(low - _BEYOND, high + _BEYOND).shape(_FINE, None)
         if not self.volume.bones and len(shape.bones) < len(LIMBS[CALF]):
             remedy = f"label {' and '.join(LIMBS[CALF])} apart from each other, or say which bone it is (femur = 3)"
             raise InputError(self.name, "bone", f"is in one piece at {plane}, where a calf has two", remedy)
