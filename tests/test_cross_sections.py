@@ -114,8 +114,21 @@ def test_wrong_level_and_missing_surface_are_explained(tmp_path):
     path = _write(tmp_path / "sections.csv", surfaces)
     with pytest.raises(InputError, match="there is no level 305 mm, only 300 mm"):
         _source(path).outlines(CuttingPlane.at_level(305))
+    with path.open("a") as file:
+        file.writelines(f"310,fibula,0,{i},{x},{y}\n" for i, (x, y) in enumerate(_surfaces()["fibula"]))
     with pytest.raises(InputError, match="fibula: missing at level 300"):
         _source(path).outlines(CuttingPlane.at_level(300))
+    del surfaces["tibia"]
+    with pytest.raises(InputError, match="bones: there are none at level 300"):
+        _source(_write(path, surfaces)).outlines(CuttingPlane.at_level(300))
+
+
+def test_a_calf_from_a_scan_without_its_fibula_is_doubted(tmp_path):
+    surfaces = _surfaces()
+    del surfaces["fibula"]
+    path = _write(tmp_path / "sections.csv", surfaces)
+    done = CliRunner().invoke(app, ["--cross-sections", str(path), "--out", str(tmp_path / "leg"), "--level", "300"])
+    assert done.exit_code == 0 and "there is no fibula, which a calf has" in " ".join(done.output.split())
 
 
 def test_the_command_exits_2_with_one_line(tmp_path):

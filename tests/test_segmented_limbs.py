@@ -18,6 +18,7 @@ from typer.testing import CliRunner
 
 import legfem as lf
 from legfem.commands.data import app as data
+from legfem.common.errors import InputError
 from legfem.geometry.__main__ import app
 from legfem.geometry.part_names import part_named
 from legfem.legs.subject import Subject
@@ -75,6 +76,13 @@ NAMES = {
 @pytest.mark.parametrize("part", NAMES)
 def test_segmenters_names_are_known(part: str):
     assert {part_named(name, "scan") for name in NAMES[part]} == {part}
+
+
+@pytest.mark.parametrize("name", ["bone_skin", "bone_muscle", "bone_fascia", "bone_", "liver", ""])
+def test_what_is_no_part_of_a_limb_is_refused_by_its_name(name: str):
+    with pytest.raises(InputError, match="is no part of a limb") as caught:
+        part_named(name, "scan")
+    assert caught.value.field == name and caught.value.remedy and "\n" not in str(caught.value)
 
 
 def test_a_bone_of_any_name_is_one_in_the_folder_that_is_made(tmp_path: Path):

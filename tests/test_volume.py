@@ -169,7 +169,7 @@ def _affine_sheared(by: float) -> np.ndarray:
             volume().labels,
             np.eye(4),
             {"superficial": 1, "deep": 2, "bone": 4},
-            r"labelled 3, which is none of 1 .superficial., 2 .deep., 4",
+            r"labelled 3, which is none of superficial = 1, deep = 2, bone = 4",
         ),
     ],
 )

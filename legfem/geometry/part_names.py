@@ -39,8 +39,10 @@ def part_named(name: str, source: str | Path) -> str:
     if plain in _PARTS:
         return _PARTS[plain]
     kind, _, own = plain.partition("_")
-    if own and kind in (BONE, "muscle"):
-        return own if kind == BONE else MUSCLE_HULL
+    if own and kind == "muscle":
+        return MUSCLE_HULL
+    if own and kind == BONE and own not in ("skin", "fascia") and _PARTS.get(own) != MUSCLE_HULL:
+        return own
     near = difflib.get_close_matches(plain, _PARTS, n=1)
     remedy = f"did you mean '{near[0]}'?" if near else f"call it bone_{plain} or muscle_{plain}, whichever it is"
     raise InputError(source, name, "is no part of a limb that has a name here", remedy)

@@ -21,8 +21,6 @@ from legfem.geometry.section import LegSection, resample_closed_curve
 
 _INSIDE = 0.8
 """Share of a part's area that lies in the skin; outlines of two scans cross by some mm."""
-_LAPS = 0.05
-"""Share of a bone's area that may lie in another: near the knee and the ankle two that touch were segmented as one."""
 _BARE = 0.5
 """Share of the skin without fat beyond which it is no skin."""
 _TOUCHING = 0.2
@@ -228,7 +226,7 @@ def _check_order(outlines: Mapping[str, Polygon], source: str | Path) -> None:
             raise InputError(source, part, "is larger than the muscle's hull", f"are muscle_hull and {part} exchanged?")
     for other, bone in combinations(bones_of(outlines), 2):
         shared = float((outlines[bone] & outlines[other]).area)
-        if shared > _LAPS * outlines[bone].area:
+        if shared > (1 - _INSIDE) * outlines[bone].area:
             problem = f"overlaps the {other}: {shared:.2g} mm² lie in both"
             raise InputError(source, bone, problem, "separate the two: nothing belongs to both")
 

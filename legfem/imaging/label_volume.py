@@ -184,7 +184,7 @@ def volume_of_array(
         label = BONE + bones.index(parts[name]) if parts[name] in bones else _label_of(parts[name])
         labels[np.isin(array, given)] = label
     if (unknown := array[labels == _UNSAID]).size:
-        known = ", ".join(f"{number} ({name})" for name, number in meaning.items())
+        known = ", ".join(f"{name} = {number}" for name, number in meaning.items())
         problem = f"{(unknown == unknown[0]).sum()} voxels are labelled {unknown[0]}, which is none of {known}"
         raise refused(problem, "say which tissue that is; give a label volume, not an image")
     return LabelVolume(labels, np.diag(affine)[:3], affine[:3, 3], source, bones=bones)

@@ -5,7 +5,6 @@ Kitware, VTK File Formats (docs.vtk.org/en/latest/vtk_file_formats).
 """
 
 import importlib.util
-import resource
 import subprocess
 import sys
 from io import BytesIO
@@ -81,6 +80,8 @@ def _read(path: str) -> tuple[Any, Any]:
 
 
 if __name__ == "__main__":
+    import resource
+
     resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY))
     points, triangles = _read(sys.argv[1])
     np.savez(sys.stdout.buffer, points=points, triangles=triangles)
