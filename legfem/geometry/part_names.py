@@ -12,7 +12,7 @@ from legfem.geometry.contours import MUSCLE_HULL
 from legfem.geometry.section import LIMBS
 
 BONE = "bone"
-"""A calf's bones, not told apart."""
+"""Of a calf: its two, without their names."""
 _BONES = tuple(chain(*LIMBS.values()))
 _PARTS = {name: part for part, names in resource("segmented", dict[str, tuple[str, ...]]).items() for name in names}
 _PARTS |= dict(zip(_BONES, _BONES, strict=True))
