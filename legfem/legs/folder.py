@@ -122,9 +122,7 @@ def write_subject_folder(
         instrument,
         deep_law,
         plane_strain,
-    )
-    usual = tuple(chain(*LIMBS.values()))
-    text += "".join(f'\n[regions.{bone}]\nkind = "bone"\n' for bone in section.bones if bone not in usual)
+    ) + _regions(section)
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         scratch = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
@@ -174,6 +172,11 @@ def subject_text(
         if instrument is None
         else f"force_sd_N = {instrument.force_sd}\ndisplacement_sd_mm = {instrument.displacement_sd}",
     )
+
+
+def _regions(section: LegSection) -> str:
+    own = (bone for bone in section.bones if bone not in chain(*LIMBS.values()))
+    return "".join(f'\n[regions.{bone}]\nkind = "bone"\n' for bone in own)
 
 
 def check_new_folder(out: Path) -> None:
