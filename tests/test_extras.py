@@ -89,5 +89,5 @@ def test_a_feature_without_its_extra_is_one_line_that_names_it(tmp_path: Path) -
     assert_one_line("cluster", *run(on_workers, packages=EXTRAS["cluster"][1]))
     assert {*asked, "cluster"} == {*EXTRAS}
     (tmp_path / "s.vtp").write_bytes(b"<VTKFile/>")
-    given = " ".join(f"--surface {part}='{tmp_path / 's.vtp'}'" for part in ("skin", "muscle_hull"))
+    given = " ".join(f"--surface {part}='{tmp_path / 's.vtp'}'" for part in ("skin", "muscle_hull", "femur"))
     assert_one_line("imaging", *run(f"geometry {given} --level 1 {out}", packages=("vtk",)))
