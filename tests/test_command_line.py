@@ -18,9 +18,8 @@ from legfem.__main__ import COMMANDS
 from legfem.__main__ import command as application
 from legfem.api.loading import in_python_words
 from legfem.common.command_line import BAD_INPUT, FAILED, command_context
-from legfem.common.errors import InputError
+from legfem.common.errors import Argument, Command, InputError, Remedy
 from legfem.common.input_files import FileTable, parse_toml
-from legfem.common.wording import Argument, Command, Remedy
 
 
 @pytest.mark.parametrize(

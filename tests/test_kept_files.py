@@ -14,9 +14,8 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
-from legfem.common.errors import InputError
+from legfem.common.errors import Command, InputError
 from legfem.common.units import FloatArray
-from legfem.common.wording import Command
 from legfem.fem import compiled as compiling
 from legfem.inverse.correction import read_correction, read_table, write_table
 from legfem.jobs import store as store_module

@@ -29,9 +29,8 @@ from legfem.cohort.population_model import PopulationFit, population_document, p
 from legfem.cohort.readings import read_readings
 from legfem.cohort.statistics import Statistics, statistics
 from legfem.common.documents import json_types, versions_of, write_document
-from legfem.common.errors import InputError, UnsolvedError
+from legfem.common.errors import Argument, InputError, Remedy, UnsolvedError
 from legfem.common.progress import Progress, progress_on
-from legfem.common.wording import Argument, Remedy
 from legfem.geometry.section import CALF, LIMBS, cross, fat_thickness, girth
 from legfem.inverse.stored import StoredResult
 from legfem.jobs.engines import Died, Engine, EngineName, engine_named, outcomes

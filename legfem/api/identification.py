@@ -11,9 +11,8 @@ from mpi4py import MPI
 
 from legfem.api import loading
 from legfem.api.results import Identification
-from legfem.common.errors import MISSING, InputError
+from legfem.common.errors import MISSING, Argument, InputError
 from legfem.common.progress import progress_on
-from legfem.common.wording import Argument
 from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.inverse.catalogue import LAWS, LawName, check_held

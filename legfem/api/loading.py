@@ -1,6 +1,6 @@
 """What a call is about, by id or by its folder, and its arguments, checked before anything is done.
 
-Every room names arguments and commands as values (`legfem.common.wording`). `in_python_words` stands around the
+Every room names arguments and commands as values (`legfem.common.errors`). `in_python_words` stands around the
 functions of the front door and says keywords (``leave_out``); the commands call the functions without it.
 """
 
@@ -13,8 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from legfem.common.command_line import check_out_folder
-from legfem.common.errors import InputError, log_doubts, missing_module
-from legfem.common.wording import Argument, Command, Door, Remedy
+from legfem.common.errors import Argument, Command, Door, InputError, Remedy, log_doubts, missing_module
 from legfem.data.folder import Catalogue
 from legfem.legs.loading import load_sites as load_sites_folder
 from legfem.legs.loading import load_subject as load_subject_folder
@@ -34,7 +33,7 @@ _REPEATED = _LISTS | {"fix", "identify"}
 
 
 def in_python(part: Argument | Command) -> str:
-    """Return an argument or a command as a call has it; a `legfem.common.wording.Door`."""
+    """Return an argument or a command as a call has it; a `legfem.common.errors.Door`."""
     if isinstance(part, Argument):
         if not part.value:
             return part.name

@@ -15,9 +15,8 @@ from typing import Literal
 
 import pandas as pd
 
-from legfem.common.errors import InputError
+from legfem.common.errors import Argument, InputError, Remedy
 from legfem.common.input_files import read_text
-from legfem.common.wording import Argument, Remedy
 from legfem.inverse.population import CohortParameter, read_cohort_population
 
 type Task = Literal["identify", "diagnose", "stocking"]

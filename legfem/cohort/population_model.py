@@ -27,9 +27,8 @@ from legfem.cohort.members import Member, Members
 from legfem.cohort.rows import Measure, Row, cohort_model, measured
 from legfem.cohort.statistics import COVARIATES, design_of, values_of
 from legfem.common.documents import json_types
-from legfem.common.errors import InputError
+from legfem.common.errors import Argument, InputError
 from legfem.common.units import FloatArray
-from legfem.common.wording import Argument
 from legfem.inverse.population import AGE
 
 type Numbers = NDArray[np.int_]

@@ -21,8 +21,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 from typer.core import TyperCommand
 
-from legfem.common.errors import ContradictionError, InputError, UnsolvedError, missing_module
-from legfem.common.wording import Argument
+from legfem.common.errors import Argument, ContradictionError, InputError, UnsolvedError, missing_module
 
 if TYPE_CHECKING:
     from mpi4py import MPI

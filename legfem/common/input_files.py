@@ -17,9 +17,8 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import ErrorDetails, PydanticCustomError
 
-from legfem.common.errors import MISSING, InputError, remedy_for_missing
+from legfem.common.errors import MISSING, InputError, Remedy, remedy_for_missing
 from legfem.common.toml_mistakes import why_no_toml
-from legfem.common.wording import Remedy
 
 if TYPE_CHECKING:
     import pandas as pd

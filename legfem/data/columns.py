@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from legfem.channels.kinds import CHANNELS
-from legfem.common.errors import InputError
-from legfem.common.wording import Argument, Command, Remedy
+from legfem.common.errors import Argument, Command, InputError, Remedy
 from legfem.data.formats.labels import UNIT_OF, Quantity, names_quantity, unit_named
 from legfem.data.formats.refused import refuse_other_kind
 from legfem.data.formats.sheet import FEWEST_ROWS, NAMELESS, NOT_CALCULATED, Column, Sheet

@@ -9,8 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from legfem.common import input_files
-from legfem.common.errors import MISSING, InputError
-from legfem.common.wording import Argument, Remedy
+from legfem.common.errors import MISSING, Argument, InputError, Remedy
 from legfem.data.noise import Instrument
 from legfem.data.recording import SourceColumn, SourceColumns
 from legfem.geometry.indenter import IndenterShape

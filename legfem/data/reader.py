@@ -5,8 +5,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from legfem.channels.kinds import IN_COLUMNS
-from legfem.common.errors import InputError
-from legfem.common.wording import Remedy
+from legfem.common.errors import InputError, Remedy
 from legfem.data import recording
 from legfem.data.columns import find_column, look_command, propose
 from legfem.data.formats import READERS, read_sheets

@@ -7,9 +7,8 @@ import numpy as np
 import shapely
 from scipy.optimize import brentq
 
-from legfem.common.errors import InputError
+from legfem.common.errors import Argument, Command, InputError, Remedy
 from legfem.common.units import FloatArray, frozen_array
-from legfem.common.wording import Argument, Command, Remedy
 from legfem.geometry.section import LegSection, across
 
 IndenterShape = Literal["cylinder", "ball", "punch"]

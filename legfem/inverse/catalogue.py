@@ -10,10 +10,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from legfem.common.errors import InputError
+from legfem.common.errors import Argument, InputError
 from legfem.common.resources import resource
 from legfem.common.units import FloatArray, readable_unit
-from legfem.common.wording import Argument
 from legfem.inverse.parameter import Parameter, Priors, Scale
 from legfem.inverse.readings import INSTRUMENT, READINGS
 

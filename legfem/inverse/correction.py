@@ -40,9 +40,8 @@ from numpy.polynomial import Polynomial
 from scipy.interpolate import RegularGridInterpolator
 
 from legfem.common.documents import json_types, write_document
-from legfem.common.errors import InputError
+from legfem.common.errors import Argument, Command, InputError, Remedy
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
-from legfem.common.wording import Argument, Command, Remedy
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values, deep_stiffness
 from legfem.inverse.comparison import ErrorSource
 from legfem.jobs.store import key_of

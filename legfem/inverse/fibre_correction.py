@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+from legfem.common.errors import Command
 from legfem.common.resources import RESOURCES
 from legfem.common.units import FloatArray
-from legfem.common.wording import Command
 from legfem.inverse.comparison import ErrorSource
 from legfem.inverse.correction import TabulatedCorrection, read_table, write_table
 from legfem.inverse.elastography import FibreRatio

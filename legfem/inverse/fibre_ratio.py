@@ -12,8 +12,7 @@ given ratio, and with S the sum of its derivatives by shear and, four times, by 
 
 from collections.abc import Collection, Mapping
 
-from legfem.common.errors import InputError
-from legfem.common.wording import Argument, Remedy
+from legfem.common.errors import Argument, InputError, Remedy
 from legfem.inverse.catalogue import DEEP_RATIO, RATIO
 from legfem.mechanics.terms import Fibres
 

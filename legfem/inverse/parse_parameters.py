@@ -6,9 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from legfem.common.errors import InputError
+from legfem.common.errors import Argument, InputError
 from legfem.common.units import MPA_PER_KPA, kpa_to_mpa
-from legfem.common.wording import Argument
 from legfem.inverse import catalogue
 from legfem.inverse.parameter import Parameter, Prior
 from legfem.inverse.population import CALF, TISSUES, cohort_prior, population_prior

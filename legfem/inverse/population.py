@@ -12,11 +12,10 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, PositiveFloat, ValidationError
 
-from legfem.common.errors import InputError
+from legfem.common.errors import Argument, Command, InputError, Remedy
 from legfem.common.input_files import read_text
 from legfem.common.resources import RESOURCES
 from legfem.common.units import kpa_to_mpa
-from legfem.common.wording import Argument, Command, Remedy
 from legfem.inverse.catalogue import key_of
 from legfem.inverse.parameter import Prior
 

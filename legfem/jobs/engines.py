@@ -11,9 +11,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
-from legfem.common.errors import InputError
+from legfem.common.errors import Argument, InputError, Remedy
 from legfem.common.input_files import read_toml
-from legfem.common.wording import Argument, Remedy
 from legfem.jobs.pool import Processes, how_ended, interruptible
 
 type EngineName = Literal["local", "mpi", "dask"]

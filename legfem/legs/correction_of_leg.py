@@ -19,10 +19,9 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
-from legfem.common.errors import InputError
+from legfem.common.errors import Argument, Command, InputError, Remedy
 from legfem.common.resources import RESOURCES
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
-from legfem.common.wording import Argument, Command, Remedy
 from legfem.geometry.section import depth_to_bone, girth
 from legfem.inverse.correction import TabulatedCorrection, read_correction, read_table, write_table
 from legfem.inverse.fibre_correction import read_fibres, with_fibres

@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 
 from legfem.common.deadline import NEVER, Deadline, TimeIsUpError
-from legfem.common.errors import Doubt, InputError, UnsolvedError
+from legfem.common.errors import Argument, Doubt, InputError, UnsolvedError
 from legfem.common.numbers import share
 from legfem.common.progress import Progress, Silent, Until
-from legfem.common.wording import Argument
 from legfem.data import Recording
 from legfem.inverse.accuracy import check_measured
 from legfem.inverse.answer import FitNotice, Notice, doubted

@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from legfem.common.errors import InputError
+from legfem.common.errors import Argument, InputError
 from legfem.common.resources import RESOURCES
 from legfem.common.units import FloatArray
-from legfem.common.wording import Argument
 from legfem.data import Instrument, Recording, write_recording
 from legfem.geometry.contours import write_contours
 from legfem.geometry.motion import CuttingPlane

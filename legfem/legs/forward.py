@@ -6,8 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
-from legfem.common.errors import InputError
-from legfem.common.wording import Argument, Remedy
+from legfem.common.errors import Argument, InputError, Remedy
 from legfem.experiments.indentation import SolutionStates
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings, Tissues
 from legfem.inverse import catalogue

@@ -24,10 +24,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from mpi4py import MPI
 
-from legfem.common.errors import InputError
+from legfem.common.errors import Argument, InputError, Remedy
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray, mpa_to_kpa
-from legfem.common.wording import Argument, Remedy
 from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO, LawName, deep_stiffness
 from legfem.inverse.correction import FIRST_RATIO, TabulatedCorrection, confirmed_correction

@@ -7,9 +7,8 @@ from typing import Any
 
 from mpi4py import MPI
 
-from legfem.common.errors import InputError
+from legfem.common.errors import Argument, InputError
 from legfem.common.progress import Progress, Silent
-from legfem.common.wording import Argument
 from legfem.experiments.experiment import Picklable, cached_in_process
 from legfem.experiments.indentation import OnStep
 from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, membrane_of

@@ -9,9 +9,8 @@ from types import MappingProxyType
 import numpy as np
 from scipy.special import stdtrit
 
-from legfem.common.errors import InputError
+from legfem.common.errors import Argument, InputError, Remedy
 from legfem.common.units import FloatArray
-from legfem.common.wording import Argument, Remedy
 from legfem.data import LoadingCurve
 from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.inverse.accuracy import GEOMETRY_DOF, MATERIAL_DOF, MATERIAL_LOG_SD

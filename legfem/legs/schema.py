@@ -9,9 +9,8 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from legfem.common import input_files
-from legfem.common.errors import MISSING, InputError
+from legfem.common.errors import MISSING, Argument, Command, InputError, Remedy
 from legfem.common.resources import RESOURCES
-from legfem.common.wording import Argument, Command, Remedy
 from legfem.data.channel_reader import ChannelsEntry
 from legfem.data.folder import AccuracyEntry, Catalogue, InstrumentEntry, RecordingsEntry, with_lab
 from legfem.geometry.indenter import IndenterShape

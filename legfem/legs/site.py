@@ -4,8 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from legfem.channels.kinds import CHANNELS
-from legfem.common.errors import InputError
-from legfem.common.wording import Argument
+from legfem.common.errors import Argument, InputError
 from legfem.data import LoadingCurve, mean_loading_curve
 from legfem.data.contact import LEG
 from legfem.inverse.catalogue import Values

@@ -9,8 +9,7 @@ from typing import Literal
 
 from legfem.channels import Sight
 from legfem.common.drawing import Pictured
-from legfem.common.errors import InputError
-from legfem.common.wording import Argument
+from legfem.common.errors import Argument, InputError
 from legfem.data import Instrument, Recording, Segmentation, segment_all
 from legfem.data.recording import Origin
 from legfem.geometry.indenter import Indenter

@@ -26,9 +26,8 @@ import numpy as np
 from dolfinx.plot import vtk_mesh
 from numpy.typing import NDArray
 
-from legfem.common.errors import InputError
+from legfem.common.errors import Argument, InputError, Remedy
 from legfem.common.units import FloatArray
-from legfem.common.wording import Argument, Remedy
 from legfem.meshing.materials import TissueCard
 from legfem.meshing.section import BONE, HULL, SKIN
 from legfem.meshing.structured import END, MIRROR_X, MIRROR_Z

@@ -12,9 +12,8 @@ from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 from shapely import Polygon, contains_xy, prepare
 
-from legfem.common.errors import AboveZero, Checked, InputError
+from legfem.common.errors import AboveZero, Argument, Checked, InputError
 from legfem.common.units import FloatArray
-from legfem.common.wording import Argument
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape, perimeter
 from legfem.geometry.leg_surface import PartSurface
 

@@ -7,10 +7,9 @@ from functools import partial
 from pathlib import Path
 
 from legfem.common.documents import write_document
-from legfem.common.errors import InputError, doubt_lines
+from legfem.common.errors import Command, InputError, doubt_lines
 from legfem.common.input_files import check_printable
 from legfem.common.progress import Progress
-from legfem.common.wording import Command
 from legfem.data import Scales, Segmentation, seen_instrument, segment
 from legfem.data.columns import Proposal, propose
 from legfem.data.contact import LEG

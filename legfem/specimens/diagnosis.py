@@ -9,10 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from legfem.common.errors import InputError
+from legfem.common.errors import Argument, InputError
 from legfem.common.progress import Progress
 from legfem.common.units import mpa_to_kpa
-from legfem.common.wording import Argument
 from legfem.data import Instrument
 from legfem.inverse.accuracy import Accuracy
 from legfem.inverse.answer import FitNotice, Notice, doubted

@@ -8,10 +8,9 @@ from legfem.channels.kinds.face_strain import FACE_STRAIN, not_of_the_face
 from legfem.channels.kinds.lateral_stretch import LATERAL_STRETCH, not_a_stretch
 from legfem.channels.kinds.layer_thickness import refused
 from legfem.common.drawing import Pictured
-from legfem.common.errors import Doubt, InputError
+from legfem.common.errors import Argument, Doubt, InputError
 from legfem.common.input_files import FileTable, check_distinct, check_printable
 from legfem.common.units import kpa_to_mpa
-from legfem.common.wording import Argument
 from legfem.data import Instrument, Segmentation, among_repeats
 from legfem.data.channel_reader import is_channel_file, with_channels
 from legfem.data.formats import is_litter, read_sheets, recording_files

@@ -4,9 +4,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from legfem.common.errors import InputError
+from legfem.common.errors import Argument, InputError, Remedy
 from legfem.common.units import kpa_to_mpa
-from legfem.common.wording import Argument, Remedy
 from legfem.inverse import catalogue
 from legfem.inverse.fibre_ratio import USUAL_RATIO, ratio_of
 from legfem.inverse.parameter import Parameter, Prior

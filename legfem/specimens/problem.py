@@ -13,9 +13,8 @@ from types import MappingProxyType
 import numpy as np
 from scipy.special import stdtrit
 
-from legfem.common.errors import InputError
+from legfem.common.errors import Argument, InputError
 from legfem.common.units import FloatArray
-from legfem.common.wording import Argument
 from legfem.inverse.answer import Notice, doubted
 from legfem.inverse.catalogue import IdentifiedLaw, LawName, Values, model_values
 from legfem.inverse.comparison import total_of

@@ -16,10 +16,9 @@ import numpy as np
 from mpi4py import MPI
 
 from legfem.common.documents import versions_of
-from legfem.common.errors import InputError
+from legfem.common.errors import Argument, InputError, Remedy
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray, kpa_to_mpa
-from legfem.common.wording import Argument, Remedy
 from legfem.inverse.correction import TabulatedCorrection, first_contact_error, mesh_error
 from legfem.jobs.pool import Workers
 from legfem.legs.correction_of_leg import LegCorrections

@@ -8,10 +8,9 @@ import numpy as np
 from mpi4py import MPI
 
 from legfem.common.documents import Cells, column_cells, json_types, versions_of, write_atomically, write_document
-from legfem.common.errors import InputError
+from legfem.common.errors import Argument, InputError
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import FloatArray, mpa_to_kpa
-from legfem.common.wording import Argument
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.correction import DEFINITION, TabulatedCorrection
 from legfem.inverse.search import SearchError
