@@ -20,11 +20,10 @@ if sys.version_info < (3, 12):  # noqa: UP036  (who has a checkout alone asked n
 
 if TYPE_CHECKING:
     from legfem.api.cohorts import Cohort, Readings, cohort
-    from legfem.api.diagnosed import Diagnosed
     from legfem.api.diagnosis import PlannedTests, diagnose, plan
     from legfem.api.identification import identify
     from legfem.api.loading import load_leg, load_sites, load_specimen, load_subject
-    from legfem.api.results import Identification, read_result
+    from legfem.api.results import Diagnosed, Identification, read_result
     from legfem.api.specimens import DiagnosedFolder
     from legfem.api.stockings import stocking
     from legfem.common.errors import InputError
@@ -33,11 +32,10 @@ if TYPE_CHECKING:
 
 HOMES = {
     "cohorts": ("Cohort", "Readings", "cohort"),
-    "diagnosed": ("Diagnosed",),
     "diagnosis": ("PlannedTests", "diagnose", "plan"),
     "identification": ("identify",),
     "loading": ("load_leg", "load_sites", "load_specimen", "load_subject"),
-    "results": ("Identification", "read_result"),
+    "results": ("Diagnosed", "Identification", "read_result"),
     "specimens": ("DiagnosedFolder",),
     "stockings": ("stocking",),
 }

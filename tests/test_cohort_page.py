@@ -21,8 +21,8 @@ from legfem.cohort.rows import Options, Row, Shape
 from legfem.common.errors import PhysicalRange
 from legfem.inverse.answer import FitNotice, Notice, doubted
 from legfem.legs.notices import LegNotice
+from legfem.report.answers import kind_of_notice
 from legfem.report.cohort import cohort_web_page
-from legfem.report.notices import kind_of_notice
 from legfem.report.render import markdown_page, plain_page, rendered
 
 GRAVE = "subject.toml: indenter.diametre_mm: unknown key; did you mean 'diameter_mm'?"

@@ -22,7 +22,7 @@ from legfem.legs.diagnosis import accuracy_of, of_elastography
 from legfem.legs.loading import load_subject
 from legfem.legs.nuisances import DRAWN
 from legfem.legs.plausibility import doubts_about
-from legfem.report.notices import sentence_of, sentences_of
+from legfem.report.answers import sentence_of, sentences_of
 
 ACROSS = '[[elastography]]\ntissue = "deep"\nplane = "across"\nshear_modulus_kPa = {}\nsd_kPa = {}\n'
 ALONG = ACROSS.replace('"across"', '"along"')

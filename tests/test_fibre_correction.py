@@ -12,15 +12,14 @@ from making_diagnosis import observations, ramps
 from making_identification import DEPTH, identify, pressed_leg
 from making_results import law_document
 
-from legfem.inverse.correction import TabulatedCorrection
+from legfem.inverse.correction import FIBRES, FibreTable, TabulatedCorrection, read_fibres, with_fibres
 from legfem.inverse.elastography import FibreRatio
-from legfem.inverse.fibre_correction import FIBRES, FibreTable, read_fibres, with_fibres
 from legfem.legs.correction_of_leg import choose_correction, correction_of, why_without_fibres
 from legfem.legs.loading import load_subject
 from legfem.legs.solver_3d import fibre_errors
 from legfem.mechanisms import mechanism_named
+from legfem.report.answers import sentences_of
 from legfem.report.kinds import page_of
-from legfem.report.notices import sentences_of
 from legfem.report.render import plain_page
 from legfem.solve.path import ForceCurve
 

@@ -7,8 +7,7 @@ import pytest
 from making_diagnosed import diagnosed
 
 from legfem.data import segment_all
-from legfem.inverse.correction import read_correction
-from legfem.inverse.fibre_correction import read_fibres
+from legfem.inverse.correction import read_correction, read_fibres
 from legfem.inverse.observations import observe
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.mechanisms import Solution

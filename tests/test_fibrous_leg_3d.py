@@ -12,8 +12,8 @@ from test_leg_film import COARSE
 from legfem.common.progress import Silent
 from legfem.experiments.leg_3d import FIBRE_PARAMETERS
 from legfem.inverse.catalogue import DEEP_RATIO
+from legfem.inverse.correction import FIBRES
 from legfem.inverse.elastography import FibreRatio
-from legfem.inverse.fibre_correction import FIBRES
 from legfem.inverse.outcome import FullSolver, JointForward
 from legfem.legs.loading import load_subject
 from legfem.legs.model_3d import LegModels

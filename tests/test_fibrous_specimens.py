@@ -21,7 +21,7 @@ from legfem.mechanics.materials import NeoHookean
 from legfem.mechanics.terms import Fibres
 from legfem.mechanisms import Solution
 from legfem.meshing.structured import MeridianMeshSettings
-from legfem.report.notices import sentences_of
+from legfem.report.answers import sentences_of
 from legfem.report.results import write_report
 from legfem.solve.protocol import Protocol
 from legfem.specimens.forward import SpecimenForward

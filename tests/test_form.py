@@ -11,7 +11,7 @@ from making_diagnosis import NOISE, mechanisms_in, observations, problem_of, ram
 from test_channels_weighed import Seen, seen
 
 from legfem.inverse.errors import error_model
-from legfem.inverse.form import ShareOfPart, shares_by_part
+from legfem.inverse.linearised import ShareOfPart, shares_by_part
 from legfem.inverse.map_fit import fit
 from legfem.inverse.predictor import Predictor
 from legfem.inverse.verdict import Diagnosis

@@ -44,7 +44,7 @@ from legfem.inverse.channel_readings import not_read
 from legfem.legs.loading import load_subject
 from legfem.legs.plausibility import doubts_about
 from legfem.legs.subject import Subject
-from legfem.report.notices import sentence_of
+from legfem.report.answers import sentence_of
 
 ALL = range(len(FRAMES))
 T = np.linspace(0.0, 6.0, 61)

@@ -26,10 +26,10 @@ from legfem.geometry.section import CALF, LIMBS
 from legfem.inverse.accuracy import MeasuredStrength
 from legfem.inverse.averaging import Weighted, _beside_unseen, unseen_of
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
+from legfem.inverse.correction import read_fibres
 from legfem.inverse.diagnose import DiagnosisInput, diagnose
 from legfem.inverse.evidence import Evidence, possible_discrepancies
 from legfem.inverse.explanation import Explanation
-from legfem.inverse.fibre_correction import read_fibres
 from legfem.inverse.hidden import profile_of
 from legfem.inverse.laplace import laplace_posterior
 from legfem.inverse.map_fit import fit

@@ -21,7 +21,7 @@ from legfem.inverse.outcome import Outcome
 from legfem.inverse.settings import IdentificationSettings
 from legfem.jobs.store import Store
 from legfem.legs.forward import default_parameters
-from legfem.report.notices import sentences_of
+from legfem.report.answers import sentences_of
 from legfem.report.results import write_report
 
 

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from legfem.common.errors import InputError
 from legfem.geometry.leg_shape import (
     LegShape,
+    PartSurface,
     check_shape,
     corresponding,
     fat_thickness_around,
@@ -20,7 +21,6 @@ from legfem.geometry.leg_shape import (
     perimeter,
     shape_of_contours,
 )
-from legfem.geometry.leg_surface import PartSurface
 from legfem.geometry.motion import displaced, rigidly_moved, without_layer
 from legfem.imaging.outlines import read_shape, smoothed
 from studies.making.shapes import horizontal_curvature, round_leg

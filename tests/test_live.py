@@ -20,13 +20,13 @@ from making_diagnosis import ramps, two_rates
 from typer.testing import CliRunner
 
 from legfem.api import live
-from legfem.api.diagnosed import Diagnosed
 from legfem.api.live import Visit, answer_lines, follow, visit_of
+from legfem.api.results import Diagnosed
 from legfem.commands.live import app
 from legfem.common.command_line import BAD_INPUT, INTERRUPTED
-from legfem.common.deadline import Deadline
 from legfem.common.errors import InputError, UnsolvedError
-from legfem.data.watched import SETTLED_S, STALLED_S, Watched, changes, looked
+from legfem.common.progress import Deadline
+from legfem.data.reader import SETTLED_S, STALLED_S, Watched, changes, looked
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.plan import bought_in_visit
 from legfem.legs.schema import SUBJECTS, SubjectFile

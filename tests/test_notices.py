@@ -7,7 +7,7 @@ from pathlib import Path
 
 from legfem.inverse.answer import FitNotice, Notice
 from legfem.legs.notices import LegNotice
-from legfem.report.notices import sentence_of, words
+from legfem.report.answers import sentence_of, words
 from legfem.specimens.details import SpecimenNotice
 from legfem.stockings.details import StockingNotice
 

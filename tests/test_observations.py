@@ -12,7 +12,7 @@ from legfem.inverse.observations import Observations, observe
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.diagnosis import with_correction
 from legfem.mechanisms import mechanisms
-from legfem.report.notices import sentence_of
+from legfem.report.answers import sentence_of
 from legfem.solve.protocol import Protocol
 
 

@@ -17,7 +17,7 @@ import legfem as lf
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.verdict import IMPROBABLE, Diagnosis
 from legfem.mechanics.materials import ExponentialStiffening
-from legfem.report.notices import sentence_of
+from legfem.report.answers import sentence_of
 from legfem.specimens.diagnosis import laws_told
 
 ASKED = ("force-drift", "leg-movement")

@@ -39,9 +39,8 @@ from legfem.report.page import (
 )
 from legfem.report.render import embed, markdown_page, rendered, write_tables
 from legfem.report.words import DataKind
-from legfem.stockings.assessment import assessed
 from legfem.stockings.details import StockingFit
-from legfem.stockings.identification import identify_in_stocking
+from legfem.stockings.identification import assessed, identify_in_stocking
 from legfem.stockings.loading import load_leg
 
 PLANTED = (

@@ -10,8 +10,7 @@ import SimpleITK
 from making import turned_and_moved
 
 from legfem.common.errors import InputError
-from legfem.geometry.leg_shape import LegShape
-from legfem.geometry.leg_surface import PartSurface
+from legfem.geometry.leg_shape import LegShape, PartSurface
 from legfem.geometry.motion import RigidTransform
 from legfem.imaging.outlines import shape_of_volume
 from legfem.imaging.registration import bone_points, register_points, register_shapes, register_surfaces

@@ -20,10 +20,10 @@ from legfem.legs.finite_element_models import plane_strain_test
 from legfem.legs.loading import load_subject
 from legfem.legs.notices import of_ends
 from legfem.meshing.section import SectionMeshSettings
+from legfem.report.answers import sentence_of
 from legfem.report.estimates import comparison
 from legfem.report.folder import keep_another, made_in_place
 from legfem.report.kinds import kind_of, page_of
-from legfem.report.notices import sentence_of
 from legfem.report.render import brief, plain_page
 from legfem.report.results import write_report
 from legfem.report.style import save

@@ -11,9 +11,8 @@ from making_diagnosed import diagnosed
 from making_diagnosis import ClosedForm, observations, problem_of, ramps
 
 from legfem.api.loading import seconds_of
-from legfem.common.deadline import NEVER, Deadline, TimeIsUpError
 from legfem.common.errors import InputError
-from legfem.common.progress import Silent, Until
+from legfem.common.progress import NEVER, Deadline, Silent, TimeIsUpError, Until
 from legfem.experiments.experiment import Solved
 from legfem.inverse.answer import Finding, FitNotice
 from legfem.inverse.averaging import averaged_interval
@@ -28,8 +27,8 @@ from legfem.inverse.responses import SolvedResponses
 from legfem.inverse.screening import MATTERS, may_move, moves, rests_on
 from legfem.inverse.verdict import answer_of, solution_notices
 from legfem.mechanisms import TissueMechanism, mechanism_named
+from legfem.report.answers import sentence_of
 from legfem.report.diagnosis_headline import headline
-from legfem.report.notices import sentence_of
 
 NAMES = ("compressibility", "fascia-stiffness", "strain-stiffening", "superficial-stiffness")
 SOUGHT = [mechanism_named(name) for name in NAMES]

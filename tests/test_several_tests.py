@@ -20,7 +20,7 @@ import legfem as lf
 from legfem.cohort.members import find_members
 from legfem.commands.identify import app
 from legfem.inverse.fit import Fit
-from legfem.report.notices import sentences_of
+from legfem.report.answers import sentences_of
 from legfem.report.preview import preview_of
 from legfem.specimens.details import SpecimenDetails
 from legfem.specimens.model_discrepancy import agreement_of_tests

@@ -23,7 +23,7 @@ from legfem.legs.identification import fit_leg
 from legfem.legs.loading import load_sites, load_subject
 from legfem.legs.site import measured_curve
 from legfem.legs.unknowns import unknown_geometry
-from legfem.report.notices import sentences_of
+from legfem.report.answers import sentences_of
 from legfem.report.results import write_report
 
 NEO_HOOKEAN = ("neo-hookean",)

@@ -37,8 +37,8 @@ from legfem.legs.identification import fit_in_3d
 from legfem.legs.model_3d import SOLVES
 from legfem.legs.solver_3d import ways_of_pressing
 from legfem.legs.subject import SitedLeg
+from legfem.report.answers import sentences_of
 from legfem.report.kinds import page_of
-from legfem.report.notices import sentences_of
 from legfem.report.render import rendered
 
 NEO_HOOKEAN = ("neo-hookean",)

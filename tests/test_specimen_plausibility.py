@@ -14,7 +14,7 @@ from making_specimens import BAR, write_bars
 import legfem as lf
 from legfem.common.errors import InputError
 from legfem.mechanics.materials import ReducedPolynomial
-from legfem.report.notices import sentences_of
+from legfem.report.answers import sentences_of
 from legfem.specimens.schema import parse_specimen_file
 
 type Change = Callable[[Path], None]

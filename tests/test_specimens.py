@@ -14,7 +14,7 @@ from legfem.inverse.fit import Fit
 from legfem.inverse.parameter import Parameter, Prior
 from legfem.inverse.search import Search, is_settled
 from legfem.mechanics.materials import ExponentialStiffening, NeoHookean, Yeoh
-from legfem.report.notices import sentences_of
+from legfem.report.answers import sentences_of
 from legfem.report.results import write_report
 from legfem.specimens.details import compared, rms_percent
 

@@ -22,11 +22,10 @@ from legfem.stockings.contour_distances import ContourAccuracy, ContourMisfit, e
 from legfem.stockings.discrepancy import ModelDiscrepancy
 from legfem.stockings.equilibrium import EquilibriumSolver, LegModel3D
 from legfem.stockings.fabric import fitted_stocking
-from legfem.stockings.forward import StockingForward
 from legfem.stockings.identification import SEARCH, ScanProblem
 from legfem.stockings.leg import SensorArray, StockingLeg
 from legfem.stockings.nuisances import NuisanceSlopes
-from legfem.stockings.scan_fit import ScanComparison
+from legfem.stockings.scan_fit import ScanComparison, StockingForward
 
 ACCURACY = ContourAccuracy(
     sd=0.1, correlation=6.0, around=25.0, along=40.0, pressure_sd=0.003, shift_sd=(0.03, 0.03, 0.05)

@@ -28,18 +28,17 @@ from legfem.inverse.fit import Identity
 from legfem.inverse.intervals import ADDS_NOTHING, quantile
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.leg_sizes import SolidMeshSettings
+from legfem.report.answers import sentence_of, sentences_of
 from legfem.report.estimates import interval_text, value_text
 from legfem.report.kinds import page_of
-from legfem.report.notices import sentence_of, sentences_of
 from legfem.report.render import estimates_frame, plain_page, rendered
 from legfem.report.results import write_report
 from legfem.report.words import Directions, angle_round, unwrapped
 from legfem.stockings import identification
-from legfem.stockings.assessment import assessed, compared, noticed
 from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.equilibrium import EquilibriumSolver, LegModel3D
 from legfem.stockings.fabric import Stocking, fitted_stocking, stocking_load
-from legfem.stockings.identification import identify_in_stocking
+from legfem.stockings.identification import assessed, compared, identify_in_stocking, noticed
 from legfem.stockings.leg import Posture, StockingLeg, default_veins
 from legfem.stockings.pressures import too_low_by
 from legfem.stockings.scan_fit import stiffness_priors

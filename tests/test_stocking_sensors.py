@@ -18,8 +18,8 @@ from legfem.experiments.compression import CompressionSettings
 from legfem.geometry.leg_shape import SKIN
 from legfem.geometry.slices import calf_levels
 from legfem.meshing.leg_sizes import SolidMeshSettings
+from legfem.report.answers import sentence_of
 from legfem.report.kinds import page_of
-from legfem.report.notices import sentence_of
 from legfem.report.render import plain_page
 from legfem.report.stocking_pressures import sensor_rows
 from legfem.stockings.contour_distances import ContourAccuracy

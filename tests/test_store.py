@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from legfem.common.contents import Contents
+from legfem.common.documents import Contents
 from legfem.common.units import FloatArray
 from legfem.jobs import store as store_module
 from legfem.jobs.store import Store, key_of

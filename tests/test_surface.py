@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from legfem.geometry.leg_surface import TriangleSurface, tube
+from legfem.geometry.leg_shape import TriangleSurface, tube
 
 
 def _tube(levels: int = 9, around: int = 40) -> TriangleSurface:

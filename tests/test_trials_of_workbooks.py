@@ -16,8 +16,7 @@ import legfem as lf
 from legfem.app.description import shown_errors
 from legfem.common.errors import InputError
 from legfem.data.formats import read_sheets
-from legfem.data.reader import trials_in
-from legfem.data.watched import stamps_of
+from legfem.data.reader import stamps_of, trials_in
 from legfem.legs.loading import load_subject, trial_files
 from legfem.legs.plausibility import doubts_about
 from legfem.legs.schema import SUBJECTS, subject_entry

@@ -27,8 +27,8 @@ from legfem.legs.loading import load_subject
 from legfem.legs.model_3d import LegModels, SpatialForward, check_has_ends
 from legfem.legs.placement import spatial_leg
 from legfem.legs.subject import Subject
+from legfem.report.answers import sentences_of
 from legfem.report.kinds import page_of
-from legfem.report.notices import sentences_of
 from legfem.report.render import plain_page
 
 GRID = np.linspace(0.0, DEPTH, 41)

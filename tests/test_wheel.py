@@ -22,7 +22,7 @@ from pathlib import Path
 
 import legfem
 from legfem.legs.correction_of_leg import LEGS as SIZES, REFERENCE
-from legfem.inverse.fibre_correction import read_fibres
+from legfem.inverse.correction import read_fibres
 from legfem.legs.correction_of_leg import read_leg_corrections
 from legfem.inverse.correction import read_correction
 from legfem.imaging.volume_file import read_volume

@@ -17,10 +17,9 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from legfem.api import loading
-from legfem.api.diagnosed import Diagnosed
 from legfem.api.diagnosis import diagnose
 from legfem.api.identification import identify
-from legfem.api.results import Identification, Result
+from legfem.api.results import Diagnosed, Identification, Result
 from legfem.api.stockings import stocking
 from legfem.cohort import rows as cohort_rows
 from legfem.cohort.anomalies import missing, suspicions

@@ -10,12 +10,10 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from legfem.api import loading
-from legfem.api.diagnosed import Diagnosed
-from legfem.api.results import Result
-from legfem.common.deadline import NEVER, Deadline
+from legfem.api.results import Diagnosed, Result
 from legfem.common.documents import write_document
 from legfem.common.errors import Doubt, log_doubts
-from legfem.common.progress import progress_on
+from legfem.common.progress import NEVER, Deadline, progress_on
 from legfem.common.units import kpa_to_mpa
 from legfem.inverse.correction import read_correction
 from legfem.inverse.parse_parameters import deep_prior

@@ -11,13 +11,13 @@ from pathlib import Path
 from threading import Event
 from typing import Any
 
-from legfem.api.diagnosed import Diagnosed
 from legfem.api.loading import Given, folder_of
-from legfem.common.deadline import Deadline
+from legfem.api.results import Diagnosed
 from legfem.common.errors import InputError, UnsolvedError, doubt_lines
 from legfem.common.numbers import number
+from legfem.common.progress import Deadline
 from legfem.data.quality import WORST_GRADE, quality_of
-from legfem.data.watched import STALLED_S, FileState, Stamp, Watched, changes, is_cut, looked, stamps_of
+from legfem.data.reader import STALLED_S, FileState, Stamp, Watched, changes, is_cut, looked, stamps_of
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.verdict import answer_of
 from legfem.legs.diagnosis import doubts_of

@@ -9,8 +9,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from legfem.api import loading
-from legfem.api.diagnosed import DIAGNOSIS, Diagnosed
-from legfem.api.results import Result
+from legfem.api.results import DIAGNOSIS, Diagnosed, Result
 from legfem.common.documents import write_document
 from legfem.report.diagnosis_document import parameter_rows
 from legfem.report.folder import REPORT, made_in_place

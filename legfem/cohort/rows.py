@@ -12,8 +12,7 @@ from typing import Any, Literal, NamedTuple
 import pandas as pd
 
 from legfem.cohort.members import DESIGN, Member, Members, Task
-from legfem.common.contents import Contents
-from legfem.common.documents import literal
+from legfem.common.documents import Contents, literal
 from legfem.common.progress import duration
 from legfem.common.resources import resource
 from legfem.inverse.answer import Notice

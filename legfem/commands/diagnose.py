@@ -58,9 +58,9 @@ def diagnose(
     """
     resume = "run the same command again to go on; solutions that are done are kept"
     with parallel_context(jobs, resume, quiet) as processes:
-        from legfem.api.diagnosed import DIAGNOSIS
         from legfem.api.diagnosis import diagnose as diagnose_in_full
         from legfem.api.loading import check_seed, named
+        from legfem.api.results import DIAGNOSIS
 
         check_seed(seed)
         if library is not None:

@@ -46,10 +46,10 @@ def live(
         End when what is there was answered.
     """
     with parallel_context(jobs, quiet=quiet) as processes:
-        from legfem.api.diagnosed import DIAGNOSIS, Diagnosed
         from legfem.api.diagnosis import diagnose
         from legfem.api.live import follow, visit_of
         from legfem.api.loading import check_folder, seconds_of
+        from legfem.api.results import DIAGNOSIS, Diagnosed
 
         seconds = seconds_of("within", within)
         if library is not None:

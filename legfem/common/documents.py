@@ -1,5 +1,9 @@
-"""Files of results, which are there whole or not at all: JSON, text, tables in Markdown; and versions they state."""
+"""Files of results, which are there whole or not at all: JSON, text, tables in Markdown; and versions they state.
 
+What stands for the content of files, wherever they lie, is made here too.
+"""
+
+import hashlib
 import json
 import math
 import os
@@ -9,7 +13,7 @@ import secrets
 import subprocess
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from functools import lru_cache
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
@@ -140,3 +144,19 @@ def column_cells(columns: Mapping[str, tuple[str, FloatArray]]) -> Cells:
     """Cells of columns (n,), each with its format; a number that isn't known is a dash."""
     texts = [["-" if np.isnan(value) else format(value, form) for value in values] for form, values in columns.values()]
     return list(columns), [list(row) for row in zip(*texts, strict=True)]
+
+
+@dataclass(frozen=True)
+class Contents:
+    """Stands for what is in a file, or in all files of a folder, wherever that lies."""
+
+    path: Path
+
+    def digest(self) -> list[list[str]]:
+        """Return names and hashes of the files; a missing one has none."""
+        files = [self.path] if self.path.is_file() else sorted(self.path.rglob("*"))
+        return [
+            [file.relative_to(self.path).as_posix(), hashlib.sha256(file.read_bytes()).hexdigest()]
+            for file in files
+            if file.is_file()
+        ]

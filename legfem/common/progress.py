@@ -1,17 +1,58 @@
-"""Progress on stderr: a bar on a terminal or in a notebook, plain lines otherwise."""
+"""Progress on stderr: a bar on a terminal or in a notebook, plain lines otherwise; and when work has to end.
 
+After a `Deadline` nothing more is begun that could go on in another run, and what was done is told.
+"""
+
+import math
 import re
 import sys
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, TextIO
 
-from legfem.common.deadline import Deadline
-
 if TYPE_CHECKING:
     import rich.progress
+
+
+class TimeIsUpError(Exception):
+    """A deadline came before all was there that something can't do without."""
+
+
+@dataclass(frozen=True)
+class Deadline:
+    """A moment after which no more work is begun; never without it.
+
+    Parameters
+    ----------
+    at
+        By the clock, s.
+    clock
+        This machine's; or the time that a processor spent, as `time.process_time` has it.
+    """
+
+    at: float = math.inf
+    clock: Callable[[], float] = time.monotonic
+
+    @classmethod
+    def after(cls, seconds: float | None, clock: Callable[[], float] = time.monotonic) -> "Deadline":
+        """Return the moment in so many seconds; never without them."""
+        return cls() if seconds is None else cls(clock() + seconds, clock)
+
+    @property
+    def passed(self) -> bool:
+        """Whether it is over."""
+        return self.clock() >= self.at
+
+    def check(self) -> None:
+        """Raise TimeIsUpError if it is over."""
+        if self.passed:
+            raise TimeIsUpError
+
+
+NEVER = Deadline()
+
 
 _BAR = 24
 _NOTEBOOK = "ipykernel"

@@ -17,8 +17,7 @@ from legfem.experiments.indentation import IndentationModel, IndentationTest, le
 from legfem.experiments.indenter_pose import Cylinder, LegIndenter, Pose
 from legfem.fem.spaces import build_spaces
 from legfem.fem.system import System
-from legfem.geometry.leg_shape import SKIN, LegShape
-from legfem.geometry.leg_surface import PartSurface
+from legfem.geometry.leg_shape import SKIN, LegShape, PartSurface
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.model import LegModel, Term

@@ -30,8 +30,7 @@ from ufl.corealg.map_dag import map_expr_dag
 from ufl.corealg.multifunction import MultiFunction
 from ufl.domain import extract_unique_domain
 
-from legfem.common.contents import Contents
-from legfem.common.documents import write_atomically
+from legfem.common.documents import Contents, write_atomically
 from legfem.common.errors import naming
 from legfem.common.units import FloatArray
 from legfem.jobs.store import key_of

@@ -20,7 +20,7 @@ from scipy.spatial import cKDTree
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.fem.compat import cell_nodes, collapse
-from legfem.geometry.leg_surface import TriangleSurface
+from legfem.geometry.leg_shape import TriangleSurface
 from legfem.mechanics.model import Formulation
 from legfem.meshing.grid import Support
 from legfem.meshing.section import BONE, HULL, REGIONS, SKIN

@@ -26,24 +26,35 @@ with :math:`P_1` solved in full at the stiffness :math:`m_1`, and the trend of a
 of idealised legs between there and :math:`m`; without a table P is the same at any stiffness. The
 trend is small where :math:`m_1` is near what is identified, and each further solve measures what is
 wrong with it. Its error replaces that of the table.
+
+**Fibres** along the muscle do no work in plane strain; under a cylinder that ends they bend and shear:
+
+.. math:: RF_{3D}(d; r) = f(d; r)\, RF_{3D}(d; 1), \qquad r = \mu_L / \mu_T,
+
+with the shear moduli along the leg and across, :math:`\mu_T = 2 C_{10}`. :math:`\ln f` comes from
+3D solves of an idealised leg with fat and fascia (``python -m studies.fibres --table``), tabulated
+over the depth and :math:`\ln r`, monotone between the points. What the table's leg isn't, nor its
+mesh, changes :math:`\ln f` by a share of itself: its errors, the muscle's stiffness among them.
 """
 
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from scipy.interpolate import RegularGridInterpolator
+from scipy.interpolate import PchipInterpolator, RegularGridInterpolator
 
 from legfem.common.documents import json_types, write_document
 from legfem.common.errors import Argument, Command, InputError, Remedy
+from legfem.common.resources import RESOURCES
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values, deep_stiffness
 from legfem.inverse.comparison import ErrorSource
+from legfem.inverse.elastography import FibreRatio
 from legfem.jobs.store import key_of
 from legfem.solve.path import ForceCurve
 
@@ -341,3 +352,88 @@ def confirmed_correction(
     there = trend.correction(displacement, np.asarray(c10), np.asarray(c20))
     of_leg = replace(trend, name=name, displacement=displacement, values=P + table - there, given={})
     return replace(of_leg, errors=errors, sources=sources)
+
+
+FIBRES = "fibres: "
+"""Beginning of the names of a correction's errors by muscle fibres."""
+TABLE = RESOURCES / "frauziols" / "correction-fibres.json"
+FIBRES_KIND = "fibres-of-legs"
+
+
+@dataclass(frozen=True, eq=False)
+class FibreTable:
+    """The logarithm of the factor on a leg's force.
+
+    Parameters
+    ----------
+    ratio
+        Of the shear moduli along the leg and across, over 1; (r,).
+    displacement
+        (n,), mm.
+    log_factor
+        (r, n).
+    errors
+        By what causes them: standard deviations as shares of the logarithm, (n,) each.
+    given
+        How it was made, for the file.
+    """
+
+    ratio: FloatArray
+    displacement: FloatArray
+    log_factor: FloatArray
+    errors: Mapping[str, FloatArray]
+    given: Mapping[str, Any]
+
+    def log_at(self, ratio: float, displacement: FloatArray) -> FloatArray:
+        """Return the factor's logarithm (n,) at displacements (n,) in mm, level beyond the last."""
+        return np.interp(displacement, self.displacement, self._by_ratio(np.log(ratio)))
+
+    def slope_at(self, ratio: float, displacement: FloatArray) -> FloatArray:
+        """Return its derivative (n,) by the ratio's logarithm."""
+        return np.interp(displacement, self.displacement, self._by_ratio(np.log(ratio), 1))
+
+    def errors_at(self, displacement: FloatArray) -> dict[str, FloatArray]:
+        """Return its errors (n,) by cause, as shares of itself."""
+        return {name: np.interp(displacement, self.displacement, share) for name, share in self.errors.items()}
+
+    @cached_property
+    def _by_ratio(self) -> PchipInterpolator:
+        nodes = np.log([1.0, *self.ratio])
+        return PchipInterpolator(nodes, [np.zeros(len(self.displacement)), *self.log_factor])
+
+    def write(self, path: Path) -> Path:
+        """Write the table as JSON."""
+        columns = dict(zip(_OF_FIBRES, (self.ratio, self.displacement, np.round(self.log_factor, 5)), strict=True))
+        errors = {name: np.round(share, 4) for name, share in self.errors.items()}
+        return write_table(path, FIBRES_KIND, self.given, columns, errors)
+
+
+_OF_FIBRES = ("ratio", "displacement_mm", "log_factor")
+
+
+@cache
+def read_fibres(path: Path = TABLE) -> FibreTable:
+    """Read a table that ``python -m studies.fibres --table`` wrote."""
+    (ratio, displacement, log), errors, given = read_table(path, FIBRES_KIND, _OF_FIBRES, Command("study correction"))
+    return FibreTable(ratio, displacement, log, errors, given)
+
+
+def with_fibres(correction: TabulatedCorrection, table: FibreTable, fibres: FibreRatio) -> TabulatedCorrection:
+    """Return a correction of muscle with fibres, given that of muscle alike in all directions.
+
+    Its errors stay what they are of the force, and those of the ratio and of the table join them.
+    """
+    d = correction.displacement
+    log, slope = table.log_at(fibres.value, d), table.slope_at(fibres.value, d)
+    factor = np.exp(log)
+    force = (1 - correction.values) * factor
+    usual = np.mean(force, axis=(0, 1))
+    of_fibres = {
+        f"{FIBRES}ratio": -usual * slope * fibres.sd / fibres.value,
+        **{f"{FIBRES}{name}": -usual * log * share for name, share in table.errors_at(d).items()},
+    }
+    name = f"{correction.name}, muscle {fibres} times as stiff in shear along the leg as across"
+    errors = {**{name: mode * factor for name, mode in correction.errors.items()}, **of_fibres}
+    source: ErrorSource = "fibres"
+    sources = {**correction.sources, **dict.fromkeys(of_fibres, source)}
+    return replace(correction, name=name, values=1 - force, errors=errors, sources=sources)

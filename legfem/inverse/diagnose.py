@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from legfem.common.deadline import NEVER, Deadline
-from legfem.common.progress import Progress
+from legfem.common.progress import NEVER, Deadline, Progress
 from legfem.data import Instrument
 from legfem.inverse.accuracy import Accuracy, measured_strengths
 from legfem.inverse.averaging import unseen_of

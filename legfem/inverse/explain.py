@@ -11,7 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from legfem.common.deadline import NEVER, Deadline, TimeIsUpError
+from legfem.common.progress import NEVER, Deadline, TimeIsUpError
 from legfem.inverse.evidence import (
     Evidence,
     discrepancy_scales,
@@ -29,10 +29,9 @@ from legfem.inverse.explanation import (
     log_bayes_factor,
     singles_of,
 )
-from legfem.inverse.form import INEXACT_SHARE
 from legfem.inverse.laplace import gain_of_widths, integrate_strength, laplace_posterior
 from legfem.inverse.library import Library
-from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
+from legfem.inverse.linearised import INEXACT_SHARE, LinearisedFit, LinearisedProblem
 from legfem.inverse.map_fit import fit, refitted_beside
 from legfem.inverse.mechanism import Mechanism, null_of
 from legfem.inverse.posterior import Posterior

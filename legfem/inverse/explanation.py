@@ -11,9 +11,8 @@ from scipy.special import expit, logit
 from legfem.common.units import FloatArray
 from legfem.inverse.estimates import Estimate, Shown
 from legfem.inverse.evidence import Discrepancy, discrepancy_scales
-from legfem.inverse.form import ShareOfPart, shares_by_part
 from legfem.inverse.intervals import Estimated
-from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, variance_degrees
+from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, ShareOfPart, shares_by_part, variance_degrees
 from legfem.inverse.posterior import Mixture, MixtureComponents, Posterior
 
 HELD = 0.9
@@ -128,7 +127,7 @@ class Explanation:
 
     @cached_property
     def missing(self) -> dict[str, tuple[ShareOfPart, ...]]:
-        """Parts of the recordings that a mechanism is missing from, by its name; see `legfem.inverse.form`."""
+        """Parts of the recordings that a mechanism is missing from, by its name; see `legfem.inverse.linearised`."""
         found = shares_by_part(self.fit_without_discrepancy or self.fit)
         return {name: own for name, parts in found.items() if (own := tuple(one for one in parts if one.missing))}
 

@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import make_smoothing_spline
 
-from legfem.common.deadline import TimeIsUpError
-from legfem.common.progress import Progress, Silent
+from legfem.common.progress import Progress, Silent, TimeIsUpError
 from legfem.common.units import FloatArray
 from legfem.inverse.emulator import NUGGET, Emulator, Kriging
 from legfem.inverse.library import (

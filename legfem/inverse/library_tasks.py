@@ -8,8 +8,7 @@ from itertools import combinations
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from legfem.common.deadline import TimeIsUpError
-from legfem.common.progress import Progress
+from legfem.common.progress import Progress, TimeIsUpError
 from legfem.common.units import mpa_to_kpa
 from legfem.data.phases import LOADING
 from legfem.inverse.catalogue import LawName

@@ -30,8 +30,7 @@ from legfem.inverse.channel_readings import PlannedChannel
 from legfem.inverse.errors import NuisanceEffect, error_model
 from legfem.inverse.evidence import discrepancy_scales, possible_discrepancies
 from legfem.inverse.explanation import INEXACT
-from legfem.inverse.form import INEXACT_SHARE
-from legfem.inverse.linearised import LinearisedFit
+from legfem.inverse.linearised import INEXACT_SHARE, LinearisedFit
 from legfem.inverse.mechanism import Mechanism, null_of, prior_of
 from legfem.inverse.observations import Observations, blank_observations
 from legfem.inverse.predictor import Predictor, onset_name, values_of

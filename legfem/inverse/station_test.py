@@ -24,10 +24,9 @@ from legfem.inverse.comparison import Covariances, ErrorSource, Mode, Prediction
 from legfem.inverse.correction import TabulatedCorrection, corrected
 from legfem.inverse.errors import ErrorModel, NuisanceEffect, error_model
 from legfem.inverse.intervals import by_third, third_of
-from legfem.inverse.observations import Observations
+from legfem.inverse.observations import Observations, StationReading
 from legfem.inverse.predictor import onset_prior
 from legfem.inverse.readings import GAIN, INSTRUMENT, OFFSET, ZERO, Data, read_at_offsets
-from legfem.inverse.station_reading import StationReading
 from legfem.inverse.trial_noise import Noise
 from legfem.solve.path import ForceCurve
 

@@ -26,8 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
-from legfem.common.contents import Contents
-from legfem.common.documents import package_version, write_atomically
+from legfem.common.documents import Contents, package_version, write_atomically
 from legfem.common.progress import Progress
 from legfem.common.resources import resource
 from legfem.jobs.pool import Workers

@@ -23,8 +23,14 @@ from legfem.common.errors import Argument, Command, InputError, Remedy
 from legfem.common.resources import RESOURCES
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.geometry.section import depth_to_bone, girth
-from legfem.inverse.correction import TabulatedCorrection, read_correction, read_table, write_table
-from legfem.inverse.fibre_correction import read_fibres, with_fibres
+from legfem.inverse.correction import (
+    TabulatedCorrection,
+    read_correction,
+    read_fibres,
+    read_table,
+    with_fibres,
+    write_table,
+)
 from legfem.legs.subject import Subject
 
 LEGS_KIND = "3d-correction-of-legs"

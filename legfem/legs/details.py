@@ -15,8 +15,7 @@ from legfem.experiments.indenter_pose import LegIndenter, Pose
 from legfem.experiments.leg_3d import LegIndentation3D
 from legfem.fem.fields import FieldReader
 from legfem.fem.spaces import BodySurface, surface_of
-from legfem.geometry.leg_shape import HULL, SKIN, LegShape
-from legfem.geometry.leg_surface import TriangleSurface
+from legfem.geometry.leg_shape import HULL, SKIN, LegShape, TriangleSurface
 from legfem.inverse.answer import Answer
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values, with_units
 from legfem.inverse.fit import Fit, KindDetails, answer_of

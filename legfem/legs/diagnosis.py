@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from legfem.common.deadline import NEVER, Deadline, TimeIsUpError
 from legfem.common.errors import Argument, Doubt, InputError, UnsolvedError
 from legfem.common.numbers import share
-from legfem.common.progress import Progress, Silent, Until
+from legfem.common.progress import NEVER, Deadline, Progress, Silent, TimeIsUpError, Until
 from legfem.data import Recording
 from legfem.inverse.accuracy import check_measured
 from legfem.inverse.answer import FitNotice, Notice, doubted

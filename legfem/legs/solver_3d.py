@@ -15,9 +15,15 @@ from legfem.common.progress import Progress, Silent
 from legfem.common.units import FloatArray
 from legfem.experiments.leg_3d import FIBRE_PARAMETERS, fibres_of
 from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO, IdentifiedLaw, Values
-from legfem.inverse.correction import FIRST_RATIO, TabulatedCorrection, first_contact_error, mesh_error, smooth_ratio
+from legfem.inverse.correction import (
+    FIBRES,
+    FIRST_RATIO,
+    TabulatedCorrection,
+    first_contact_error,
+    mesh_error,
+    smooth_ratio,
+)
 from legfem.inverse.elastography import FibreRatio
-from legfem.inverse.fibre_correction import FIBRES
 from legfem.inverse.fibre_ratio import SHAPE_SD_OF_FIBRES
 from legfem.inverse.joint_comparison import JointComparison
 from legfem.inverse.outcome import Forward, FullSolver, Outcome

@@ -14,8 +14,8 @@ from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.geometry.indenter import Site
 from legfem.geometry.section import LegSection, across, first_crossing
 from legfem.inverse.advice import DEEPER, LabStep, either, recorded
+from legfem.inverse.correction import read_fibres
 from legfem.inverse.elastography import HIGHEST_RATIO
-from legfem.inverse.fibre_correction import read_fibres
 from legfem.inverse.mechanism import (
     IndentedLeg,
     Mechanism,

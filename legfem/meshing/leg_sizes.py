@@ -14,8 +14,7 @@ from shapely import Polygon, contains_xy, prepare
 
 from legfem.common.errors import AboveZero, Argument, Checked, InputError
 from legfem.common.units import FloatArray
-from legfem.geometry.leg_shape import HULL, SKIN, LegShape, perimeter
-from legfem.geometry.leg_surface import PartSurface
+from legfem.geometry.leg_shape import HULL, SKIN, LegShape, PartSurface, perimeter
 
 _SAME_SIZE = 1.1
 """Ratio within which sizes count as the same."""

@@ -20,8 +20,7 @@ from scipy.spatial import cKDTree
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.geometry.leg_shape import HULL, SKIN, LegShape, check_shape
-from legfem.geometry.leg_surface import PartSurface
+from legfem.geometry.leg_shape import HULL, SKIN, LegShape, PartSurface, check_shape
 from legfem.meshing import gmsh_mesh
 from legfem.meshing.grid import Support
 from legfem.meshing.leg_sizes import SizeField, SolidMeshSettings, TissueGrid, bilinear, size_field

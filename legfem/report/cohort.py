@@ -19,8 +19,8 @@ from legfem.inverse.answer import Tone
 from legfem.inverse.catalogue import called
 from legfem.inverse.claims import check
 from legfem.report import cohort_statistics
+from legfem.report.answers import kind_of_notice
 from legfem.report.curves import Bundle, Cell, Forest, ForestMetric, Group, Grouped, SortableTable
-from legfem.report.notices import kind_of_notice
 from legfem.report.render import plain_page, rendered
 from legfem.report.words import BEYOND_A_FIT, LAW_NAMES, WORDS, DataKind, capital
 

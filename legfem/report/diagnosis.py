@@ -17,10 +17,10 @@ from legfem.legs.subject import Subject
 from legfem.report import diagnosis_headline, diagnosis_sentences, estimates
 from legfem.report import diagnosis_numbers as tables
 from legfem.report import page as web
+from legfem.report.answers import sentence_of
 from legfem.report.diagnosis_curves import curves_of, model_name, places_of, plain, signatures_of
 from legfem.report.diagnosis_document import Recorded, versions
 from legfem.report.further_channels import channel_chapter, misfit_in_section
-from legfem.report.notices import sentence_of
 from legfem.report.plan import chance_text
 from legfem.report.pressed_section import still_section
 from legfem.report.words import LAW_NAMES, DataKind, capital

@@ -22,8 +22,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from jinja2.utils import htmlsafe_json_dumps
 from markupsafe import Markup
 
-from legfem.common.contents import Contents
-from legfem.common.documents import legfem_build, literal, write_document
+from legfem.common.documents import Contents, legfem_build, literal, write_document
 from legfem.common.input_files import lab_of
 from legfem.inverse.catalogue import key_of
 from legfem.report import page as web

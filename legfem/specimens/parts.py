@@ -13,9 +13,8 @@ from legfem.common.units import FloatArray
 from legfem.inverse.channel_readings import StationChannel
 from legfem.inverse.comparison import Prediction
 from legfem.inverse.errors import error_model
-from legfem.inverse.observations import Observations, observe
+from legfem.inverse.observations import Observations, StationReading, observe
 from legfem.inverse.readings import INSTRUMENT, OFFSET, READINGS, RELAXATION, read_at_offsets, unit_spline
-from legfem.inverse.station_reading import StationReading
 from legfem.inverse.trial_noise import estimate_noise
 from legfem.solve.path import ForceCurve
 from legfem.specimens.course import SLOW_SHARE, STATIONS, Course, relaxed

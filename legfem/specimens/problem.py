@@ -30,12 +30,12 @@ from legfem.inverse.settings import SearchRequest, free_of_model
 from legfem.specimens import details
 from legfem.specimens.comparison import SpecimenComparison, comparison_of
 from legfem.specimens.course import QUICKENING, shows_quickening
+from legfem.specimens.diagnosis import Prepared, prepare
 from legfem.specimens.folder import SpecimenFolder, doubts_of
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.laws import REFERENCE_MPA, ParameterRequest, identified_law
 from legfem.specimens.model_discrepancy import LawMisfit, TestsAgreement, agreement_of_tests, fitted_change, misfit_of
 from legfem.specimens.nuisances import SETTLED, check_strained, seeks_ratio, why_ratio_undetermined
-from legfem.specimens.prepared import Prepared, prepare
 from legfem.specimens.side import face_fit, lateral_fit
 from legfem.specimens.sizes import OF_LAYER, RESIZED, Sizes, SpecimenRecording
 from legfem.specimens.thickness import OnARig, goes_with_thickness, widened

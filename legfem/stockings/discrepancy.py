@@ -30,9 +30,8 @@ from legfem.inverse.searches import run_together
 from legfem.inverse.settings import IdentificationSettings
 from legfem.stockings.contour_distances import ContourMisfit
 from legfem.stockings.equilibrium import PARAMETERS
-from legfem.stockings.forward import StockingForward
 from legfem.stockings.nuisances import RIGID, SECTORS, angle_from_sector
-from legfem.stockings.scan_fit import ScanComparison, ScanFit, by_name, shape_of, stiffness_priors
+from legfem.stockings.scan_fit import ScanComparison, ScanFit, StockingForward, by_name, shape_of, stiffness_priors
 
 SIGNIFICANT = 0.025
 """Family-wise level of the mechanisms, and of the places: 5 % together where nothing is wrong."""

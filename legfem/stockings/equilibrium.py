@@ -27,8 +27,7 @@ from legfem.common.units import FloatArray
 from legfem.experiments.compression import Compressed, CompressionSettings, LegCompression
 from legfem.experiments.experiment import Picklable, cached_in_process
 from legfem.fem.spaces import BodySurface, surface_of
-from legfem.geometry.leg_shape import HULL, SKIN, LegShape
-from legfem.geometry.leg_surface import TriangleSurface, tube
+from legfem.geometry.leg_shape import HULL, SKIN, LegShape, TriangleSurface, tube
 from legfem.geometry.motion import displaced
 from legfem.jobs.store import Store
 from legfem.mechanics.materials import Hyperelastic

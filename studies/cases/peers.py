@@ -13,8 +13,7 @@ import pandas as pd
 import typer
 
 from legfem.common.command_line import study_context
-from legfem.common.contents import Contents
-from legfem.common.documents import markdown_table
+from legfem.common.documents import Contents, markdown_table
 from legfem.common.progress import Silent, progress_on
 from legfem.common.units import mpa_to_kpa
 from legfem.inverse.catalogue import DEEP_C10

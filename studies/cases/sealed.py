@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from legfem.channels.kinds.layer_thickness import MUSCLE, TISSUE
-from legfem.common.deadline import Deadline
-from legfem.common.progress import Progress, Silent
+from legfem.common.progress import Deadline, Progress, Silent
 from legfem.common.units import mpa_to_kpa
 from legfem.data import Recording
 from legfem.geometry.section import layer_thicknesses

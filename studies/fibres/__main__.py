@@ -13,7 +13,7 @@ from legfem.common.command_line import study_context
 from legfem.common.documents import markdown_table, write_atomically
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import FloatArray
-from legfem.inverse.fibre_correction import TABLE
+from legfem.inverse.correction import TABLE
 from legfem.report.style import save
 from legfem.study.correction.calibration import run_cases
 from studies.command_line import DONE_IS_KEPT, Jobs, Out, new_app, write_results

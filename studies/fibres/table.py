@@ -18,8 +18,7 @@ from legfem.common.errors import UnsolvedError
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
 from legfem.experiments.leg_3d import IdealisedLegSettings
-from legfem.inverse.correction import FIRST_RATIO, mesh_error
-from legfem.inverse.fibre_correction import FibreTable
+from legfem.inverse.correction import FIRST_RATIO, FibreTable, mesh_error
 from legfem.meshing.structured import IdealisedLeg, LegMeshSettings
 from legfem.solve.path import ForceCurve
 from legfem.study.correction.calibration import leg_of_size, run_cases, stiffened

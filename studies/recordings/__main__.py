@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from legfem.common.command_line import study_context
-from legfem.common.contents import Contents
+from legfem.common.documents import Contents
 from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
 from legfem.inverse.catalogue import LawName

@@ -11,8 +11,7 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-from legfem.common.contents import Contents
-from legfem.common.documents import json_types, markdown_table, write_atomically, write_document
+from legfem.common.documents import Contents, json_types, markdown_table, write_atomically, write_document
 from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
 from legfem.jobs.pool import Workers

@@ -15,9 +15,8 @@ from mpi4py import MPI
 from legfem.common.registry import made_in, registered
 from legfem.inverse.claims import check_fits
 from legfem.inverse.fit import Fit
-from legfem.report.answers import headline_of
+from legfem.report.answers import headline_of, sentences_of
 from legfem.report.folder import ReportFile
-from legfem.report.notices import sentences_of
 from legfem.report.page import TESTED, Chapter, Known, PressedSection, Repeat, WebPage
 from legfem.report.words import DataKind
 

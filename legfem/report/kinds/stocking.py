@@ -22,8 +22,8 @@ from legfem.report.kinds import ReportKind
 from legfem.report.stocking_figures import stocking_pressure_figure, stocking_section_figure
 from legfem.report.style import picture
 from legfem.report.words import NOT_TESTED, DataKind, capital
-from legfem.stockings.assessment import KIND
 from legfem.stockings.details import StockingDetails, StockingFit
+from legfem.stockings.identification import KIND
 
 
 class StockingReport(ReportKind):
