@@ -263,12 +263,6 @@ def unless_one_of(table: FileTable, key: str, other: str, remedy: str) -> Iterat
         yield key, f"given beside {other}" if given else MISSING, remedy
 
 
-def check_one_of(table: FileTable, key: str, other: str, remedy: str) -> None:
-    """Raise what `unless_one_of` yields."""
-    for found in unless_one_of(table, key, other, remedy):
-        raise trouble(*found)
-
-
 def check_distinct(file: Path, field: str, names: Iterable[str], remedy: str) -> None:
     """Check that no name stands twice in what a file, or a folder, states; raises InputError of the field."""
     for name, times in Counter(names).items():

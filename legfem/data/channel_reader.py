@@ -1,7 +1,7 @@
 """Reading channels beside the force: columns of a recording, or files of their own that ``[channels]`` names."""
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from fnmatch import fnmatch
 from itertools import product
@@ -9,12 +9,12 @@ from pathlib import Path, PurePath
 from typing import Any
 
 import numpy as np
-from pydantic import Field, create_model, model_validator
+from pydantic import Field, create_model
 
 from legfem.channels.kind import ChannelAccuracy, ChannelKind, Face, Frames, FramesFile, Read
 from legfem.channels.kinds import CHANNELS, OF_FRAMES, OF_LEGS, UNITS
 from legfem.common.errors import InputError
-from legfem.common.input_files import FileTable, NotNegative, Positive, Text, read_table, trouble
+from legfem.common.input_files import FileTable, NotNegative, Positive, Text, Trouble, read_table
 from legfem.common.units import FloatArray
 from legfem.data.formats import file_of, read_sheets
 from legfem.data.formats.frames import LaidFrames
@@ -84,13 +84,12 @@ class RecordedChannelEntry(LaidFrames):
     threshold_kPa: NotNegative | None = None
     """Pressure below which a film reads nothing: such readings are left out."""
 
-    @model_validator(mode="after")
-    def _file_within(self) -> "RecordedChannelEntry":
+    def troubles(self) -> Iterator[Trouble]:
+        """Yield a file that isn't in the folder, and a column of none."""
         if self.file is not None and (PurePath(self.file).is_absolute() or ".." in PurePath(self.file).parts):
-            raise trouble("file", f"{self.file!r} leaves the folder", "name one within it")
+            yield "file", f"{self.file!r} leaves the folder", "name one within it"
         if self.column is not None and self.file is None:
-            raise trouble("column", "is given without a file", "name the file, or call the recording's column as usual")
-        return self
+            yield "column", "is given without a file", "name the file, or call the recording's column as usual"
 
     def error(self, of: str, unit: str) -> float | None:
         """Return what is stated of one of `_ERRORS`, for a channel in a unit."""

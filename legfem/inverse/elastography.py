@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from legfem.common.errors import Doubt
-from legfem.common.input_files import FileTable, Positive, Text, trouble
+from legfem.common.input_files import FileTable, Positive, Text, Trouble
 from legfem.common.units import kpa_to_mpa, mpa_to_kpa
 from legfem.data.ranges import RANGES
 from legfem.inverse.answer import FitNotice, Notice
@@ -80,31 +80,25 @@ class FibreRatio:
 StatedRatio = Annotated[float, Field(ge=1.0, le=HIGHEST_RATIO, allow_inf_nan=False)]
 
 
-def check_once(entries: Sequence[ElastographyEntry], ratio_stated: bool) -> None:
-    """Check that nothing is said twice, and that fibres are known in both planes or in none.
-
-    Raises
-    ------
-    PydanticCustomError
-        As a validator does.
-    """
+def elastography_troubles(entries: Sequence[ElastographyEntry], ratio_stated: bool) -> Iterator[Trouble]:
+    """Yield what is said twice, and fibres that are known in one plane alone, or by their ratio too."""
     seen: dict[tuple[str, str], int] = {}
     for number, entry in enumerate(entries):
         # Fat is alike in all directions.
         plane = entry.plane if entry.tissue == "deep" else "any plane"
         if (entry.tissue, plane) in seen:
             remedy = "give the mean of the measurements, with its standard deviation"
-            raise trouble(f"elastography.{number}", f"the {entry.tissue} tissue in {plane} is given twice", remedy)
+            yield f"elastography.{number}", f"the {entry.tissue} tissue in {plane} is given twice", remedy
         seen[entry.tissue, plane] = number
     along, across = (seen.get(("deep", plane)) for plane in ("along", "across"))
     if along is None:
         return
     if across is None:
         remedy = "give the deep tissue across the leg too: the two make the fibres' ratio"
-        raise trouble(f"elastography.{along}.plane", "along the leg without across says nothing of C10", remedy)
+        yield f"elastography.{along}.plane", "along the leg without across says nothing of C10", remedy
     if ratio_stated:
         problem = "is given beside elastography along and across"
-        raise trouble("tissues.deep.fibre_ratio", problem, "leave it out: the two make the ratio")
+        yield "tissues.deep.fibre_ratio", problem, "leave it out: the two make the ratio"
 
 
 def fibre_ratio(moduli: Sequence[ShearModulus], stated: float | None, stated_sd: float | None) -> FibreRatio | None:

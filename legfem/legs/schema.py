@@ -16,7 +16,7 @@ from legfem.data.folder import AccuracyEntry, Catalogue, InstrumentEntry, Record
 from legfem.geometry.indenter import IndenterShape
 from legfem.geometry.section import LIMBS
 from legfem.imaging.shape_schema import Labels, ShapeEntry
-from legfem.inverse.elastography import ElastographyEntry, StatedRatio, check_once
+from legfem.inverse.elastography import ElastographyEntry, StatedRatio, elastography_troubles
 
 Vector = Annotated[list[input_files.Finite], Field(min_length=3, max_length=3)]
 
@@ -225,7 +225,7 @@ class SubjectFile(input_files.NamedFile):
 
     def troubles(self) -> Iterator[input_files.Trouble]:
         """Yield what is said twice, groups of what is no muscle, and other than one plane."""
-        check_once(self.elastography, self.tissues.deep.fibre_ratio is not None)
+        yield from elastography_troubles(self.elastography, self.tissues.deep.fibre_ratio is not None)
         effects = [entry.effect for entry in self.measured]
         for number, effect in enumerate(effects):
             if effect in effects[:number]:

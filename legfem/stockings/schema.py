@@ -1,14 +1,15 @@
 """The schema of ``leg.toml``: a leg with and without its stocking."""
 
+from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from legfem.common import input_files
 from legfem.imaging.shape_schema import Labels, ShapeEntry
-from legfem.inverse.elastography import ElastographyEntry, check_once
+from legfem.inverse.elastography import ElastographyEntry, elastography_troubles
 from legfem.stockings.fabric import CompressionClass, Standard
 from legfem.stockings.leg import KINDS
 
@@ -25,14 +26,13 @@ class LevelsEntry(input_files.FileTable):
     D: input_files.Finite | None = None
     """Height just below the knee."""
 
-    @model_validator(mode="after")
-    def _upwards(self) -> "LevelsEntry":
+    def troubles(self) -> Iterator[input_files.Trouble]:
+        """Yield a level that isn't above the one before it."""
         stated = {name: at for name in ("B", "B1", "C", "D") if (at := getattr(self, name)) is not None}
         for (lower, low), (upper, high) in pairwise(stated.items()):
             if high <= low:
                 problem = f"{high:g} mm is not above {lower}, which is at {low:g} mm"
-                raise input_files.trouble(upper, problem, "give heights that increase from the ankle to the knee")
-        return self
+                yield upper, problem, "give heights that increase from the ankle to the knee"
 
 
 Share = Annotated[list[input_files.Positive], Field(min_length=2, max_length=2)]
@@ -48,15 +48,12 @@ class SharesEntry(input_files.FileTable):
     D: Share | None = None
     """Least and greatest pressure at D, in percent of that at B."""
 
-    @model_validator(mode="after")
-    def _least_first(self) -> "SharesEntry":
+    def troubles(self) -> Iterator[input_files.Trouble]:
+        """Yield ends that are no range."""
         for name in ("B1", "C", "D"):
             ends = getattr(self, name)
             if ends is not None and ends[0] >= ends[1]:
-                raise input_files.trouble(
-                    name, f"{ends[0]:g} to {ends[1]:g} is no range", "give the least first, then the greatest"
-                )
-        return self
+                yield name, f"{ends[0]:g} to {ends[1]:g} is no range", "give the least first, then the greatest"
 
 
 class StockingEntry(input_files.FileTable):
@@ -77,14 +74,13 @@ class StockingEntry(input_files.FileTable):
     levels_mm: LevelsEntry = LevelsEntry()
     limits_percent: SharesEntry = SharesEntry()
 
-    @model_validator(mode="after")
-    def _one_size(self) -> "StockingEntry":
+    def troubles(self) -> Iterator[input_files.Trouble]:
+        """Yield a size that is missing, or given twice."""
         sizes = ("compression_class", "unstretched_mm", "unstretched")
         given = [name for name in sizes if getattr(self, name) is not None]
         if len(given) != 1:
             remedy = f"give one of {', '.join(sizes)} (a CSV file with level_mm,perimeter_mm)"
-            raise input_files.trouble("compression_class", f"{len(given)} sizes of the stocking are given", remedy)
-        return self
+            yield "compression_class", f"{len(given)} sizes of the stocking are given", remedy
 
 
 class OutlineAccuracyEntry(input_files.FileTable):
@@ -158,11 +154,10 @@ class SensorEntry(input_files.FileTable):
     thickness_mm: Annotated[float, Field(ge=0, le=20, allow_inf_nan=False)] | None = None
     """Thickness as it lies under the fabric, by which it lifts that and reads too much; 0 of a corrected reading."""
 
-    @model_validator(mode="after")
-    def _one_error(self) -> "SensorEntry":
+    def troubles(self) -> Iterable[input_files.Trouble]:
+        """Return an error that is missing, or given twice."""
         remedy = f"give its standard deviation, or one of {', '.join(KINDS)}"
-        input_files.check_one_of(self, "sd_mmHg", "instrument", remedy)
-        return self
+        return input_files.unless_one_of(self, "sd_mmHg", "instrument", remedy)
 
 
 class LegFile(input_files.NamedFile):
@@ -182,31 +177,20 @@ class LegFile(input_files.NamedFile):
     sensor: list[SensorEntry] = Field(default_factory=list)
     elastography: list[ElastographyEntry] = Field(default_factory=list)
 
-    @model_validator(mode="after")
-    def _stiffness_is_known_or_shown(self) -> "LegFile":
+    def troubles(self) -> Iterator[input_files.Trouble]:
+        """Yield a stiffness that nothing tells, and elastography that can't be used."""
         known = [t.C10_kPa for t in (self.tissues.deep, self.tissues.superficial)]
         if self.compressed is None and None in known:
             remedy = "give the leg scanned in its stocking, or C10_kPa of both tissues"
-            raise input_files.trouble("compressed", "missing, and the tissues' C10_kPa aren't given either", remedy)
+            yield "compressed", "missing, and the tissues' C10_kPa aren't given either", remedy
         if self.elastography and None not in known:
-            raise input_files.trouble(
-                "elastography",
-                "is given beside C10_kPa of both tissues, which are taken as they are",
-                "leave C10_kPa out, so that it is a prior of what is identified",
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _waves_across(self) -> "LegFile":
+            remedy = "leave C10_kPa out, so that it is a prior of what is identified"
+            yield "elastography", "is given beside C10_kPa of both tissues, which are taken as they are", remedy
         for number, entry in enumerate(self.elastography):
             if entry.tissue == "deep" and entry.plane == "along":
-                raise input_files.trouble(
-                    f"elastography.{number}.plane",
-                    "along the leg isn't used: muscle in a stocking is squeezed across it",
-                    "leave it out, and give the modulus across the leg",
-                )
-        check_once(self.elastography, ratio_stated=False)
-        return self
+                problem = "along the leg isn't used: muscle in a stocking is squeezed across it"
+                yield f"elastography.{number}.plane", problem, "leave it out, and give the modulus across the leg"
+        yield from elastography_troubles(self.elastography, ratio_stated=False)
 
 
 def parse_leg_file(path: Path) -> LegFile:
