@@ -16,7 +16,7 @@ from legfem.fem.compat import evaluate
 from legfem.fem.compiled import expression
 from legfem.fem.system import System
 from legfem.mechanics.kinematics import Expr, volume_ratio
-from legfem.mechanics.model import Body, Skin, Stressed
+from legfem.mechanics.model import Stressed
 from legfem.mechanics.terms import NormalContact, SkinPressure
 
 
@@ -84,7 +84,6 @@ class FieldReader:
         """Return the fields in the present state; collective over the system's ranks."""
         system, spaces = self.system, self.system.spaces
         body, skin = system.body.domain, system.skin.domain
-        assert isinstance(body, Body) and isinstance(skin, Skin)
         displacement = fem.Function(spaces.displacement_space, name="displacement")
         displacement.x.array[:] = system.unknown.x.array[spaces.displacement_dofs]
 
@@ -130,7 +129,6 @@ class FieldReader:
     def _in_tissues(self) -> list[tuple[NDArray[np.int32], Any]]:
         """Cells, and deformation gradient and Cauchy stress there, of every tissue that tells."""
         spaces, body = self.system.spaces, self.system.body.domain
-        assert isinstance(body, Body)
         found, F = [], body.deformation_gradient
         every = [t for t in self.system.model.at("body") if isinstance(t, Stressed)]
         for tag in np.unique(spaces.cell_tags.values):
@@ -149,7 +147,6 @@ class FieldReader:
     def _on_the_skin(self) -> tuple[str, Any]:
         """Name of the load on the skin, and its pressure per deformed area (MPa) or None without one."""
         domain = self.system.skin.domain
-        assert isinstance(domain, Skin)
         terms = self.system.model.at("skin")
         contacts = [term for term in terms if isinstance(term, NormalContact)]
         given = [term for term in terms if isinstance(term, SkinPressure)]
@@ -164,7 +161,6 @@ class FieldReader:
         """Return pressure per deformed area (kPa) and displacement (mm) on the skin's mesh."""
         system, mesh = self.system, self.system.spaces.skin
         domain = system.skin.domain
-        assert isinstance(domain, Skin)
         domain.unknown.x.array[:] = system.unknown.x.array[system.spaces.trace]
         displacement = fem.Function(system.spaces.skin_space, name="displacement")
         displacement.x.array[:] = domain.unknown.x.array

@@ -142,14 +142,14 @@ type Rounding = Callable[[FloatArray], FloatArray]
 """Function from points on flat facets, (n, 3), mm, to those of the surface that they stand for."""
 
 
-class DomainForms:
+class DomainForms[Domain: IntegrationDomain]:
     """Unknown, history and forms of one domain.
 
     A term may name its ``strength``, a number at whose zero it adds nothing to the residual: its
     forms are left out while all such numbers are zero.
     """
 
-    def __init__(self, domain: IntegrationDomain, before: Any, model_terms: Any, degree: int) -> None:
+    def __init__(self, domain: Domain, before: Any, model_terms: Any, degree: int) -> None:
         self.domain, self.before = domain, before
         mesh = domain.unknown.function_space.mesh
         shapes = {f"{term.name}.{name}": shape for term in model_terms for name, shape in term.history(domain).items()}
@@ -209,7 +209,7 @@ class DomainForms:
 
 def body_forms(
     spaces: LegSpaces, model: LegModel, unknown: Any, symbols: Symbols, clock: Clock, degree: int
-) -> DomainForms:
+) -> DomainForms[Body]:
     """Return the forms of the body, with quadrature of a degree."""
     space = spaces.space
     before, test = fem.Function(space), ufl.TestFunction(space)
@@ -249,7 +249,7 @@ def skin_forms(
     applied_pressure: Any,
     rounding: Rounding | None = None,
     degree: int = SKIN_DEGREE,
-) -> DomainForms:
+) -> DomainForms[Skin]:
     """Return the forms of the skin.
 
     ``centres`` are the indenter's, now and before the step; it meets the skin that ``rounding``

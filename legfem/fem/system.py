@@ -18,7 +18,7 @@ from legfem.common.units import FloatArray
 from legfem.fem.forms import RAISED_SKIN_DEGREE, SKIN_DEGREE, Clock, Rounding, Symbols, body_forms, skin_forms
 from legfem.fem.spaces import LegSpaces, sum_over
 from legfem.mechanics.kinematics import volume_ratio
-from legfem.mechanics.model import Body, LegModel
+from legfem.mechanics.model import LegModel
 
 if TYPE_CHECKING:
     from legfem.fem.sliding import SlidingForces
@@ -136,10 +136,7 @@ class System:
         trace = spaces.trace
         # PETSc passes over negative indices: the skin adds nothing to the equations of supports.
         self._trace_free = np.where(np.isin(trace, spaces.pinned), -1, trace).astype(np.int32)
-        body = self.body.domain
-        assert isinstance(body, Body)
-        J = volume_ratio(body.deformation_gradient)
-        self._volume_ratio = self.body.history.expression(J)
+        self._volume_ratio = self.body.history.expression(volume_ratio(self.body.domain.deformation_gradient))
         dofmap = spaces.space.dofmap
         self._owned = dofmap.index_map.size_local * dofmap.index_map_bs
         self.evaluations, self.body_tangents = 0, 0
@@ -315,10 +312,8 @@ class System:
         self._kept_serves = False
 
     def _state(self) -> dict[str, Any]:
-        both = {"body": self.body, "skin": self.skin}
-        remembered = {
-            f"{name}.{key}": function for name, forms in both.items() for key, function in forms.remembered.items()
-        }
+        both = {"body": self.body.remembered, "skin": self.skin.remembered}
+        remembered = {f"{name}.{key}": function for name, held in both.items() for key, function in held.items()}
         return {"unknown": self.unknown, **remembered}
 
     def minimum_volume_ratio(self) -> float:

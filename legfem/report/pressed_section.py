@@ -18,7 +18,6 @@ from legfem.fem.fields import FieldReader, LegFields
 from legfem.geometry.indenter import first_touch
 from legfem.geometry.section import LegSection
 from legfem.legs.subject import Subject
-from legfem.mechanics.model import Skin
 from legfem.meshing.section import REGIONS
 from legfem.report.curves import packed
 from legfem.report.page import PressedSection, StillSection
@@ -206,9 +205,7 @@ class Filmed:
     def is_final(self) -> bool:
         """Whether the system is in the solution's last state: a finer mesh has another."""
         mesh, system = self.experiment.section_mesh, self.experiment.system
-        skin = system.skin.domain
-        assert isinstance(skin, Skin)
-        here = float((skin.centre.value - mesh.touch) @ mesh.direction)
+        here = float((system.skin.domain.centre.value - mesh.touch) @ mesh.direction)
         own_mesh = self.solved.report.unknowns == system.spaces.unknowns
         return own_mesh and bool(np.isclose(here, self.solved.report.reached))
 

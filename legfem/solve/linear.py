@@ -23,7 +23,6 @@ from legfem.common.units import FloatArray
 from legfem.fem.compiled import compiled
 from legfem.fem.spaces import LegSpaces
 from legfem.fem.system import System
-from legfem.mechanics.model import Body
 from legfem.mechanics.terms.tissue import Tissue
 
 
@@ -353,7 +352,6 @@ class SaddlePreconditioner:
 def _lumped_over_modulus(system: System) -> Any:
     """Return the rows' sums of the pressures' mass matrix over the shear modulus, as a form."""
     body = system.body.domain
-    assert isinstance(body, Body)
     tissues = [term for term in system.model.at("body") if isinstance(term, Tissue)]
     return sum(
         body.pressure_variations[tissue.region]

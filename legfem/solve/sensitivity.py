@@ -149,7 +149,7 @@ class Trackers:
 class _PlaceSensitivity:
     """Directional derivatives of one domain's residual and history."""
 
-    def __init__(self, forms: DomainForms, parameters: Sequence[str]) -> None:
+    def __init__(self, forms: DomainForms[Any], parameters: Sequence[str]) -> None:
         domain, space = forms.domain, forms.domain.unknown.function_space
         self._forms, self._history = forms, forms.history
         self._rate, self._before = fem.Function(space), fem.Function(space)
@@ -240,7 +240,7 @@ class _PlaceSensitivity:
         for name, values in history.items():
             self._old[name].x.array[:] = values
 
-    def _total(self, value: Any, forms: DomainForms, domain: Any, name: str | None) -> Any:
+    def _total(self, value: Any, forms: DomainForms[Any], domain: Any, name: str | None) -> Any:
         old = forms.history.variables
         total = ufl.derivative(value, domain.unknown, self._rate)
         total += ufl.derivative(value, forms.before, self._before)
@@ -250,7 +250,7 @@ class _PlaceSensitivity:
         return expand_derivatives(total)
 
 
-def _felt(forms: DomainForms, residual: Any) -> tuple[dict[str, Any], frozenset[str]]:
+def _felt(forms: DomainForms[Any], residual: Any) -> tuple[dict[str, Any], frozenset[str]]:
     """Return the history variables that the residual feels, and the zeros that silence others."""
     old, symbols = forms.history.variables, forms.domain.symbols
     # What differs is seen without derivatives, of which a law with many branches has long ones.

@@ -16,7 +16,6 @@ from legfem.fem.compat import evaluate
 from legfem.inverse.correction import smooth_ratio
 from legfem.jobs.store import Store
 from legfem.mechanics.materials import Hyperelastic, NeoHookean, ReducedPolynomial
-from legfem.mechanics.model import Skin
 from legfem.mechanics.terms import Fibres, NormalContact
 from legfem.mechanics.terms.muscle import USUAL_EXTENSION
 from legfem.meshing.structured import IdealisedLeg
@@ -166,7 +165,6 @@ def skin_state(experiment: IdealisedLegIndentation) -> FloatArray:
     """
     system = experiment.system
     domain = system.skin.domain
-    assert isinstance(domain, Skin)
     normal = next(t for t in system.model.at("skin") if isinstance(t, NormalContact))
     both = [*domain.position, *(domain.position + domain.displacement), normal.pressure(domain)]
     mesh = system.spaces.skin
