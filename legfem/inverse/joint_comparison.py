@@ -47,10 +47,6 @@ class JointComparison(Comparison):
         return spans_of(len(test.data) for test in self.tests)
 
     @cached_property
-    def _model_spans(self) -> list[slice]:
-        return spans_of(test.station.size for test in self.tests)
-
-    @cached_property
     def measured(self) -> FloatArray:
         """Readings of all tests, (n,)."""
         return np.concatenate([test.data.values for test in self.tests])
@@ -109,7 +105,7 @@ class JointComparison(Comparison):
 
     def read(self, model_values: FloatArray, instrument: FloatArray) -> FloatArray:
         """Readings (..., n) of what the model gives on all tests' grids (..., m)."""
-        parts = zip(self.tests, self._model_spans, strict=True)
+        parts = zip(self.tests, spans_of(test.station.size for test in self.tests), strict=True)
         read = [test.read(model_values[..., span], instrument) for test, span in parts]
         return np.concatenate(read, axis=-1)
 

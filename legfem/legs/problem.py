@@ -124,8 +124,8 @@ class LegProblem:
             return None
         weighting = "equal" if now.contradicts(best.objective) else now.weighting
         moved = replace(now, weighting=weighting)
-        assert best.prediction is not None
-        left = np.linalg.solve(moved.weighing_covariance, best.prediction.values - moved.measured)
+        predicted = search.linearised(best).prediction.values
+        left = np.linalg.solve(moved.weighing_covariance, predicted - moved.measured)
         pairs = zip(now.tests, best.outcome.curves, now.spans, strict=True)
         tests = tuple(test.about(curve, best.values, test.contacts_of(left[span])) for test, curve, span in pairs)
         stays = all(

@@ -165,11 +165,6 @@ class SpecimenComparison(Comparison):
         return np.concatenate([*forces, -depth * np.concatenate([part.slope for part in self.parts])])
 
     @cached_property
-    def grids(self) -> list[FloatArray]:
-        """Grids of the tests' displacements, mm."""
-        return [grid_to(depth) for depth in self.depths]
-
-    @cached_property
     def linear_scale(self) -> FloatArray:
         """Sizes of the model's values, 0 of forces."""
         return np.concatenate([np.zeros(GRID * len(self.depths)), *(part.scale for part in self.parts)])
@@ -209,7 +204,7 @@ class SpecimenComparison(Comparison):
 
     def predict(self, outcome: Outcome, instrument: FloatArray) -> Prediction:
         """Return complete full solves as they are read."""
-        pairs = list(zip(outcome.curves, self.grids, strict=True))
+        pairs = [(curve, grid_to(depth)) for curve, depth in zip(outcome.curves, self.depths, strict=True)]
         force = np.concatenate([curve(grid) for curve, grid in pairs])
         by = {
             name: np.concatenate([curve.sensitivity(name, grid) for curve, grid in pairs])
