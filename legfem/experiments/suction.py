@@ -166,8 +166,6 @@ class _Drawn(Meshed):
                 rates = tracker.state_rates()
                 by = np.array([rates[name][self._apex] for name in names])
                 slopes.append(-by / change[self._apex])
-            else:
-                slopes.append(np.zeros(len(names)))
             before = system.unknown.x.array.copy()
             system.advance()
             usual = height / _STEPS / float(change[self._apex])

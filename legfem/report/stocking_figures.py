@@ -121,7 +121,6 @@ VEIN_COLOUR = "#D55E00"
 @styled
 def stocking_section_figure(details: StockingDetails, section: SectionPressures) -> Figure:
     """Return the pressure in a section, and the outlines before and after, with their load."""
-    assert details.pressures is not None
     leg, level = details.leg, section.level
     figure = titled(13.0, 8.2, f"Inside the leg at mid calf (z = {level:.1f} mm)", leg.title, leg.origin)
     (inside, outside), below = figure.subplots(2, 2, height_ratios=(5, 1))
