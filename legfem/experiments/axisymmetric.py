@@ -34,7 +34,7 @@ from legfem.meshing.section import DEEP
 from legfem.meshing.structured import MeridianMeshSettings, mesh_meridian, supports
 from legfem.solve.linear import LinearSettings
 from legfem.solve.newton import NewtonSolver
-from legfem.solve.path import ForceCurve
+from legfem.solve.path import Course, courses_of, each_course, with_courses
 from legfem.solve.protocol import Protocol
 from legfem.solve.settings import NewtonSettings, StepSettings
 
@@ -336,19 +336,12 @@ class HalfwayTest(Picklable):
         at = least.curve.displacement
         if len(at) < 2:
             return least
-        by = {
-            name: 0.5 * (least.curve.sensitivities[name] + most.curve.sensitivity(name, at)) for name in sensitivities
+        other = each_course(courses_of(most.curve), lambda values: most.curve.interpolated(values, at))
+        between: dict[str, Course] = {
+            name: (0.5 * (one + other[name][0]), {p: 0.5 * (slope + other[name][1][p]) for p, slope in by.items()})
+            for name, (one, by) in courses_of(least.curve).items()
         }
-        channels = {
-            name: 0.5 * (values + most.curve.channel(name, at)) for name, values in least.curve.channels.items()
-        }
-        channel_rates = {
-            name: {p: 0.5 * (rates + most.curve.channel_sensitivity(name, p, at)) for p, rates in known.items()}
-            for name, known in least.curve.channel_sensitivities.items()
-        }
-        return replace(
-            least, curve=ForceCurve(at, 0.5 * (least.curve.force + most.curve(at)), by, channels, channel_rates)
-        )
+        return replace(least, curve=with_courses(least.curve, between))
 
 
 _STEPS = 20

@@ -28,7 +28,7 @@ from legfem.experiments.bodies import HomogeneousBody
 from legfem.experiments.experiment import ProtocolTest, Solved, sample_protocol
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.terms import Fibres, Tissue
-from legfem.solve.path import Path, SolveReport
+from legfem.solve.path import FORCE, Path, SolveReport
 from legfem.solve.protocol import Protocol
 
 # Of every stretch of a protocol.
@@ -37,7 +37,6 @@ _POINTS = 80
 _SHORTEST = 0.05
 _NEWTON_STEPS = 40
 _IMAGINARY = 1e-30
-FORCE = "force"
 # Of the stretches' logarithms.
 _MOVE, _SMALL, _FARTHEST = 1e-7, 1e-15, 0.3
 

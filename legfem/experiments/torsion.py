@@ -18,7 +18,8 @@ import numpy as np
 from legfem.channels.kinds.normal_force import NORMAL_FORCE
 from legfem.common.units import FloatArray
 from legfem.experiments.bodies import TwistedCylinder
-from legfem.experiments.homogeneous import FORCE, ClosedFormTest
+from legfem.experiments.homogeneous import ClosedFormTest
+from legfem.solve.path import FORCE
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 _RADII = 0.5 * (1 + _NODES)

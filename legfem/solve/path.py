@@ -1,7 +1,7 @@
 """What a solution gives: force, further channels and derivatives along its path, and the report of its work."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -63,13 +63,14 @@ class ForceCurve:
 
     def channel(self, name: str, displacement: ArrayLike) -> FloatArray:
         """Return a channel at displacements (mm); before first touch, what it is there."""
-        return self._channel_at(self.channels[name], displacement)
+        return self.interpolated(self.channels[name], displacement)
 
     def channel_sensitivity(self, name: str, parameter: str, displacement: ArrayLike) -> FloatArray:
         """Return the derivative of a channel by a parameter at displacements (mm)."""
-        return self._channel_at(self.channel_sensitivities[name][parameter], displacement)
+        return self.interpolated(self.channel_sensitivities[name][parameter], displacement)
 
-    def _channel_at(self, values: FloatArray, displacement: ArrayLike) -> FloatArray:
+    def interpolated(self, values: FloatArray, displacement: ArrayLike) -> FloatArray:
+        """Return values at the solved steps, (n,), at displacements (mm); before first touch, what they are there."""
         at = np.maximum(np.asarray(displacement, dtype=float), 0.0)
         return np.asarray(CubicSpline(self.displacement, values)(at))
 
@@ -129,13 +130,8 @@ class Path:
         moves_in = np.diff(self.displacement) > 0
         end = len(moves_in) if moves_in.all() else int(np.argmin(moves_in))
         part = slice(0, end + 1)
-        return ForceCurve(
-            self.displacement[part],
-            self.force[part],
-            _part(self.sensitivities, part),
-            _part(self.channels, part),
-            {channel: _part(by, part) for channel, by in self.channel_sensitivities.items()},
-        )
+        curve = ForceCurve(self.displacement[part], self.force[part])
+        return with_courses(curve, each_course(courses_of(self), lambda values: values[part]))
 
     def force_at(self, time: ArrayLike) -> FloatArray:
         """Return the force (N) at times (s)."""
@@ -178,8 +174,29 @@ class Path:
         return result
 
 
-def _part(values: Mapping[str, FloatArray], part: slice) -> dict[str, FloatArray]:
-    return {name: one[part] for name, one in values.items()}
+FORCE = "force"
+type Course = tuple[FloatArray, dict[str, FloatArray]]
+"""What is read along the way, and its derivatives by parameters' full names."""
+
+
+def courses_of(read: ForceCurve | Path) -> dict[str, Course]:
+    """Return the courses of the force and of every channel, one as the other."""
+    by = read.channel_sensitivities
+    others = {name: (course, dict(by.get(name, {}))) for name, course in read.channels.items()}
+    return {FORCE: (read.force, dict(read.sensitivities)), **others}
+
+
+def with_courses[Read: (ForceCurve, Path)](read: Read, courses: Mapping[str, Course]) -> Read:
+    """Return a curve or path with these courses in place of its own."""
+    others = {name: one for name, one in courses.items() if name != FORCE}
+    (force, by), rates = courses[FORCE], {name: slopes for name, (_, slopes) in others.items() if slopes}
+    channels = {name: course for name, (course, _) in others.items()}
+    return replace(read, force=force, sensitivities=by, channels=channels, channel_sensitivities=rates)
+
+
+def each_course(courses: Mapping[str, Course], made: Callable[[FloatArray], FloatArray]) -> dict[str, Course]:
+    """Return courses of which, and of their derivatives, something else is made, linear in them."""
+    return {name: (made(one), {p: made(slope) for p, slope in by.items()}) for name, (one, by) in courses.items()}
 
 
 @dataclass(frozen=True)

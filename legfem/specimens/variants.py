@@ -13,7 +13,7 @@ from legfem.inverse.accuracy import SIZE
 from legfem.inverse.catalogue import RATIO
 from legfem.mechanisms import Solution, shown_in
 from legfem.mechanisms.time_dependence import TIMES_S
-from legfem.solve.path import Path
+from legfem.solve.path import FORCE, Course, Path, courses_of, with_courses
 from legfem.solve.protocol import Protocol
 from legfem.specimens.course import borne
 from legfem.specimens.forward import SpecimenForward
@@ -24,11 +24,8 @@ _C10, _C20 = "deep.C10", "deep.C20"
 _BESIDE = "superficial.C10"
 """What mechanisms call the stiffness of tissues beside the one that is asked for."""
 _STATED = "stated_"
-_FORCE = "force"
 
 type _Numbers = tuple[tuple[str, float], ...]
-type _Course = tuple[FloatArray, dict[str, FloatArray]]
-"""A force or channel along a path (n,), and its derivatives."""
 type _Asked = tuple[str, Protocol, _Numbers, tuple[str, ...]]
 
 
@@ -131,8 +128,8 @@ class SpecimenVariants:
         solved = self._scaled(solution.variant, protocol, own, tuple(sorted({*asked, *stiffnesses})))
         if not solved.report.complete:
             return solved
-        found: dict[str, _Course] = {}
-        for name, (course, rates) in _courses_of(solved.path).items():
+        found: dict[str, Course] = {}
+        for name, (course, rates) in courses_of(solved.path).items():
             times, degree = (scale, 1.0) if _is_load(name) else (1.0, 0.0)
             by = {one: np.asarray(times * rate) for one, rate in rates.items()}
             found[name] = times * course, _along_c10(by, stiffnesses, scale, deep[_C10], degree * times * course)
@@ -141,13 +138,13 @@ class SpecimenVariants:
             changed, time = larger.follow(protocol, deep, solution), solved.path.time
             if not changed.report.complete:
                 return changed
-            resized = {_FORCE: changed.path.force_at(time), **changed.path.channels_at(time)}
+            resized = {FORCE: changed.path.force_at(time), **changed.path.channels_at(time)}
             for name, (course, rates) in found.items():
                 rates[size] = np.asarray((resized[name] - course) / (RESIZED * self.measured[size]))
         # What branches bear changes no strain.
         nothing = np.zeros(len(solved.path.time))
         kept = {name: (course, {n: by.get(n, nothing) for n in sensitivities}) for name, (course, by) in found.items()}
-        path = _with_courses(solved.path, kept)
+        path = with_courses(solved.path, kept)
         return replace(solved, path=path, curve=path.loading)
 
     def _scaled(
@@ -201,30 +198,15 @@ def _relaxing(path: Path, values: Mapping[str, float], sensitivities: Sequence[s
     def held(load: FloatArray) -> FloatArray:
         return np.hstack([np.zeros((len(names), 1)), borne(path.time[1:], load[1:])])
 
-    def relaxing(load: FloatArray, rates: Mapping[str, FloatArray]) -> _Course:
+    def relaxing(load: FloatArray, rates: Mapping[str, FloatArray]) -> Course:
         by_branch, by = held(load), {name: rate + ratios @ held(rate) for name, rate in rates.items()}
         own = zip(names, by_branch, strict=True)
         return load + ratios @ by_branch, by | {name: each for name, each in own if name in sensitivities}
 
-    courses = _courses_of(path).items()
-    return _with_courses(path, {name: relaxing(*one) if _is_load(name) else one for name, one in courses})
-
-
-def _courses_of(path: Path) -> "dict[str, _Course]":
-    """Return force and channels along a path, each with its derivatives."""
-    force = {_FORCE: (path.force, dict(path.sensitivities))}
-    by = path.channel_sensitivities
-    return force | {name: (course, dict(by.get(name, {}))) for name, course in path.channels.items()}
-
-
-def _with_courses(path: Path, courses: "Mapping[str, _Course]") -> Path:
-    """Return a path with others in place of those of `_courses_of`."""
-    channels = {name: one for name, one in courses.items() if name != _FORCE}
-    force, by = courses[_FORCE]
-    seen = {name: rates for name, (_, rates) in channels.items()}
-    return Path(path.time, path.displacement, force, by, {n: course for n, (course, _) in channels.items()}, seen)
+    courses = courses_of(path).items()
+    return with_courses(path, {name: relaxing(*one) if _is_load(name) else one for name, one in courses})
 
 
 def _is_load(course: str) -> bool:
     """Whether a course is one of a force or moment, in proportion to stiffnesses and relaxing with them."""
-    return course == _FORCE or CHANNELS[course.partition(":")[0]].follows_force
+    return course == FORCE or CHANNELS[course.partition(":")[0]].follows_force
