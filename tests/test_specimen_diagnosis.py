@@ -151,7 +151,7 @@ def test_one_solution_serves_every_stiffness(body, depth: float) -> None:
         for channel in found.channels:
             ends = [direct(c10 + s * step[0], c20 + s * step[1], channel=channel) for s in (1, -1)]
             slope = (ends[0] - ends[1]) / (2 * sum(step))
-            rates = found.channel_sensitivities_at(name, at)[channel]
+            rates = found.each_at(at, found.channel_sensitivities[channel])[name]
             np.testing.assert_allclose(rates, slope, rtol=1e-2, atol=1e-3 * np.abs(slope).max() + 1e-6)
     if hasattr(body, "height"):
         from dataclasses import replace

@@ -356,7 +356,7 @@ def confirmed_correction(
 
 FIBRES = "fibres: "
 """Beginning of the names of a correction's errors by muscle fibres."""
-TABLE = RESOURCES / "frauziols" / "correction-fibres.json"
+FIBRES_TABLE = RESOURCES / "frauziols" / "correction-fibres.json"
 FIBRES_KIND = "fibres-of-legs"
 
 
@@ -412,7 +412,7 @@ _OF_FIBRES = ("ratio", "displacement_mm", "log_factor")
 
 
 @cache
-def read_fibres(path: Path = TABLE) -> FibreTable:
+def read_fibres(path: Path = FIBRES_TABLE) -> FibreTable:
     """Read a table that ``python -m studies.fibres --table`` wrote."""
     (ratio, displacement, log), errors, given = read_table(path, FIBRES_KIND, _OF_FIBRES, Command("study correction"))
     return FibreTable(ratio, displacement, log, errors, given)

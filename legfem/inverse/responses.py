@@ -332,13 +332,13 @@ class SolvedResponses:
             return {"stopped": np.zeros(0)}
         path = solved.path
         slopes = {name: path.sensitivity_at(name, asked.at) for name in asked.derivatives}
-        found = {"force": path.force_at(asked.at), **slopes}
-        since_touch = np.concatenate([[0.0], asked.at])
-        found |= path.channels_at(since_touch)
-        for name in asked.derivatives:
-            by_channel = path.channel_sensitivities_at(name, since_touch)
-            found |= {derivative_of(channel, name): course for channel, course in by_channel.items()}
-        return found
+        of_channels = {
+            derivative_of(channel, name): by[name]
+            for channel, by in path.channel_sensitivities.items()
+            for name in asked.derivatives
+        }
+        beside = path.each_at(np.concatenate([[0.0], asked.at]), {**path.channels, **of_channels})
+        return {"force": path.force_at(asked.at), **slopes, **beside}
 
 
 def _columns_of(columns: Columns, names: Sequence[str], length: int) -> FloatArray:

@@ -143,16 +143,13 @@ class Path:
 
     def channels_at(self, time: ArrayLike) -> dict[str, FloatArray]:
         """Return every channel at times (s)."""
-        return self._each_at(time, self.channels)
+        return self.each_at(time, self.channels)
 
-    def channel_sensitivities_at(self, parameter: str, time: ArrayLike) -> dict[str, FloatArray]:
-        """Return the derivative of every channel by a parameter at times (s)."""
-        return self._each_at(time, {name: by[parameter] for name, by in self.channel_sensitivities.items()})
-
-    def _each_at(self, time: ArrayLike, courses: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-        if not courses:
+    def each_at(self, time: ArrayLike, values: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+        """Return values along the path, (n,) each, at times (s)."""
+        if not values:
             return {}
-        return dict(zip(courses, self._at(time, np.column_stack(list(courses.values()))).T, strict=True))
+        return dict(zip(values, self._at(time, np.column_stack(list(values.values()))).T, strict=True))
 
     def _at(self, time: ArrayLike, values: FloatArray) -> FloatArray:
         """Interpolate values (n, ...) within the parts between which the speed jumps.

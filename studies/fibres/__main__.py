@@ -13,7 +13,7 @@ from legfem.common.command_line import study_context
 from legfem.common.documents import markdown_table, write_atomically
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import FloatArray
-from legfem.inverse.correction import TABLE
+from legfem.inverse.correction import FIBRES_TABLE
 from legfem.report.style import save
 from legfem.study.correction.calibration import run_cases
 from studies.command_line import DONE_IS_KEPT, Jobs, Out, new_app, write_results
@@ -46,7 +46,7 @@ def write_table(folder: Path, jobs: int, progress: Progress) -> None:
     ]
     rows = [[name, *(f"{value:.3f}" for value in row)] for name, row in zip(names, cells, strict=True)]
     typer.echo(markdown_table(["", *(f"{d:g} mm" for d in AT_MM)], rows))
-    typer.echo(f"table: {found.write(folder / TABLE.name)}")
+    typer.echo(f"table: {found.write(folder / FIBRES_TABLE.name)}")
 
 
 def diagnose_concealed(folder: Path, jobs: int, progress: Progress, seed: int | None) -> None:
