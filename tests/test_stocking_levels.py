@@ -7,19 +7,21 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from making_stocking import short_leg
+from making_stocking import COARSEST, laws, short_leg
 
 from legfem.common.units import mpa_to_mmhg
 from legfem.geometry.leg_shape import SKIN, LegShape
 from legfem.report.stocking_pressures import _about_levels
 from legfem.stockings.contour_distances import ContourAccuracy
-from legfem.stockings.fabric import Stocking, stocking_load
+from legfem.stockings.equilibrium import EquilibriumSolver, LegModel3D
+from legfem.stockings.fabric import Stocking, StockingLoad, fitted_stocking, stocking_load
 from legfem.stockings.levels import (
     LEVELS,
     MESH_SHARE,
     LevelPressure,
     MakersLevels,
     PressureAlong,
+    fabrics_for_classes,
     pressures_at_levels,
     rises,
 )
@@ -126,3 +128,37 @@ def test_a_rise_of_nothing_is_no_rise(pressures: tuple[float, ...], said: str) -
     leg = SimpleNamespace(makers=makers, bare=CALF)
     texts = list(_about_levels(SimpleNamespace(pressure_along=along, leg=leg, at_levels=levels)))
     assert any(one.endswith(f"decreases steadily from the ankle upwards: {said}") for one in texts)
+
+
+@pytest.mark.parametrize("change", ["stiffness", "size"])
+def test_a_leg_in_the_fabric_that_meets_a_class_has_that_class_at_the_ankle(change: str) -> None:
+    """Solved again with it, from a fabric of half the pressure: the leg gives way, and the fabric with it."""
+    shape = short_leg()
+    model = LegModel3D(shape, laws(1.0, 2.0), COARSEST)
+    makers = MakersLevels("ENV 12718", "1", heights={"B": 80.0})
+
+    def worn(fabric: Stocking) -> tuple[PressureAlong, StockingLoad]:
+        load = EquilibriumSolver(model, fabric).solve().load
+        return PressureAlong.of(shape, load, stocking_load(shape, fabric), ContourAccuracy()), load
+
+    first = fitted_stocking(shape, "1")
+    along, load = worn(first)
+    told = list(fabrics_for_classes(along, load, makers, shape, first.stiffness))
+    assert [one.compression_class for one in told] == ["A", "1", "2", "3", "4"]
+    assert told[-1].tension_factor[1] == np.inf and told[-1].unstretched_mm_at_B[1] == 0.0
+    (one,) = (each for each in told if each.compression_class == "2")
+    if change == "stiffness":
+        chosen = replace(first, stiffness=one.stiffness_N_per_mm[0])
+    else:
+        now = np.interp(80.0, first.levels, first.unstretched)
+        chosen = replace(first, unstretched=first.unstretched * one.unstretched_mm_at_B[0] / now)
+    # The leg gives way, so that tension in proportion to the pressure alone is too little.
+    assert one.tension_factor[0] > 23.0 / along.at(80.0)[0] > 1.5
+    assert worn(chosen)[0].at(80.0)[0] == pytest.approx(23.0, rel=0.02)
+
+
+def test_a_leg_without_an_ankle_has_no_fabric_for_a_class() -> None:
+    rings = round_calf([40, 45, 50])
+    load = stocking_load(rings, Stocking(0.3, rings.levels[:1], np.array([180.0])))
+    along = PressureAlong.of(rings, load, load, ContourAccuracy())
+    assert not list(fabrics_for_classes(along, load, MakersLevels(), rings, 0.3))

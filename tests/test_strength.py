@@ -14,7 +14,7 @@ from legfem.inverse.averaging import averaged_interval, widened_by
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.evidence import Evidence, Linearisation, possible_discrepancies
 from legfem.inverse.explain import explain
-from legfem.inverse.laplace import WIDTHS, contact_posterior, gain_of_widths, integrate_strength
+from legfem.inverse.laplace import WIDTHS, gain_of_widths, integrate_strength, laplace_posterior
 from legfem.inverse.map_fit import fit
 from legfem.inverse.mechanism import strength
 from legfem.mechanisms import mechanism_named
@@ -72,7 +72,7 @@ def summed(problem, evidence, fitted, shares):
     widths[[0, -1]] /= 2
     for z, width in zip(steps, widths, strict=True):
         held = fit(problem, fitted.mechanisms, {**fitted.values, NAME: prior.value_at(z)}, (NAME,))
-        own = contact_posterior(evidence, held, shares)
+        own = laplace_posterior(evidence, held, shares)
         about = multivariate_normal(own.mean, own.covariance)
         for departure in generator.multivariate_normal(own.mean, own.covariance, _DRAWS):
             log = log_likelihood(problem, evidence, held.moved(departure), shares)
@@ -90,7 +90,7 @@ def summed(problem, evidence, fitted, shares):
 def test_evidence_and_stiffness_are_those_of_sums_where_a_strength_is_far_from_linear(seed):
     problem, _, fitted, evidence = tense(seed)
     shares = [0.0 if u.covariance is None else -np.inf for u in evidence.unknowns]
-    conditional = partial(contact_posterior, evidence, shares=shares)
+    conditional = partial(laplace_posterior, evidence, shares=shares)
     linear = conditional(fitted)
     found = integrate_strength(fitted, linear, conditional)
     total, mean, sd = summed(problem, evidence, fitted, shares)
@@ -111,7 +111,7 @@ def test_a_strength_that_acts_in_proportion_is_as_a_line_has_it():
     fitted = fit(problem, [mechanism_named("force-drift")], base.values)
     evidence = Evidence(problem.errors, possible_discrepancies(problem.predictor.observed, base.prediction))
     shares = [0.0 if u.covariance is None else -np.inf for u in evidence.unknowns]
-    conditional = partial(contact_posterior, evidence, shares=shares)
+    conditional = partial(laplace_posterior, evidence, shares=shares)
     linear = conditional(fitted)
     found = integrate_strength(fitted, linear, conditional)
     of_any_width = linear.log_evidence + gain_of_widths(fitted, linear)
@@ -131,7 +131,7 @@ def test_a_strength_s_usual_size_decides_little_between_what_does_the_same(monke
     problem, base = problem_of(ramps(), {"force-drift.rate": 0.004}, seed=2)
     evidence = Evidence(problem.errors, possible_discrepancies(problem.predictor.observed, base.prediction))
     shares = [0.0 if u.covariance is None else -np.inf for u in evidence.unknowns]
-    conditional = partial(contact_posterior, evidence, shares=shares)
+    conditional = partial(laplace_posterior, evidence, shares=shares)
 
     def gap() -> float:
         fits = [fit(problem, [one], base.values) for one in (ForceDrift(), VaguerDrift())]

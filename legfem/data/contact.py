@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import expit
 
 from legfem.common.units import FloatArray
 from legfem.data.noise import Instrument, slow_correlation
@@ -21,7 +22,7 @@ _MAX_POINTS = 200
 _LEAST_GAIN = 10.0
 """Drop in cost, in variances of the errors, below which air isn't believed."""
 _BY_NOISE = 2.0
-"""What each further trial adds to that drop."""
+"""What each trial adds to that drop beyond a first one's."""
 _MOST_STIFFENING = 0.4
 """By which the force's slope may grow, relative, over one way of `Scales`."""
 _SHAPE_ERROR = 0.03
@@ -127,13 +128,19 @@ class Contact:
         return self.displacement + apart / 2, float(np.hypot(self.displacement_error, apart / 2))
 
 
-def air_is_shown(contacts: Sequence[Contact]) -> bool:
-    """Tell whether trials begin in air: one by itself, or all together, a lab's habit being the same in each.
+def chance_of_air(contacts: Sequence[Contact]) -> float:
+    """Return how likely it is that trials begin in air, beforehand as likely as not: a lab's habit is the same in each.
 
     Noise alone gains about one variance a trial.
     """
-    gain = sum(one.gain for one in contacts)
-    return gain > _LEAST_GAIN + _BY_NOISE * (len(contacts) - 1) or any(one.in_air for one in contacts)
+    if any(one.in_air for one in contacts):
+        return 1.0
+    return float(expit(sum(one.gain - _BY_NOISE for one in contacts) / 2))
+
+
+def air_is_shown(contacts: Sequence[Contact]) -> bool:
+    """Tell whether trials begin in air: one by itself, or all together."""
+    return chance_of_air(contacts) > expit((_LEAST_GAIN - _BY_NOISE) / 2)
 
 
 def contact_at_start() -> Contact:

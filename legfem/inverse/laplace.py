@@ -1,8 +1,5 @@
 r"""Posterior of an explanation: Laplace's approximation about its fit, and where that isn't enough.
 
-**First contact** is ambiguous in recordings that show no air. Most labs start at first touch, and then it is known to a
-twentieth of a millimetre; some start above the skin by less than a recording shows. The evidence is that of both.
-
 **Strengths measured by other means**: a reading :math:`m` with standard deviation :math:`\sigma` multiplies the
 evidence of every explanation by :math:`N(m;\ \mu,\ \sigma^2 + s^2)`, with the strength's mean :math:`\mu` and standard
 deviation s by the recordings (its null and nought where the explanation hasn't that mechanism), and moves an
@@ -33,57 +30,12 @@ from scipy.stats import norm
 
 from legfem.common.units import FloatArray
 from legfem.inverse.accuracy import MeasuredStrength
-from legfem.inverse.evidence import Evidence, Linearisation
+from legfem.inverse.evidence import Evidence
 from legfem.inverse.linearised import LinearisedFit
 from legfem.inverse.map_fit import fit
 from legfem.inverse.mechanism import Occurrence, prior_of
-from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
 from legfem.inverse.posterior import MixtureComponents, Posterior, mixed, moments_of
-from legfem.inverse.predictor import detected_onset
-
-STARTS_AT_CONTACT = 0.5
-"""Prior probability that trials which show no air begin at first touch."""
-
-
-def contact_posterior(evidence: Evidence, fitted: LinearisedFit, shares: Sequence[float]) -> Posterior:
-    """Return what the data say of a model, whether its trials begin at the skin or not.
-
-    Parameters
-    ----------
-    evidence
-        Of the observations.
-    fitted
-        The model.
-    shares
-        Logarithms of the shares of unknown errors beside it.
-    """
-    observed, errors = fitted.problem.predictor.observed, fitted.problem.errors
-    touching = evidence.of(fitted.linearised, shares, errors)
-    if observed.starts_at_contact or observed.shows_air:
-        return touching
-    scale, shift = _to_detected(fitted, observed)
-    about = fitted.linearised
-    low, high = (about.low - shift) / scale, (about.high - shift) / scale
-    rescaled = Linearisation(about.residual, about.jacobian * scale, (about.prior_z - shift) / scale, low, high)
-    free = evidence.of(rescaled, shares, errors)
-    logs = np.array([free.log_evidence, touching.log_evidence])
-    logs += np.log([1 - STARTS_AT_CONTACT, STARTS_AT_CONTACT])
-    total = float(np.logaddexp(*logs))
-    weights = np.exp(logs - total)
-    back = replace(free, mean=scale * free.mean + shift, covariance=np.outer(scale, scale) * free.covariance)
-    return mixed(total, weights, (back, touching))
-
-
-def _to_detected(fitted: LinearisedFit, observed: Observations) -> tuple[FloatArray, FloatArray]:
-    """Return what takes departures from detected contacts to those from first touch at zero."""
-    scale, shift = np.ones(len(fitted.parameters)), np.zeros(len(fitted.parameters))
-    onsets = [k for k, p in enumerate(fitted.parameters) if p.role == "nuisance"]
-    for trial, k in enumerate(onsets):
-        found, here = detected_onset(observed, trial), prior_of(fitted.parameters[k])
-        scale[k] = found.sd / here.sd
-        shift[k] = (found.centre - here.centre) / here.sd
-    return scale, shift
 
 
 def laplace_posterior(evidence: Evidence, fitted: LinearisedFit, shares: Sequence[float]) -> Posterior:
@@ -98,7 +50,7 @@ def laplace_posterior(evidence: Evidence, fitted: LinearisedFit, shares: Sequenc
     shares
         Logarithms of the shares of unknown errors beside it.
     """
-    posterior = contact_posterior(evidence, fitted, shares)
+    posterior = evidence.of(fitted.linearised, shares, fitted.problem.errors)
     for reading in fitted.problem.measured:
         posterior = _told(reading, fitted, posterior)
     return posterior

@@ -5,6 +5,7 @@ solution with another geometry, or from the exact derivative by an assumed numbe
 error that comes with it. Of a mechanism that was named, `shares_by_part` says whether its form is met.
 """
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
@@ -294,13 +295,14 @@ def nuisance_effects(
 
 
 def late_touch(predicted: Observations, accuracy: Accuracy) -> Iterator[NuisanceEffect]:
-    """Yield what first contact does that is stated to be at zero and is off by a standard deviation in all trials.
+    """Yield what first contact does that lies before all trials' starts by a standard deviation.
 
-    The readings are a model's, whose slope has no noise.
+    That counts as far as they don't begin in air. The readings are a model's, whose slope has no noise.
     """
-    if predicted.starts_at_contact and accuracy.contact_sd != 0.0:
+    if not predicted.shows_air and accuracy.contact_sd != 0.0:
         sd = contact_sd_alike(predicted) if accuracy.contact_sd is None else accuracy.contact_sd
-        yield NuisanceEffect("first contact", sd * predicted.by_displacement, Cause("first contact"), "contact")
+        effect = math.sqrt(1.0 - predicted.chance_of_air) * sd * predicted.by_displacement
+        yield NuisanceEffect("first contact", effect, Cause("first contact"), "contact")
 
 
 _WIDE = 3.0

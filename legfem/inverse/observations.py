@@ -14,7 +14,7 @@ from scipy.interpolate import CubicSpline
 from scipy.linalg import block_diag
 
 from legfem.common.units import FloatArray
-from legfem.data.contact import Contact, air_is_shown, contact_at_start
+from legfem.data.contact import Contact, air_is_shown, chance_of_air, contact_at_start
 from legfem.data.noise import slowest_error
 from legfem.data.phases import HOLD, LOADING, UNLOADING
 from legfem.data.segmentation import Segmentation
@@ -186,6 +186,11 @@ class Observations:
     def shows_air(self) -> bool:
         """Whether trials begin above the skin, though none is stated to begin at it."""
         return not self.starts_at_contact and air_is_shown(self.contacts)
+
+    @property
+    def chance_of_air(self) -> float:
+        """How likely it is that trials begin above the skin."""
+        return 0.0 if self.starts_at_contact else chance_of_air(self.contacts)
 
     @property
     def repeated(self) -> list[list[int]]:

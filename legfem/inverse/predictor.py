@@ -6,6 +6,7 @@ a factor on the force acts so on other forces and pressures on the cylinder (`Ch
 nothing else.
 """
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -35,11 +36,11 @@ type Responses = Library | SolvedResponses
 """What the finite-element model said beforehand, or says when it is asked."""
 
 
-ONSET_SDS_MM = 0.15, 1.0
-"""Bounds of the standard deviation of first contact where all trials seem to begin at the skin."""
 IN_AIR_SD_MM = 1.0
-"""Where some trials begin in air: all may, by any way. The detection is where the fit begins, and no second reading
-beside it: it looked at the same forces."""
+"""Of first contact where some trials begin in air: all may, by any way. The detection is where the fit begins, and no
+second reading beside it: it looked at the same forces."""
+LEAST_SD_IN_AIR_MM, _DOUBT = 0.15, 2.0
+"""Where they only seem to: at least, and over the detection's error."""
 LATEST_ALIKE_MM = 3.0
 """Way by which all trials may have been begun too late at most, by one habit."""
 _ONSETS_MM = (-4.0, 4.0)
@@ -317,24 +318,19 @@ def values_of(values: Mapping[str, float], mechanism: Mechanism) -> dict[str, fl
     return {p.name: values.get(f"{mechanism.name}.{p.name}", null_of(p)) for p in mechanism.parameters}
 
 
-def detected_onset(observed: Observations, trial: int) -> Prior:
-    """Return what the recording says of a trial's first contact, after that counted from (mm)."""
-    contact, way = observed.contacts[trial], observed.way
-    if observed.shows_air:
-        return Prior(
-            contact.estimate - contact.displacement, IN_AIR_SD_MM * way, "linear", "detection in the recording"
-        )
-    place, sd = contact.expected
-    sd = float(np.clip(sd, way * ONSET_SDS_MM[0], way * ONSET_SDS_MM[1]))
-    return Prior(place - contact.displacement, sd, "linear", "detection in the recording")
-
-
 def onset_prior(observed: Observations, trial: int) -> Prior:
-    """Return what is known of a trial's first contact beforehand, after that counted from (mm)."""
+    """Return what is known of a trial's first contact beforehand, after that counted from (mm).
+
+    It lies at the recording's start, or after some air where it seems to be, each as likely as the trials together say.
+    """
+    contact, way = observed.contacts[trial], observed.way
+    apart, chance = contact.estimate - contact.displacement, observed.chance_of_air
     if observed.shows_air:
-        return detected_onset(observed, trial)
-    sd = observed.contacts[trial].touch_sd(observed.way, _felt(observed, trial))
-    return Prior(0.0, sd, "linear", "the recording begins at first touch")
+        return Prior(apart, IN_AIR_SD_MM * way, "linear", "detection in the recording")
+    touching = contact.touch_sd(way, _felt(observed, trial))
+    in_air = float(np.clip(_DOUBT * contact.displacement_error, way * LEAST_SD_IN_AIR_MM, way * IN_AIR_SD_MM))
+    variance = chance * (in_air**2 + (1.0 - chance) * apart**2) + (1.0 - chance) * touching**2
+    return Prior(chance * apart, math.sqrt(variance), "linear", "the recording's start, or detection in it")
 
 
 def _felt(observed: Observations, trial: int) -> float:

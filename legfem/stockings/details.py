@@ -21,7 +21,14 @@ from legfem.stockings.discrepancy import ModelDiscrepancy
 from legfem.stockings.equilibrium import Equilibrium, EquilibriumSettings, LegModel3D
 from legfem.stockings.fabric import StockingLoad, stocking_load
 from legfem.stockings.leg import ComparedSensor, StockingLeg
-from legfem.stockings.levels import TISSUES, LevelPressure, PressureAlong, pressures_at_levels
+from legfem.stockings.levels import (
+    TISSUES,
+    FabricFor,
+    LevelPressure,
+    PressureAlong,
+    fabrics_for_classes,
+    pressures_at_levels,
+)
 from legfem.stockings.pressures import FatPressures, SectionPressures, TissuePressures, too_low_by
 from legfem.stockings.scan_fit import MISSED_BEYOND, ScanFit
 
@@ -124,6 +131,7 @@ class StockingDetails(KindDetails):
             "stocking": _stocking(self),
             "pressures": None if self.pressures is None else _pressures(self, self.pressures),
             "makers_levels": [{**vars(one), "verdict": one.verdict} for one in self.at_levels],
+            "fabric_for_classes": [vars(one) for one in self.fabrics],
             "sensors": [
                 {
                     "name": one.sensor.name,
@@ -194,6 +202,12 @@ class StockingDetails(KindDetails):
     def at_levels(self) -> list[LevelPressure]:
         """Pressure at every level of makers that the modelled part of the leg has."""
         return list(pressures_at_levels(self.pressure_along, self.leg.makers, self.leg.bare))
+
+    @property
+    def fabrics(self) -> list[FabricFor]:
+        """Fabric that meets each class on this leg."""
+        leg, load = self.leg, self.equilibrium.load
+        return list(fabrics_for_classes(self.pressure_along, load, leg.makers, leg.bare, leg.stocking.stiffness))
 
 
 def _best_fit(best: ScanFit) -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """The pressure along a leg, and at the levels at which makers give it, beside the limits of a class."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -77,6 +78,8 @@ class PressureAlong:
     least: FloatArray
     greatest: FloatArray
     sd: FloatArray
+    on_bare: FloatArray
+    """Mean if the leg didn't give way."""
 
     @classmethod
     def of(
@@ -90,7 +93,7 @@ class PressureAlong:
         fabric = mean * np.hypot(accuracy.tension_sd, accuracy.pressure_sd / np.sqrt(_AROUND))
         mesh = MESH_SHARE * np.abs(mean - stiff)
         extreme = mpa_to_mmhg(load.pressure)
-        return cls(bare.levels, mean, extreme.min(axis=1), extreme.max(axis=1), np.hypot(fabric, mesh))
+        return cls(bare.levels, mean, extreme.min(axis=1), extreme.max(axis=1), np.hypot(fabric, mesh), stiff)
 
     def at(self, height: float) -> tuple[float, float]:
         """Return the pressure and its standard deviation at a height (mm)."""
@@ -160,3 +163,47 @@ def pressures_at_levels(along: PressureAlong, makers: MakersLevels, bare: LegSha
         share = None if ankle is None else mean / ankle
         limits = makers.limits(name, ankle)
         yield LevelPressure(name, height, stated, mean, (mean - half, mean + half), share, limits)
+
+
+@dataclass(frozen=True)
+class FabricFor:
+    """Fabric under which the mean pressure at B is within a class's limits, by the names of ``result.json``.
+
+    Attributes
+    ----------
+    compression_class : str
+    limits_mmHg : (float, float)
+    tension_factor : (float, float)
+        Least and greatest, over the tension of the fabric as it is; infinite where no tension comes so far.
+    stiffness_N_per_mm : (float, float)
+        Of a fabric of the same size.
+    unstretched_mm_at_B : (float, float)
+        Perimeters, the wider first, of a fabric of the same stiffness.
+    """
+
+    compression_class: str
+    limits_mmHg: tuple[float, float]
+    tension_factor: tuple[float, float]
+    stiffness_N_per_mm: tuple[float, float]
+    unstretched_mm_at_B: tuple[float, float]
+
+
+def fabrics_for_classes(
+    along: PressureAlong, load: StockingLoad, makers: MakersLevels, bare: LegShape, stiffness: float
+) -> Iterator[FabricFor]:
+    r"""Yield the fabric for each class of a standard, where the leg has a level B.
+
+    By Laplace's law a leg that doesn't give way has :math:`p_0` under the fabric. It has :math:`p`, and gives way in
+    proportion to that, so that s times the tension makes :math:`s p_0 / (1 + s p_0 (1/p - 1/p_0))` of it.
+    """
+    height = makers.found(bare).get("B", (math.nan, False))[0]
+    pressure, on_bare, strain, girth = (
+        float(np.interp(height, along.levels, one)) for one in (along.mean, along.on_bare, load.strain, load.perimeter)
+    )
+    if not pressure > 0:
+        return
+    for name, (least, most) in ANKLE_LIMITS[makers.standard].items():
+        left = (1 / wanted - (1 / pressure - 1 / on_bare) for wanted in (least, most))
+        low, high = (1 / (on_bare * one) if one > 0 else math.inf for one in left)
+        sizes = girth / (1 + low * strain), girth / (1 + high * strain)
+        yield FabricFor(name, (least, most), (low, high), (low * stiffness, high * stiffness), sizes)
