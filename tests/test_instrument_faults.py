@@ -320,6 +320,16 @@ def test_the_folder_of_a_spoilt_leg_says_what_c10_is_off_by(tmp_path: Path) -> N
     )
 
 
+@pytest.mark.parametrize(("known", "softer"), [(True, True), (False, False)], ids=["stated", "looked for"])
+def test_a_dead_band_is_said_to_stiffen_where_it_is_taken_for_air(known: bool, softer: bool) -> None:
+    """Where contact is stated the force is too low; where it is looked for it begins deeper in the tissue."""
+    trials, instrument, _ = LEGS["closed form, held"]()
+    read = [Recording(*one, f"trial{k + 1}") for k, one in enumerate(dead_band(0.6)(trials))]
+    first, *_ = instrument_doubts(segment_all(read, instrument, known))
+    assert first.kind == "a dead band" and first.effect_on_C10 is not None
+    assert (first.effect_on_C10 < -0.05) == softer and abs(first.effect_on_C10) > 0.05
+
+
 def test_a_trial_that_stops_early_does_not_cut_the_mean_of_the_others() -> None:
     trials, instrument, known = LEGS["shipped"]()
     time, d, force = trials[1]

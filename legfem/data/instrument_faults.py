@@ -213,8 +213,15 @@ def _dead_band(press: Press) -> Fault:
     # Nor is contact then where it seems to be.
     press = copy(press)
     press.touch = 0.0
+    effects = [press.effect(-slope * np.minimum(since, band))] * (not press.trial.contact.in_air)
+    if not press.trial.contact.known:
+        # The band may be taken for air, after which the force rises as deeper in the tissue.
+        beyond = press.at + band
+        further = press.slope[-1] * np.maximum(beyond - since[-1], 0.0)
+        true = np.interp(press.at, since, press.force, 0.0) + slope * np.minimum(press.at, band)
+        effects.append(press.effect(np.interp(beyond, since, press.force) + further - true, press.force - true))
     text = f"is constant over the first {band:.2g} mm, without its noise of {press.white:.2g} N: a dead band"
-    return Fault(band, 0.1 * band, press.effect(-slope * np.minimum(since, band)), text)
+    return Fault(band, 0.1 * band, max(effects, key=abs), text)
 
 
 def _late(press: Press) -> Fault:
