@@ -18,7 +18,7 @@ from legfem.inverse.errors import error_model
 from legfem.inverse.evidence import Evidence, possible_discrepancies
 from legfem.inverse.explain import CONFIRMED_FROM, PRIOR_NONE, PRIOR_PAIR, PRIOR_SINGLE, PRIOR_UNKNOWN, explain
 from legfem.inverse.explanation import HELD, Explained
-from legfem.inverse.laplace import contact_posterior, gain_of_widths
+from legfem.inverse.laplace import gain_of_widths, laplace_posterior
 from legfem.inverse.library import NuisanceChanges
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, nuisance_effects
 from legfem.inverse.map_fit import fit
@@ -334,7 +334,7 @@ def test_a_strength_is_integrated_out_as_its_explanation_was_weighed(monkeypatch
         (one,) = (e for e in weighed if e.fit.prediction is fitted.prediction)
         assert explanation.log_discrepancy_weights == one.log_discrepancy_weights
         assert (fitted.problem is one.problem) is (one.fit_without_discrepancy is None)
-        again = contact_posterior(
+        again = laplace_posterior(
             Evidence(problem.errors, possible_discrepancies(observed, base.prediction)),
             fitted,
             list(one.log_discrepancy_weights),

@@ -30,7 +30,7 @@ def test_where_no_air_is_shown_first_contact_has_the_moments_of_both_readings(ch
     observed, rng = replace(observed, contacts=(contact, *observed.contacts[1:])), np.random.default_rng(4)
     touching = onset_prior(replace(observed, starts_at_contact=True), 0)
     air = rng.random(400_000) < chance
-    places = rng.normal(np.where(air, 0.8, touching.centre), np.where(air, 0.6, touching.sd))
+    places = rng.normal(np.where(air, 0.8, touching.centre), np.where(air, max(0.15, 2 * touching.sd), touching.sd))
     prior = onset_prior(observed, 0)
     assert prior.centre == pytest.approx(places.mean(), abs=0.005)
     assert prior.sd == pytest.approx(places.std(), rel=0.01)

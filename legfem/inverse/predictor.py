@@ -40,7 +40,7 @@ IN_AIR_SD_MM = 1.0
 """Of first contact where some trials begin in air: all may, by any way. The detection is where the fit begins, and no
 second reading beside it: it looked at the same forces."""
 LEAST_SD_IN_AIR_MM, _DOUBT = 0.15, 2.0
-"""Where they only seem to: at least, and over the detection's error."""
+"""Where they only seem to: at least, and over that of a touch."""
 LATEST_ALIKE_MM = 3.0
 """Way by which all trials may have been begun too late at most, by one habit."""
 _ONSETS_MM = (-4.0, 4.0)
@@ -328,7 +328,7 @@ def onset_prior(observed: Observations, trial: int) -> Prior:
     if observed.shows_air:
         return Prior(apart, IN_AIR_SD_MM * way, "linear", "detection in the recording")
     touching = contact.touch_sd(way, _felt(observed, trial))
-    in_air = float(np.clip(_DOUBT * contact.displacement_error, way * LEAST_SD_IN_AIR_MM, way * IN_AIR_SD_MM))
+    in_air = float(np.clip(_DOUBT * touching, way * LEAST_SD_IN_AIR_MM, way * IN_AIR_SD_MM))
     variance = chance * (in_air**2 + (1.0 - chance) * apart**2) + (1.0 - chance) * touching**2
     return Prior(chance * apart, math.sqrt(variance), "linear", "the recording's start, or detection in it")
 

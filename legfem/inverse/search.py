@@ -173,15 +173,15 @@ class Search[C: Comparison]:
             # Along a curved valley it goes too far; the emulator knows better once that is solved.
             tried = self._solved(step)
             settled = self.is_stationary() or self._moves_little() or (self._reads and is_settled(gained))
-            if near and (settled or (tried and self._is_settled_at(step, emulated, proposal))):
+            untold = -gained * self.best.objective < _UNTOLD * self._rise_of_error()
+            rough = untold and self._gains_nothing(emulated, proposal, _UNTOLD)
+            if ((near or rough) and settled) or (near and tried and self._is_settled_at(step, emulated, proposal)):
                 ends = far_ends(self.linearised(self.best), self.trials)
                 if len(ends) and len(self.trials) + len(ends) <= self.settings.most_solves:
                     yield ends, "design"
                     continue
                 self.converged = True
                 return
-            untold = -gained * self.best.objective < _UNTOLD * self._rise_of_error()
-            rough = untold and self._gains_nothing(emulated, proposal, _UNTOLD)
             short = near and self._is_short(step - self.best.point, _AGREE_OF_ERROR, _AGREE_OF_VALUE)
             if refuted >= _REFUTED and (rough or short or (self._wide and self.is_stationary())):
                 self.converged = True
@@ -199,7 +199,7 @@ class Search[C: Comparison]:
             (trial,) = yield proposal[None], "proposal"
             gained = 1 - trial.objective / before if before > 0 else 0.0
             if not by_newton:
-                refuted = refuted + 1 if gained < 0 else 0
+                refuted = refuted + 1 if gained < 0 or trial is not self.best else 0
             if trial.prediction is not None and trial is self.best:
                 self.emulator_error = float(np.max(np.abs(self.misfit.of_force(trial.prediction.values - expected))))
 
