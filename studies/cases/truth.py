@@ -223,11 +223,11 @@ def _other_case(case: SealedCase, effects: dict[str, dict[str, float]]) -> Any:
         "deep": strength("compressibility") or 1.0,
     }
     friction, compliance = strength("contact-slip"), strength("support-compliance")
-    lump = None
+    lumps = []
     for name, (distance, along, across, factor, side) in LUMPS.items():
         if name in effects:
             root = float(np.sqrt(effects[name]["size"]))
-            lump = Lump(distance, root * along, root * across, factor, side)
+            lumps = [Lump(distance, root * along, root * across, factor, side)]
     return OtherCase(
         case.c10_kpa,
         case.c20_kpa,
@@ -236,7 +236,7 @@ def _other_case(case: SealedCase, effects: dict[str, dict[str, float]]) -> Any:
         np.inf if friction is None else friction,
         # Two bones share the force.
         None if compliance is None else 0.5 / compliance,
-        lump,
+        lumps,
         0.0 if "fat-sliding" in effects else None,
     )
 

@@ -156,7 +156,7 @@ def pressed(bare: Path, task: tuple[int, float, bool]) -> list[float]:
     """
     shape, c10, lumpy = task
     leg = load_subject(bare / f"shape-{shape}", need_recordings=False)
-    case = OtherCase(c10, lump=LUMP if lumpy else None)
+    case = OtherCase(c10, lumps=[LUMP] if lumpy else ())
     settings = None if by_felupe(shape) or lumpy else FINE
     return [float(f) for f in true_force(leg, case, BEYOND_MM, DEPTH_MM, settings)(KEPT_AT)]
 

@@ -205,8 +205,8 @@ class OtherCase:
     springs
         Of every bone, N/mm over the cylinder's length, across and along the travel; bones are held
         without it.
-    lump
-        In the deep tissue.
+    lumps
+        In the deep tissue; the last one counts.
     sliding
         Shear stiffness (kPa/mm) of the face between fat and fascia, on which the fat slides; without it they are one.
     muscles
@@ -219,7 +219,7 @@ class OtherCase:
     factors: Mapping[str, float] = field(default_factory=dict)
     friction: float = np.inf
     springs: float | None = None
-    lump: Lump | None = None
+    lumps: Sequence[Lump] = ()
     sliding: float | None = None
     muscles: Mapping[str, float] = field(default_factory=dict)
 
@@ -266,7 +266,7 @@ class OtherCode(OtherPressing):
             factors: FloatArray = np.ones(len(cells))
             if name == "deep":
                 factors = in_muscles(self.mesh, self.subject.section, self.case.muscles, self.case.c10)
-                if (lump := self.case.lump) is not None:
+                for lump in self.case.lumps:
                     factors[lump.holds(self.mesh.points[cells[:, :3]].mean(axis=1), touch, travel)] = lump.factor
             for factor in np.unique(factors):
                 mesh = fem.Mesh(self.mesh.points, cells[factors == factor], "triangle6")
