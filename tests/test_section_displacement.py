@@ -196,6 +196,16 @@ def test_a_grid_of_points_becomes_a_few_cells_that_move_as_they_do(tmp_path):
     assert np.abs(channel.values - truth).max() < 0.03 * np.abs(truth).max()
 
 
+def test_a_file_is_taken_together_in_as_many_cells_as_its_entry_asks_for(tmp_path):
+    place = folder(tmp_path / "leg")
+    (place / "subject.toml").write_text(TOML + ENTRY + "cells = 60\n")
+    (channel,) = load_subject(place).recordings[0].channels
+    assert 25 < len(channel.places) // 2 <= 60
+    (place / "subject.toml").write_text(TOML + "[channels.lateral_force]\ncells = 60\n")
+    with pytest.raises(InputError, match="channel is no image"):
+        load_subject(place)
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [

@@ -15,7 +15,7 @@ from legfem.common.errors import MISSING, Argument, InputError
 from legfem.common.progress import progress_on
 from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.experiments.plane_strain import PlaneStrainSettings
-from legfem.inverse.catalogue import LAWS, LawName, check_held
+from legfem.inverse.catalogue import DEEP_C10, LAWS, LawName, check_held
 from legfem.inverse.parameter import Parameter
 from legfem.inverse.parse_parameters import AskedParameters
 from legfem.inverse.readings import INSTRUMENT
@@ -87,6 +87,7 @@ def identify(
     correction: str | Path = "auto",
     depth: float | None = None,
     model: Literal["2d", "3d"] = "2d",
+    field: bool = False,
     site: str = "",
     leave_out: Sequence[str] = (),
     weighting: AskedWeighting | None = None,
@@ -128,6 +129,9 @@ def identify(
         Greatest displacement to use, mm.
     model : {"2d", "3d"}
         Whether the correction is a table's, or confirmed by full solves of the leg in 3D.
+    field : bool
+        Whether to map where the muscle is stiffer and where softer, see `legfem.legs.stiffness_field`; of one site in
+        plane strain.
     site : str
         The one to identify by itself, of a leg with several ``[[site]]``.
     leave_out : sequence of str
@@ -188,7 +192,7 @@ def identify(
         raise loading.wrong("correction", repr(correction), "is not a correction", "give own, none, auto or a file")
     given = loading.opened(leg, site)
     with progress_on(quiet=not progress) as told:
-        request = replace(request, progress=told)
+        request = replace(request, as_field=field, progress=told)
         if loading.are_specimens(given):
             from legfem.specimens.laws import laws_named, request_of
             from legfem.specimens.problem import fit_specimens
@@ -196,6 +200,7 @@ def identify(
             legs_alone = {
                 "correction": str(correction) != "auto",
                 "depth": depth is not None,
+                "field": field,
                 "mesh": mesh is not None,
                 "model": model != "2d",
                 "site": site != "",
@@ -229,6 +234,10 @@ def _of_leg(
     if (solid or in_3d) and (apart := leg.sites[0].muscles):
         remedy = "name deep, or leave out what asks for 3D"
         raise InputError(Argument("identify"), apart[0], "is no region of a leg in 3D", remedy)
+    elsewhere = solid or in_3d or len(leg.sites) > 1 or leg.sites[0].muscles
+    if request.as_field and (elsewhere or request.settings.weighting == "paper"):
+        problem = "can be mapped only in the section of one site, for muscles that are identified as one"
+        raise InputError(Argument("field"), DEEP_C10, problem, "leave 3D, other sites, muscles by name and paper out")
     if solid or len(leg.sites) > 1:
         check_joint(leg, request.settings, correction, in_3d)
     elif in_3d:

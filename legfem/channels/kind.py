@@ -201,6 +201,8 @@ class Frames:
         Clock and force of the recording, (m,): s, and N.
     left_out
         How many readings of the file aren't in the table, by the reason.
+    cells
+        Greatest number of cells in which points are taken together, where the file's entry has one.
     """
 
     time: FloatArray
@@ -208,6 +210,7 @@ class Frames:
     trial_time: FloatArray
     trial_force: FloatArray
     left_out: Mapping[str, int] = field(default_factory=dict)
+    cells: int | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,6 +32,7 @@ def run(
     depth: float | None = None,
     correction: Annotated[str, typer.Option(show_default=False)] = "auto",
     model: Annotated[Literal["2d", "3d"], typer.Option(show_default=False)] = "2d",
+    field: Annotated[bool, typer.Option("--field")] = False,
     weighting: Literal["paper", "covariance"] | None = None,
     c10_bounds: tuple[float, float] | None = None,
     c20_bounds: tuple[float, float] | None = None,
@@ -78,6 +79,9 @@ def run(
         2d (the default): a section in plane strain, corrected from a table; 3d: some full solves of the leg itself
         confirm the correction and take the table's place (tens of minutes). With several [[site]],
         deep.fibre_ratio, or what doesn't lie along the leg, the search goes on solves in 3D alone.
+    field
+        Map where the muscle is stiffer and where softer, and what the recordings tell of that: from displacements
+        inside the section (a minute more, some more where forms are compiled first). Of one site, in 2d.
     weighting
         covariance (the default): loading, hold and unloading of every trial, weighted by their errors; paper: the
         plain sum of squares over the loading (Eq. 12).
@@ -98,7 +102,7 @@ def run(
             found = identify_in_full(
                 leg,
                 **passed(context, "law", "identify", "prior", "fix", "c10_bounds", "c20_bounds", "correction", "depth"),
-                **passed(context, "model", "leave_out", "weighting", "seed"),
+                **passed(context, "model", "field", "leave_out", "weighting", "seed"),
                 site="" if specimen_dir is None else site or "",
                 out=folder,
                 jobs=processes,

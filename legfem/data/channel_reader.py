@@ -6,7 +6,7 @@ from dataclasses import replace
 from fnmatch import fnmatch
 from itertools import product
 from pathlib import Path, PurePath
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field, create_model
@@ -77,6 +77,8 @@ class RecordedChannelEntry(LaidFrames):
     """Standard deviation of how an image is turned against the section."""
     apart_mm: NotNegative | None = None
     """Distance over which errors of an image's readings are alike."""
+    cells: Annotated[int, Field(ge=1, le=100)] | None = None
+    """Greatest number of cells in which an image's points are taken together: more show smaller things."""
     each_percent: NotNegative | None = None
     """Standard deviation of the scale of each of a film's sensels by itself."""
     creep_percent: NotNegative | None = None
@@ -118,6 +120,8 @@ class RecordedChannelEntry(LaidFrames):
                 f"clocks that may be {self.lag_s:g} s apart do not say where the cylinder was",
                 "record both on one clock, or tap the cylinder and find that moment in both",
             )
+        if self.cells is not None and not kind.image:
+            raise InputError(source, f"{field}.cells", "the channel is no image", "leave it out")
         given = {of: self.error(name, kind.unit) for name, (of, _) in _ERRORS.items()}
         for key, (of, unit) in _STATED.items():
             stated = getattr(self, key)
@@ -281,7 +285,7 @@ def _header(path: Path) -> tuple[str, ...]:
 
 
 def _frames(
-    path: Path, file: FramesFile[Any], site: Site | Sequence[Face], laid: LaidFrames, recording: Recording
+    path: Path, file: FramesFile[Any], site: Site | Sequence[Face], entry: RecordedChannelEntry, recording: Recording
 ) -> Frames:
     """Return a trial's frames in time: of legfem's own table, or one that a camera's or a film's software exported."""
     files = files_named(path)
@@ -289,18 +293,18 @@ def _frames(
     if foreign and file.columns == _POINTS:
         from legfem.data.formats.points import read_points
 
-        table = read_points(files, laid)
+        table = read_points(files, entry)
     elif foreign and file.columns == _SENSELS and isinstance(site, Site):
         from legfem.data.formats.films import read_film
 
-        table = read_film(files, laid, site.indenter)
+        table = read_film(files, entry, site.indenter)
     else:
         table = read_table(path, ("time_s", *file.columns)).to_numpy(dtype=np.float64)
-        laid.ask(path, {})
+        entry.ask(path, {})
     table = table[np.argsort(table[:, 0], kind="stable")]
     left_out = {"limit": int(np.isinf(table[:, -1]).sum()), "lost": int(np.isnan(table[:, -1]).sum())}
     table = table[np.isfinite(table[:, -1])]
-    return Frames(table[:, 0], table[:, 1:], recording.time, recording.force, left_out)
+    return Frames(table[:, 0], table[:, 1:], recording.time, recording.force, left_out, entry.cells)
 
 
 def _with_read(

@@ -34,6 +34,8 @@ _REFUTED = 3
 _SURELY = 0.7
 # Complete solves, the best first, from which an optimum among many parameters is polished.
 _MORE_STARTS = 4
+# Parameters of the model beyond which no emulator is drawn, and the shortest share of a step that is tried.
+_MOST_EMULATED, _LEAST_SHARE = 16, 0.1
 
 
 def is_settled(gained: float) -> bool:
@@ -157,6 +159,9 @@ class Search[C: Comparison]:
             If too few full solves reach the measured depth.
         """
         yield from self._beginning()
+        if len(self.law.of_model) > _MOST_EMULATED:
+            yield from self._by_steps()
+            return
         gained, refuted = math.inf, 0
         for attempt in range(self.settings.most_solves):
             if self.misfit.contradicts(_SURELY * self._least_expected()):
@@ -202,6 +207,17 @@ class Search[C: Comparison]:
                 refuted = refuted + 1 if gained < 0 or trial is not self.best else 0
             if trial.prediction is not None and trial is self.best:
                 self.emulator_error = float(np.max(np.abs(self.misfit.of_force(trial.prediction.values - expected))))
+
+    def _by_steps(self) -> Asking:
+        """Take the full model's own steps, and shorter ones where they lead up."""
+        share = 1.0
+        while len(self.trials) < self.settings.most_solves and share > _LEAST_SHARE:
+            step = self.newton_step()
+            if self._is_short(step, _AGREE_OF_ERROR, 0.0):
+                self.converged = True
+                return
+            (trial,) = yield self.domain.inside(self.best.point + share * step)[None], "proposal"
+            share = min(2 * share, 1.0) if trial is self.best else 0.5 * share
 
     def _beginning(self) -> Asking:
         if not self.trials:

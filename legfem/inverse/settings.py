@@ -198,6 +198,8 @@ class SearchRequest:
         Values that are held, in place of those that the folder gives.
     depth : float, optional
         Greatest displacement to use, mm.
+    as_field : bool
+        Whether the law that recordings prefer is told from place to place, too.
     start : Mapping[str, float]
         Values about which a law that has no other free ones is looked for first, in place of where legs lie.
     settings : IdentificationSettings
@@ -215,6 +217,7 @@ class SearchRequest:
     parameters: Sequence[Parameter] | None = None
     fixed: Values = field(default_factory=dict)
     depth: float | None = None
+    as_field: bool = False
     start: Values = field(default_factory=dict)
     settings: IdentificationSettings = field(default_factory=IdentificationSettings)
     out: Path | None = None

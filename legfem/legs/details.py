@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from legfem.common.units import FloatArray, mpa_to_kpa
@@ -111,6 +112,32 @@ class SpatialSites:
 
 
 @dataclass(frozen=True, eq=False)
+class StiffnessMap:
+    """The muscle's C10 at n points of the section, see `legfem.legs.stiffness_field`; its members are a document's."""
+
+    points_mm: FloatArray
+    """(n, 2)."""
+    C10_kPa: FloatArray
+    log_sd: FloatArray
+    """(n,): standard deviations of ln C10."""
+    told: NDArray[np.bool_]
+    """(n,): where the recordings tell enough of it; the others are grey."""
+    stands_out: NDArray[np.int_]
+    """Numbers of the points that stand out from the whole muscle, each the farthest about itself."""
+    whole_kPa: float
+    """C10 about which the field is."""
+    muscles: Mapping[str, tuple[float, float]]
+    """Mean C10 (kPa) of each muscle that is known by name, and standard deviation of its logarithm."""
+    prior_log_sd: float
+    """As `log_sd`, before the test."""
+    finest_mm: float
+    """Size below which nothing is resolved."""
+    p_value: float
+    """Of the recordings beside a muscle with this field."""
+    converged: bool
+
+
+@dataclass(frozen=True, eq=False)
 class LegDetails(KindDetails):
     """What a fit of a leg has beside that of any test."""
 
@@ -124,6 +151,8 @@ class LegDetails(KindDetails):
     """Each site's recordings, as they were weighed."""
     spatial: SpatialEvidence | SpatialSites | None = None
     """What the leg's own solves in 3D are and say; None of a model in plane strain with a table's correction."""
+    field: StiffnessMap | None = None
+    """Where the muscle is stiffer and where softer, where that was asked for."""
 
     @property
     def subject(self) -> Subject:
@@ -143,6 +172,7 @@ class LegDetails(KindDetails):
             "own_errors_of_sites_sd": with_units(self.own_errors),
             "model": "2d" if self.spatial is None else "3d",
             "spatial": _spatial(self.spatial),
+            **({} if self.field is None else {"field": asdict(self.field)}),
             "fibres": None
             if fibres is None
             else {

@@ -31,7 +31,7 @@ from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO, LawName, deep_stiffness
 from legfem.inverse.correction import FIRST_RATIO, TabulatedCorrection, confirmed_correction
 from legfem.inverse.fibre_ratio import check_in_plane
-from legfem.inverse.fit import Fit
+from legfem.inverse.fit import Fit, preferred
 from legfem.inverse.outcome import Forward, FullSolver, JointForward
 from legfem.inverse.problem import fit, fit_with
 from legfem.inverse.searches import Searches
@@ -388,7 +388,14 @@ def fit_leg(
     request = request or SearchRequest()
     problem = leg_problem(as_leg(given), laws, request, corrections, forward, geometry)
     if models is None:
-        return fit(problem, laws, request)
+        fits = fit(problem, laws, request)
+        if request.as_field:
+            from legfem.legs.stiffness_field import stiffness_map
+
+            best = preferred(fits)
+            mapped = replace(best, details=replace(best.details, field=stiffness_map(problem, best, request)))
+            fits = [mapped if one is best else one for one in fits]
+        return fits
     (test,) = problem.tests
     with request.solver(problem.forward, problem.sensitivities) as solver:
         both = TwoFidelities(problem, solver, request.settings, models, request.progress, test.correction)

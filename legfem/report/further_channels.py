@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from legfem.channels.kind import ChannelKind
 from legfem.channels.kinds import CHANNELS, FILE_OF
+from legfem.common.numbers import fit_probability
 from legfem.common.units import FloatArray
 from legfem.geometry.indenter import Site
 from legfem.inverse.catalogue import symbol_of
@@ -18,12 +20,14 @@ from legfem.inverse.explanation import Explanation
 from legfem.inverse.fit import ChannelFit, Fit
 from legfem.inverse.predictor import values_of
 from legfem.inverse.verdict import Diagnosis
+from legfem.legs.details import LegDetails, StiffnessMap
+from legfem.legs.site import site_test
 from legfem.legs.subject import Subject
 from legfem.report import page as web
 from legfem.report.curves import Curves, Dash, Line, curves_figure, law_line
 from legfem.report.diagnosis_curves import BASE_COLOUR, BASE_NAME, REPAIRED_COLOUR, matched, plain, shown_models
 from legfem.report.pressed_section import still_section
-from legfem.report.style import DATA_COLOUR
+from legfem.report.style import DATA_COLOUR, FAINT
 from legfem.report.words import LAW_NAMES
 
 SHOWS = "what was recorded beside the force and what the model makes of it, and their difference"
@@ -307,6 +311,55 @@ def misfit_in_section(found: Diagnosis, subject: Subject) -> list[web.StillSecti
         "much of it; other causes may match it, too. A muscle by name is drawn as a circle as large, about its middle."
     )
     return [replace(still_section(subject), caption=caption, marks=marks, arrows=arrows)]
+
+
+_FACTORS = (0.33, 0.5, 0.71, 1.4, 2.0, 3.0)
+"""Of the whole muscle's C10: between them a colour stands."""
+_COLOURS = ("#440154", "#443983", "#31688E", "#21918C", "#35B779", "#90D743", "#FDE725", FAINT)
+"""Viridis', which the colour-blind can tell apart, and what isn't told."""
+_DOT_MM = 1.2
+
+
+def mapped_muscle(fit: Fit[LegDetails]) -> list[web.Block]:
+    """Return the section with the map of C10, and with what a muscle alike leaves; nothing without a map."""
+    found, subject = fit.details.field, fit.details.subject
+    if found is None:
+        return []
+    ends = [f"{one * found.whole_kPa:.2g}" for one in _FACTORS]
+    between = (f"C10 {low} to {high} kPa" for low, high in pairwise(ends))
+    names = [f"C10 below {ends[0]} kPa", *between, f"C10 above {ends[-1]} kPa", "the recordings don't tell"]
+    level = np.where(found.told, np.digitize(found.C10_kPa / found.whole_kPa, _FACTORS), len(_FACTORS) + 1)
+    dots = sorted(zip(level, *found.points_mm.T, strict=True))
+    marks = [web.Mark(names[k], float(x), -float(y), _DOT_MM, _COLOURS[k]) for k, x, y in dots]
+    section, site = still_section(subject), Site(subject.section, subject.indenter)
+    predicted, read = fit.details.stations[0].predicted, site_test(subject, None).observed.channels
+    placed = (one for one in read if one.places)
+    arrows = [arrow for one in placed for arrow in channel_arrows(one, one.values - predicted[one.name], site)]
+    caption = (
+        "The muscle's C10 where the recordings tell it: grey is where they leave more than half of the variance that "
+        f"ln C10 has before a test ({found.prior_log_sd:g} squared). Nothing smaller than {found.finest_mm:.0f} mm is "
+        "resolved."
+    )
+    left = "What a muscle that is alike everywhere leaves of the readings inside, as arrows."
+    more = [replace(section, caption=left, arrows=arrows, key="left")] if arrows else []
+    return [replace(section, caption=caption, marks=marks, key="map"), *more, web.Bullets(list(_mapped(found)))]
+
+
+def _mapped(found: StiffnessMap) -> Iterator[str]:
+    def shown(value: float, sd: float) -> str:
+        low, high = value * np.exp([-1.96 * sd, 1.96 * sd])
+        return f"C10 {value:.2g} kPa ({low:.2g} to {high:.2g})"
+
+    for k in found.stands_out:
+        x, y = found.points_mm[k]
+        yield f"Stands out: {shown(found.C10_kPa[k], found.log_sd[k])} about x {x:.0f} mm, y {y:.0f} mm."
+    for name, mean in found.muscles.items():
+        yield f"Mean over the {name.replace('_', ' ')}: {shown(*mean)}."
+    if not len(found.stands_out):
+        told = "No place stands out from the whole muscle by two standard deviations."
+        yield told if found.told.any() else "The recordings can't tell where the muscle is stiffer or softer."
+    ended = "" if found.converged else "; its search ended before it had converged"
+    yield f"The recordings fit a muscle with this map ({fit_probability(found.p_value)}){ended}."
 
 
 def channel_arrows(one: StationChannel, left: FloatArray, site: Site) -> list[web.Arrow]:

@@ -242,6 +242,8 @@ class StillSection(Block):
     """Line from the centre along the indenter's travel."""
     marks: Sequence[Mark] = ()
     arrows: Sequence[Arrow] = ()
+    key: str = ""
+    """Of a page's further sections: each has a name of its own."""
 
 
 @dataclass(frozen=True)

@@ -74,7 +74,7 @@ class _InCells(base.FramesFile[Site], ABC):
     beyond: ClassVar[float]
     """Distance from the tissue to which a point may lie outside it, mm; below zero, that to which it lies inside."""
     most: ClassVar[int]
-    """Greatest number of cells."""
+    """Greatest number of cells unless the file's entry has one."""
     ways: ClassVar[tuple[tuple[float, ...], ...]]
     """What follows x and y in a place, for each column of readings."""
     asks: ClassVar[str]
@@ -98,7 +98,7 @@ class _InCells(base.FramesFile[Site], ABC):
             remedy = "give the points in the outlines' coordinates, where they were before the cylinder pressed"
             raise InputError("frames", "x_mm, y_mm", f"{kept} of {every} points lie in soft tissue", remedy)
         rows = [one.columns[here] for one, here in zip(frames, inside, strict=True)]
-        middles, cells = _cells_of(np.concatenate(rows)[:, :2], site.touch, self.most)
+        middles, cells = _cells_of(np.concatenate(rows)[:, :2], site.touch, frames[0].cells or self.most)
         of_trial = np.split(cells, np.cumsum([len(one) for one in rows])[:-1])
         ways = len(self.ways)
         places = tuple((round(float(x), 3), round(float(y), 3), *way) for x, y in middles for way in self.ways)

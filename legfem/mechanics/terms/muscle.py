@@ -1,11 +1,13 @@
 """Muscle: its fibres, its contraction, and a stiffness that isn't the same everywhere."""
 
+from abc import abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
 import ufl
 
 from legfem.common.errors import AboveZero, InputError, ZeroOrMore
+from legfem.common.units import FloatArray
 from legfem.mechanics.kinematics import Expr
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.model import Body
@@ -93,7 +95,31 @@ lump can integrate. A soft edge is hard as well where the excess is great, and m
 
 
 @dataclass(frozen=True)
-class StiffnessGradient(EnergyTerm):
+class _Unlike(EnergyTerm):
+    """What of a region's distortion energy is more, or less, from place to place.
+
+    Parameters
+    ----------
+    region : str
+        Region of the body.
+    law : Hyperelastic
+        The region's, whose symbols are shared.
+    """
+
+    law: Hyperelastic
+
+    @abstractmethod
+    def share(self, position: Expr, *numbers: Expr) -> Expr:
+        """Return how much more, as a share, at a reference position (mm) with the term's parameters."""
+
+    def energy_density(self, body: Body, F: Expr) -> Expr:
+        """Return what is added to the energy (MPa) at a deformation gradient."""
+        position = ufl.SpatialCoordinate(ufl.domain.extract_unique_domain(body.displacement))
+        return self.share(position, *self.scalars(body)) * body.symbols.of(self.region, self.law).distortion_energy(F)
+
+
+@dataclass(frozen=True)
+class StiffnessGradient(_Unlike):
     r"""What of the distortion energy is more above a level, and less below it.
 
     .. math:: g\, \frac{z - z_0}{\ell}\, U_\text{distortion}
@@ -115,20 +141,16 @@ class StiffnessGradient(EnergyTerm):
         :math:`\ell` (mm).
     """
 
-    law: Hyperelastic
     level: float
     gradient: float = 0.0
     length: AboveZero[float] = 100.0
     effect = "stiffness_gradient"
     numbers = ("gradient", "level", "length")
 
-    def energy_density(self, body: Body, F: Expr) -> Expr:
-        """Return what is added to the energy (MPa) at a deformation gradient."""
-        law = body.symbols.of(self.region, self.law)
-        gradient, level, length = self.scalars(body)
-        position = ufl.SpatialCoordinate(ufl.domain.extract_unique_domain(body.displacement))
-        z = position[body.displacement.ufl_shape[0] - 1]
-        return gradient * (z - level) / length * law.distortion_energy(F)
+    def share(self, position: Expr, *numbers: Expr) -> Expr:
+        """Return it in proportion to the height."""
+        gradient, level, length = numbers
+        return gradient * (position[len(position) - 1] - level) / length
 
 
 @dataclass(frozen=True)
@@ -162,7 +184,7 @@ class Excess(EnergyTerm):
 
 
 @dataclass(frozen=True)
-class UnevenStiffness(EnergyTerm):
+class UnevenStiffness(_Unlike):
     r"""What of the distortion energy is more about some points of a region.
 
     .. math:: \sum_k \frac{e_k}{1 + \exp(12 (|X - X_k|^2 / r_k^2 - 1))} U_\text{distortion}
@@ -182,7 +204,6 @@ class UnevenStiffness(EnergyTerm):
         :math:`r_k` (mm).
     """
 
-    law: Hyperelastic
     points: tuple[tuple[float, ...], ...]
     radii: AboveZero[tuple[float, ...]]
     effect = "uneven_stiffness"
@@ -192,18 +213,72 @@ class UnevenStiffness(EnergyTerm):
         """The excesses, all zero."""
         return {f"{self.name}.excess{k + 1}": 0.0 for k in range(len(self.points))}
 
-    def energy_density(self, body: Body, F: Expr) -> Expr:
-        """Return what is added to the energy (MPa) at a deformation gradient."""
-        law = body.symbols.of(self.region, self.law)
-        position = ufl.SpatialCoordinate(ufl.domain.extract_unique_domain(body.displacement))
-        excess = 0.0
-        for point, radius, strength in zip(self.points, self.radii, self.scalars(body), strict=True):
-            excess = excess + strength * _near(position - ufl.as_vector(point), radius)
-        return excess * law.distortion_energy(F)
+    def share(self, position: Expr, *numbers: Expr) -> Expr:
+        """Return the sum over the points."""
+        each = zip(self.points, self.radii, numbers, strict=True)
+        return sum(strength * _near(position - ufl.as_vector(point), radius) for point, radius, strength in each)
 
 
 @dataclass(frozen=True)
-class StiffLump(EnergyTerm):
+class StiffnessField(_Unlike):
+    r"""Distortion energy that is more here and less there: :math:`(\exp f(X) - 1)\, U_\text{distortion}`.
+
+    .. math:: f(X) = \sum_{jk} a_{jk} \sin\frac{j \pi (x - x_0)}{\ell} \sin\frac{k \pi (y - y_0)}{\ell}
+
+    with the sines of a square, :math:`j^2 + k^2 \le n^2`; nothing happens where all are zero, nor outside the square.
+
+    Parameters
+    ----------
+    region : str
+        Region of a body in section; parameters are named ``<region>.stiffness_field.a1_1`` and so on.
+    law : Hyperelastic
+        The region's, whose symbols are shared.
+    left, bottom, side : float
+        The square's corner :math:`x_0, y_0` and :math:`\ell` (mm).
+    finest : int
+        :math:`n`.
+    """
+
+    left: float
+    bottom: float
+    side: AboveZero[float]
+    finest: int = 8
+    effect = "stiffness_field"
+    numbers = ("left", "bottom", "side")
+
+    @property
+    def waves(self) -> list[tuple[int, int]]:
+        """The sines' j and k."""
+        each = range(1, self.finest + 1)
+        return [(j, k) for j in each for k in each if j**2 + k**2 <= self.finest**2]
+
+    @property
+    def modes(self) -> list[str]:
+        """Full names of the sines' coefficients."""
+        return [f"{self.name}.a{j}_{k}" for j, k in self.waves]
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """The square and the coefficients; as numbers of a form the square would have each leg's compiled anew."""
+        return super().parameters | dict.fromkeys(self.modes, 0.0)
+
+    def sines(self, points: FloatArray) -> FloatArray:
+        """Return the sines (n, m) at points (n, 2), mm."""
+        along = np.pi * np.clip((points - (self.left, self.bottom)) / self.side, 0.0, 1.0)
+        return np.prod(np.sin(along[:, None] * np.array(self.waves)), axis=-1)
+
+    def share(self, position: Expr, *numbers: Expr) -> Expr:
+        """Return what the field adds."""
+        *corner, side = numbers[:3]
+        # Clipped, as every sine is zero at the square's edge.
+        along = [ufl.min_value(ufl.max_value((x - low) / side, 0), 1) for x, low in zip(position, corner, strict=True)]
+        u, v = (np.pi * one for one in along)
+        each = zip(numbers[3:], self.waves, strict=True)
+        return ufl.exp(sum(size * ufl.sin(j * u) * ufl.sin(k * v) for size, (j, k) in each)) - 1
+
+
+@dataclass(frozen=True)
+class StiffLump(_Unlike):
     r"""What of the distortion energy is more about one point, which parameters place.
 
     As :class:`UnevenStiffness` about a single point: :math:`X_1` lies at a depth along a direction
@@ -225,7 +300,6 @@ class StiffLump(EnergyTerm):
         Of the lump (mm); its radius is :math:`r_1`.
     """
 
-    law: Hyperelastic
     origin: tuple[float, float]
     direction: tuple[float, float]
     excess: float = 0.0
@@ -235,14 +309,12 @@ class StiffLump(EnergyTerm):
     effect = "stiff_lump"
     numbers = ("excess", "depth", "side", "radius")
 
-    def energy_density(self, body: Body, F: Expr) -> Expr:
-        """Return what is added to the energy (MPa) at a deformation gradient."""
-        law = body.symbols.of(self.region, self.law)
-        excess, depth, side, radius = self.scalars(body)
-        position = ufl.SpatialCoordinate(ufl.domain.extract_unique_domain(body.displacement))
+    def share(self, position: Expr, *numbers: Expr) -> Expr:
+        """Return it about the point."""
+        excess, depth, side, radius = numbers
         x, y = self.direction
         away = position - ufl.as_vector(self.origin) - depth * ufl.as_vector((x, y)) - side * ufl.as_vector((-y, x))
-        return excess * _near(away, radius) * law.distortion_energy(F)
+        return excess * _near(away, radius)
 
 
 def _near(away: Expr, radius: Expr | float) -> Expr:

@@ -19,7 +19,7 @@ from legfem.report import estimates
 from legfem.report import page as web
 from legfem.report.curves import Curves, Dash, Line, curves_figure, law_line
 from legfem.report.folder import ReportFile
-from legfem.report.further_channels import SHOWS, channel_lines, channels_figure, drawn
+from legfem.report.further_channels import SHOWS, channel_lines, channels_figure, drawn, mapped_muscle
 from legfem.report.kinds import ReportKind
 from legfem.report.kinds.leg_numbers import how_done, known_of
 from legfem.report.leg_3d_view import pressed_leg
@@ -97,12 +97,13 @@ class LegReport(ReportKind):
         """Return recordings, the leg itself, what was tested and what not, what to do and how it was done."""
         chosen = preferred(fits)
         several = len(chosen.tests) > 1
-        leg = [] if several else _leg_itself(fits, pressed, note)
+        leg, mapped = [] if several else _leg_itself(fits, pressed, note), mapped_muscle(chosen)
         sites = [_site_table(chosen)] if several else []
         rests = estimates.rests_on(chosen.estimates, _LIKEWISE)
         untested = [*rests, *NOT_TESTED["leg"], *(NOT_TESTED["loading"] if chosen.weighting == "paper" else ())]
         return [
             web.Chapter("Recordings and model", [*sites, *_curves(fits, chosen), *drawn(fits)]),
+            *([web.Chapter("Where the muscle is stiffer or softer", mapped)] if mapped else []),
             *([web.Chapter("The leg, pressed", leg)] if leg else []),
             web.Chapter(web.TESTED, [web.Bullets(list(_tested(fits)))]),
             web.Chapter(
