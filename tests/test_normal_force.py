@@ -65,7 +65,9 @@ def test_it_is_half_the_twist_times_the_torque_and_its_derivative_a_difference()
     angle = np.array([0.1, 0.2, 0.4])
     known = 0.5 * angle / HEIGHT * np.pi * C10 * angle / HEIGHT * RADIUS**4
     assert curve.channel(NORMAL_FORCE.name, angle) == pytest.approx(known, rel=1e-6)
-    assert curve.channel_sensitivity(NORMAL_FORCE.name, "deep.C10", angle) == pytest.approx(known / C10, rel=1e-6)
+    assert curve.interpolated(curve.channel_sensitivities[NORMAL_FORCE.name]["deep.C10"], angle) == pytest.approx(
+        known / C10, rel=1e-6
+    )
 
 
 @pytest.mark.parametrize("relaxes", [False, True])

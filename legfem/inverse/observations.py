@@ -419,8 +419,10 @@ class StationReading:
         parts, by = [force], {name: [rates] for name, rates in by_force.items()}
         for one in self.observed.channels:
             for course in one.courses:
-                level = curve.channel(course, knots)
-                rates = {name: curve.channel_sensitivity(course, name, knots) for name in names}
+                known = curve.channel_sensitivities.get(course, {})
+                every = np.stack([curve.channels[course], *(known[name] for name in names)], axis=-1)
+                level, *rest = curve.interpolated(every, knots).T
+                rates = dict(zip(names, rest, strict=True))
                 change, by_change = level[1:] - level[0], {name: rate[1:] - rate[0] for name, rate in rates.items()}
                 if one.kind.follows_force:
                     change, by_change = corrected(change, by_change)

@@ -65,12 +65,8 @@ class ForceCurve:
         """Return a channel at displacements (mm); before first touch, what it is there."""
         return self.interpolated(self.channels[name], displacement)
 
-    def channel_sensitivity(self, name: str, parameter: str, displacement: ArrayLike) -> FloatArray:
-        """Return the derivative of a channel by a parameter at displacements (mm)."""
-        return self.interpolated(self.channel_sensitivities[name][parameter], displacement)
-
     def interpolated(self, values: FloatArray, displacement: ArrayLike) -> FloatArray:
-        """Return values at the solved steps, (n,), at displacements (mm); before first touch, what they are there."""
+        """Return values (n, ...) of the solved steps at displacements (mm); before first touch, what they are there."""
         at = np.maximum(np.asarray(displacement, dtype=float), 0.0)
         return np.asarray(CubicSpline(self.displacement, values)(at))
 
