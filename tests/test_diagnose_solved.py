@@ -131,7 +131,7 @@ def test_a_solution_is_made_once(variants, tmp_path):
 def test_what_is_kept_is_recalled_and_nothing_is_made_for_it(variants, tmp_path):
     first = responses_in(tmp_path, variants)
     force = first.curve(*SOFT)
-    kept = responses_in(tmp_path, variants).recalling()
+    kept = replace(responses_in(tmp_path, variants), only_kept=True)
     np.testing.assert_array_equal(kept.curve(*SOFT), force)
     with pytest.raises(NotKeptError):
         kept.curve(1.1 * SOFT[0], SOFT[1])

@@ -12,7 +12,7 @@ from scipy.stats import norm
 from legfem.geometry.section import CALF, LIMBS
 from legfem.inverse import explain as explain_module
 from legfem.inverse.accuracy import MATERIAL_LOG_SD
-from legfem.inverse.averaging import averaged_interval
+from legfem.inverse.averaging import averaged_intervals
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.errors import error_model
 from legfem.inverse.evidence import Evidence, possible_discrepancies
@@ -84,7 +84,7 @@ def test_a_single_effect_is_named_and_its_bias_removed(effects, recordings):
     strength = next(iter(effects))
     low, high = best.interval(strength, float(norm.sf(3.5)))
     assert low <= effects[strength] <= high
-    low, high = averaged_interval(explained, DEEP_C10)
+    low, high = next(averaged_intervals(explained, DEEP_C10))
     assert low <= TRUTH[DEEP_C10] <= high
 
 
@@ -155,7 +155,7 @@ def test_behind_one_effect_that_suffices_others_are_tried_and_widen_the_interval
     assert best.names == ("support-compliance",)
     beside = {frozenset(e.names) for e in explained.every if len(e.names) == 2}
     assert {frozenset([*best.names, m.name]) for m in SOUGHT if m.name not in best.names} <= beside
-    low, high = averaged_interval(explained, DEEP_C10)
+    low, high = next(averaged_intervals(explained, DEEP_C10))
     alone = best.interval(DEEP_C10)
     assert high - low > 1.02 * (alone[1] - alone[0])
     assert low < TRUTH[DEEP_C10] < high
@@ -165,12 +165,12 @@ def test_the_interval_of_consistent_recordings_has_room_for_what_they_may_hide()
     _, base = problem_of(ramps(), {"support-compliance.compliance": 0.006}, seed=1)
     explained = explain(base, SOUGHT)
     assert explained.every[0].is_base and explained.adequacy > 0.9
-    low, high = averaged_interval(explained, DEEP_C10)
+    low, high = next(averaged_intervals(explained, DEEP_C10))
     alone = explained.base.interval(DEEP_C10)
     assert low < TRUTH[DEEP_C10] < high
     assert high - low > 1.3 * (alone[1] - alone[0])
     surer = [replace(e, probability=100 * e.probability) if e.is_base else e for e in explained.every]
-    again = averaged_interval(replace(explained, every=tuple(surer)), DEEP_C10)
+    again = next(averaged_intervals(replace(explained, every=tuple(surer)), DEEP_C10))
     assert again == pytest.approx((low, high)), "nothing at all is no explanation of a leg"
 
 

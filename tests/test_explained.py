@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from scipy.stats import norm
 from scipy.stats import t as student_t
 
-from legfem.inverse.averaging import POWER, averaged_interval, untried_pairs
+from legfem.inverse.averaging import POWER, averaged_intervals, untried_pairs
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.evidence import Evidence, possible_discrepancies
 from legfem.inverse.explain import explain
@@ -48,11 +48,11 @@ def test_an_averaged_interval_is_that_of_a_mixture_of_distributions():
         return 0.7 * norm.cdf(z / 0.02) + 0.3 * student_t.cdf((z - 0.2) / 0.05, 4)
 
     expected = [brentq(lambda c10, p=p: share_below(c10) - p, 6e-5, 19e-3, xtol=1e-15) for p in (0.025, 0.975)]
-    found = averaged_interval(Explained((one, other), one), DEEP_C10)
+    found = next(averaged_intervals(Explained((one, other), one), DEEP_C10))
     np.testing.assert_allclose(found, expected, rtol=1e-6)
-    alone = averaged_interval(Explained((replace(one, probability=1.0),), one), DEEP_C10)
+    alone = next(averaged_intervals(Explained((replace(one, probability=1.0),), one), DEEP_C10))
     np.testing.assert_allclose(alone, one.interval(DEEP_C10), rtol=1e-6)
-    assert averaged_interval(Explained((one, other), one), "drag.size") is None
+    assert next(averaged_intervals(Explained((one, other), one), "drag.size"), None) is None
 
 
 def test_two_that_hide_at_once_are_summed_where_their_pair_was_not_tried():
@@ -77,7 +77,7 @@ def test_two_that_hide_at_once_are_summed_where_their_pair_was_not_tried():
     assert mean == pytest.approx(told.mean[k], abs=0.2 * sd)
     # The recordings bound both effects' sum better than each: the sum is no narrower.
     assert sd < np.sqrt(variance) < 1.25 * sd
-    low, high = averaged_interval(found, DEEP_C10)
+    low, high = next(averaged_intervals(found, DEEP_C10))
     logs = {e: e.log_prior + POWER * e.posterior.log_evidence for e in found.every if not e.is_base}
     parts = [(np.exp(log - max(logs.values())), e.distribution(DEEP_C10)) for e, log in logs.items()]
     alone = Mixture.joined(*zip(*parts, strict=True))

@@ -11,7 +11,7 @@ from making_diagnosis import TRUTH, noisy, observations, problem_of, ramps, two_
 from scipy.optimize import brentq
 from scipy.stats import norm
 
-from legfem.inverse.averaging import POWER, TIMES, averaged_interval, robust_interval, sensitivities
+from legfem.inverse.averaging import POWER, TIMES, averaged_intervals, robust_interval, sensitivities
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.explain import explain
 from legfem.inverse.explanation import Explained
@@ -82,7 +82,7 @@ def test_an_interval_with_a_mechanism_three_times_as_common_is_the_mixture_by_ha
 
         expected = [prior.value_at(brentq(lambda z, p=p: below(z) - p, -3.0, 3.0)) for p in (0.025, 0.975)]
         np.testing.assert_allclose(interval, expected, rtol=1e-6)
-    low, high = averaged_interval(explained, DEEP_C10)
+    low, high = next(averaged_intervals(explained, DEEP_C10))
     assert own.rarer[1] < high < own.commoner[1]
     assert robust_interval(explained, DEEP_C10) == (min(low, own.commoner[0]), own.commoner[1])
 

@@ -143,15 +143,15 @@ def test_a_leg_in_the_fabric_that_meets_a_class_has_that_class_at_the_ankle(chan
 
     first = fitted_stocking(shape, "1")
     along, load = worn(first)
-    told = list(fabrics_for_classes(along, load, makers, shape, first.stiffness))
+    told = list(fabrics_for_classes(along, load, makers, shape))
     assert [one.compression_class for one in told] == ["A", "1", "2", "3", "4"]
-    assert told[-1].tension_factor[1] == np.inf and told[-1].unstretched_mm_at_B[1] == 0.0
+    assert told[-1].tension_factor[1] == np.inf and told[-1].unstretched_mm_at_B[0] == 0.0
     (one,) = (each for each in told if each.compression_class == "2")
     if change == "stiffness":
-        chosen = replace(first, stiffness=one.stiffness_N_per_mm[0])
+        chosen = replace(first, stiffness=one.tension_factor[0] * first.stiffness)
     else:
         now = np.interp(80.0, first.levels, first.unstretched)
-        chosen = replace(first, unstretched=first.unstretched * one.unstretched_mm_at_B[0] / now)
+        chosen = replace(first, unstretched=first.unstretched * one.unstretched_mm_at_B[1] / now)
     # The leg gives way, so that tension in proportion to the pressure alone is too little.
     assert one.tension_factor[0] > 23.0 / along.at(80.0)[0] > 1.5
     assert worn(chosen)[0].at(80.0)[0] == pytest.approx(23.0, rel=0.02)
@@ -161,4 +161,4 @@ def test_a_leg_without_an_ankle_has_no_fabric_for_a_class() -> None:
     rings = round_calf([40, 45, 50])
     load = stocking_load(rings, Stocking(0.3, rings.levels[:1], np.array([180.0])))
     along = PressureAlong.of(rings, load, load, ContourAccuracy())
-    assert not list(fabrics_for_classes(along, load, MakersLevels(), rings, 0.3))
+    assert not list(fabrics_for_classes(along, load, MakersLevels(), rings))

@@ -15,7 +15,8 @@ from pydicom.uid import CTImageStorage, ExplicitVRLittleEndian, generate_uid
 
 from legfem.common.errors import InputError
 from legfem.imaging.label_volume import LabelVolume, check_same_spacing, volume_of_array
-from legfem.imaging.volume_file import read_volume, write_volume
+from legfem.imaging.volume_file import read_volume
+from studies.making.scans import write_volume
 
 
 def volume() -> LabelVolume:

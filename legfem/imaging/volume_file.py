@@ -103,13 +103,6 @@ def _locale_kept() -> Iterator[None]:
         locale.setlocale(locale.LC_ALL, before)
 
 
-def write_volume(volume: LabelVolume, path: Path) -> None:
-    """Write a label volume as NIfTI (``.nii`` or ``.nii.gz``)."""
-    image = nibabel.Nifti1Image(volume.labels, _TO_DICOM @ volume.affine)
-    image.header.set_xyzt_units("mm")
-    nibabel.save(image, path)
-
-
 type _Raw = tuple[NDArray[np.integer], FloatArray, Meaning | None, bool]
 
 

@@ -64,10 +64,10 @@ class Weighted:
     distribution: Mixture
 
 
-def averaged_interval(
-    explained: Explained, name: str, more_common: Mapping[str, float] | None = None
-) -> tuple[float, float] | None:
-    """Return a parameter's 95 % interval over all that may be left out, each with its weight.
+def averaged_intervals(
+    explained: Explained, name: str, assumed: Sequence[Mapping[str, float]] = ({},)
+) -> Iterator[tuple[float, float]]:
+    """Yield a parameter's 95 % interval over all that may be left out, each with its weight.
 
     None where no explanation that counts has the parameter.
 
@@ -77,16 +77,9 @@ def averaged_interval(
         All explanations.
     name
         Of the parameter.
-    more_common
-        How many times as common as is assumed mechanisms are, by their names.
+    assumed
+        How many times as common as is assumed mechanisms are, by their names: an interval for each.
     """
-    return next(_intervals(explained, name, [more_common or {}]), None)
-
-
-def _intervals(
-    explained: Explained, name: str, assumed: Sequence[Mapping[str, float]]
-) -> Iterator[tuple[float, float]]:
-    """Yield `averaged_interval` for each of several assumptions of how common mechanisms are; nothing for its None."""
     every = weights_of(explained, name)
     each = [Weighted(e.names, weight, e.distribution(name)) for e, weight in every]
     each += untried_pairs(explained, name)
@@ -201,7 +194,9 @@ TIMES = 3.0
 def sensitivities(explained: Explained, name: str, most: int = 5) -> tuple[Sensitivity, ...]:
     """Return what a parameter's interval owes to how common the mechanisms are taken to be that weigh most."""
     heaviest = _heaviest(explained, name, most)
-    ends = _intervals(explained, name, [{mechanism: f} for mechanism, _ in heaviest for f in (1 / TIMES, TIMES)])
+    ends = averaged_intervals(
+        explained, name, [{mechanism: f} for mechanism, _ in heaviest for f in (1 / TIMES, TIMES)]
+    )
     return tuple(
         Sensitivity(*one, rarer, commoner) for one, (rarer, commoner) in zip(heaviest, batched(ends, 2), strict=True)
     )
@@ -237,7 +232,7 @@ def left_open(explained: Explained, name: str) -> LeftOpen:
     screened = {one.names[0]: may_move(one, explained.every) for one in waiting if len(one.names) == 1}
     heavy = [(one, screened[one]) for one, _ in _heaviest(explained, name, len(screened)) if one in screened]
     assumed = [{one: math.exp(side * POWER * most)} for one, most in heavy[:_HEAVIEST] for side in (-1.0, 1.0)]
-    intervals = [*_intervals(explained, name, [{}, *assumed])]
+    intervals = [*averaged_intervals(explained, name, [{}, *assumed])]
     return LeftOpen(
         tuple(sorted(library.detail.whole)),
         tuple(sorted(screened)),
@@ -260,7 +255,7 @@ def robust_interval(explained: Explained, name: str) -> tuple[float, float] | No
     Plan. Inference 25 (1990) 303).
     """
     assumed: list[dict[str, float]] = [{}, *({one: TIMES} for one, _ in _heaviest(explained, name, _HEAVIEST))]
-    ends = [*_intervals(explained, name, assumed)]
+    ends = [*averaged_intervals(explained, name, assumed)]
     return (min(low for low, _ in ends), max(high for _, high in ends)) if ends else None
 
 

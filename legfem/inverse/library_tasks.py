@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -229,7 +229,7 @@ def outcomes_of(
     its own tasks. What `legfem.common.progress.Until` leaves no time for has no outcome.
     """
     found: dict[int, Outcome | None] = {}
-    kept = solved.recalling()
+    kept = replace(solved, only_kept=True)
     for place, task in enumerate(tasks):
         with suppress(NotKeptError):
             found[place] = _work(kept, task)

@@ -147,10 +147,6 @@ class SolvedResponses:
     _made: list[PathRequest] = field(default_factory=list, repr=False)
     _known: dict[str, Columns] = field(default_factory=dict, repr=False)
 
-    def recalling(self) -> "SolvedResponses":
-        """Return the same that makes no solution: `NotKeptError` is raised instead."""
-        return replace(self, only_kept=True)
-
     @property
     def solutions(self) -> int:
         """How many were made, not recalled."""

@@ -163,6 +163,7 @@ class Search[C: Comparison]:
             yield from self._by_steps()
             return
         gained, refuted = math.inf, 0
+        reads = len(self.law.of_model) < len(self.law.parameters)  # no solve has the others: an emulator is exact
         for attempt in range(self.settings.most_solves):
             if self.misfit.contradicts(_SURELY * self._least_expected()):
                 self.converged = True
@@ -177,7 +178,7 @@ class Search[C: Comparison]:
             step = self.domain.inside(self.best.point + self.newton_step())
             # Along a curved valley it goes too far; the emulator knows better once that is solved.
             tried = self._solved(step)
-            settled = self.is_stationary() or self._moves_little() or (self._reads and is_settled(gained))
+            settled = self.is_stationary() or self._moves_little() or (reads and is_settled(gained))
             untold = -gained * self.best.objective < _UNTOLD * self._rise_of_error()
             rough = untold and self._gains_nothing(emulated, proposal, _UNTOLD)
             if ((near or rough) and settled) or (near and tried and self._is_settled_at(step, emulated, proposal)):
@@ -335,11 +336,6 @@ class Search[C: Comparison]:
     def _wide(self) -> bool:
         """Whether a design can't hold all corners: failures then leave whole regions unknown."""
         return len(self.law.of_model) > 2
-
-    @property
-    def _reads(self) -> bool:
-        """Whether numbers are free that the emulator knows exactly, since no solve has them."""
-        return len(self.law.of_model) < len(self.law.parameters)
 
     def _stiffer(self) -> FloatArray:
         point = stiffer(self.law, np.array([trial.point for trial in self.trials]))

@@ -118,11 +118,6 @@ class MeshQuality:
         """The worst element's quality."""
         return min(self.minimum.values())
 
-    @property
-    def worst_region(self) -> str:
-        """The region that holds the worst element."""
-        return min(self.minimum, key=self.minimum.__getitem__)
-
 
 WORST_QUALITY = 0.02
 """Quality of an element below which a mesh isn't sound."""
@@ -138,7 +133,7 @@ def sound(quality: MeshQuality, source: str, remedy: str) -> MeshQuality:
     """
     if quality.worst <= WORST_QUALITY:
         problem = f"cannot be meshed soundly (worst element quality {quality.worst:.2g})"
-        raise InputError(source, quality.worst_region, problem, remedy)
+        raise InputError(source, min(quality.minimum, key=quality.minimum.__getitem__), problem, remedy)
     return quality
 
 

@@ -16,7 +16,7 @@ from legfem.report.style import DATA_COLOUR, FAINT
 from legfem.report.words import ROUND, WORDS, Directions, angle_round, round_leg, unwrapped
 from legfem.stockings.details import StockingDetails
 from legfem.stockings.fabric import CALF_SHARE
-from legfem.stockings.levels import LEVELS, FabricFor, rises
+from legfem.stockings.levels import LEVELS, rises
 from legfem.stockings.pressures import TissuePressures, too_low_by
 
 ALONG = "Pressure along the leg"
@@ -261,32 +261,20 @@ def level_blocks(details: StockingDetails) -> list[Block]:
 
 def _fabric_blocks(details: StockingDetails) -> list[Block]:
     """Return which fabric meets each class on this leg; nothing where the leg has no level B."""
-    if not details.fabrics:
-        return []
     rows = [
         {
             "class": one.compression_class,
             "pressure at B (mmHg)": span_of(one.limits_mmHg),
-            "tension, times this fabric's": span_of(one.tension_factor),
-            "or stiffness at this size (N/mm)": span_of(one.stiffness_N_per_mm),
-            "or unstretched girth at B at this stiffness (mm)": _girths(one),
+            "tension, or stiffness at this size, times this fabric's": span_of(one.tension_factor),
+            "or unstretched girth at B (mm)": span_of(one.unstretched_mm_at_B),
         }
         for one in details.fabrics
     ]
     caption = (
-        f"Fabric under which the mean pressure at B is within a class of {details.leg.makers.standard} on this leg"
+        f"Fabric under which the mean pressure at B is within a class of {details.leg.makers.standard} on this leg, "
+        "which gives way in proportion to the pressure; run legfem stocking again with the one that you choose"
     )
-    said = (
-        "By Laplace's law, with a leg that gives way in proportion to the pressure as it does under this fabric. Enter "
-        "the fabric that you choose in leg.toml and run legfem stocking again: far from this fabric's pressure the "
-        "factors are estimates."
-    )
-    return [WebTable.of(caption, rows), Prose(said)]
-
-
-def _girths(fabric: FabricFor) -> str:
-    wide, narrow = fabric.unstretched_mm_at_B
-    return f"{wide:.0f} to {narrow:.0f}" if narrow > 0 else f"{wide:.0f} or less"
+    return [WebTable.of(caption, rows)] if rows else []
 
 
 def _about_levels(details: StockingDetails) -> Iterator[str]:

@@ -207,7 +207,7 @@ class StockingDetails(KindDetails):
     def fabrics(self) -> list[FabricFor]:
         """Fabric that meets each class on this leg."""
         leg, load = self.leg, self.equilibrium.load
-        return list(fabrics_for_classes(self.pressure_along, load, leg.makers, leg.bare, leg.stocking.stiffness))
+        return list(fabrics_for_classes(self.pressure_along, load, leg.makers, leg.bare))
 
 
 def _best_fit(best: ScanFit) -> dict[str, Any]:

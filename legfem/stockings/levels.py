@@ -174,22 +174,19 @@ class FabricFor:
     compression_class : str
     limits_mmHg : (float, float)
     tension_factor : (float, float)
-        Least and greatest, over the tension of the fabric as it is; infinite where no tension comes so far.
-    stiffness_N_per_mm : (float, float)
-        Of a fabric of the same size.
+        Over the tension, and the stiffness at this size, of the fabric as it is; infinite where none comes so far.
     unstretched_mm_at_B : (float, float)
-        Perimeters, the wider first, of a fabric of the same stiffness.
+        Perimeters of a fabric of the same stiffness.
     """
 
     compression_class: str
     limits_mmHg: tuple[float, float]
     tension_factor: tuple[float, float]
-    stiffness_N_per_mm: tuple[float, float]
     unstretched_mm_at_B: tuple[float, float]
 
 
 def fabrics_for_classes(
-    along: PressureAlong, load: StockingLoad, makers: MakersLevels, bare: LegShape, stiffness: float
+    along: PressureAlong, load: StockingLoad, makers: MakersLevels, bare: LegShape
 ) -> Iterator[FabricFor]:
     r"""Yield the fabric for each class of a standard, where the leg has a level B.
 
@@ -205,5 +202,5 @@ def fabrics_for_classes(
     for name, (least, most) in ANKLE_LIMITS[makers.standard].items():
         left = (1 / wanted - (1 / pressure - 1 / on_bare) for wanted in (least, most))
         low, high = (1 / (on_bare * one) if one > 0 else math.inf for one in left)
-        sizes = girth / (1 + low * strain), girth / (1 + high * strain)
-        yield FabricFor(name, (least, most), (low, high), (low * stiffness, high * stiffness), sizes)
+        sizes = girth / (1 + high * strain), girth / (1 + low * strain)
+        yield FabricFor(name, (least, most), (low, high), sizes)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
+import nibabel
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
@@ -191,3 +193,10 @@ def _displaced(
     field *= np.sqrt(4 * np.pi * (deviation / along) * (deviation / around))
     moved: FloatArray = xy + noise.boundary_sd * field[..., None] * outward_normals(xy)
     return moved
+
+
+def write_volume(volume: LabelVolume, path: Path) -> None:
+    """Write a label volume as NIfTI (``.nii`` or ``.nii.gz``), whose axes run to the right, the front and the head."""
+    image = nibabel.Nifti1Image(volume.labels, np.diag([-1.0, -1.0, 1.0, 1.0]) @ volume.affine)
+    image.header.set_xyzt_units("mm")
+    nibabel.save(image, path)

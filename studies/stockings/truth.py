@@ -15,7 +15,6 @@ from legfem.common.units import kpa_to_mpa
 from legfem.experiments.compression import CompressionSettings
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.motion import RigidTransform
-from legfem.imaging.volume_file import write_volume
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.leg_sizes import settings_for_cells
 from legfem.stockings.details import StockingFit
@@ -24,7 +23,7 @@ from legfem.stockings.fabric import CompressionClass, Stocking, fitted_stocking
 from legfem.stockings.identification import identify_in_stocking
 from legfem.stockings.loading import load_leg
 from studies.cases.outcomes import Interval
-from studies.making.scans import SegmentationNoise, simulated_scan
+from studies.making.scans import SegmentationNoise, simulated_scan, write_volume
 from studies.making.shapes import ParametricLeg, parametric_leg
 
 VOXEL_SD = 0.15

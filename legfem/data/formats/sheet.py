@@ -358,16 +358,13 @@ def _printed_anew(
     run: list[int] = []
     for k in samples:
         if all(isinstance(cell_at(rows[k], c), float) for c in columns):
-            if any(tuple(rows[j]) in heading and not _has_numbers(rows[j], columns) for j in run):
+            words = (rows[j] for j in run if not any(isinstance(cell_at(rows[j], c), float) for c in columns))
+            if any(tuple(row) in heading for row in words):
                 found.update(j for j in run if not _mostly_numbers(rows[j], columns))
             run = []
         else:
             run.append(k)
     return found
-
-
-def _has_numbers(row: Sequence[Cell], columns: Sequence[int]) -> bool:
-    return any(isinstance(cell_at(row, c), float) for c in columns)
 
 
 def _check_row(path: Path, where: str, row: Sequence[Cell], columns: Sequence[int], width: int | None) -> None:
