@@ -327,7 +327,7 @@ def mapped_muscle(fit: Fit[LegDetails]) -> list[web.Block]:
         return []
     ends = [f"{one * found.whole_kPa:.2g}" for one in _FACTORS]
     between = (f"C10 {low} to {high} kPa" for low, high in pairwise(ends))
-    names = [f"C10 below {ends[0]} kPa", *between, f"C10 above {ends[-1]} kPa", "the recordings don't tell"]
+    names = [f"C10 below {ends[0]} kPa", *between, f"C10 above {ends[-1]} kPa", "not determined by the recordings"]
     level = np.where(found.told, np.digitize(found.C10_kPa / found.whole_kPa, _FACTORS), len(_FACTORS) + 1)
     dots = sorted(zip(level, *found.points_mm.T, strict=True))
     marks = [web.Mark(names[k], float(x), -float(y), _DOT_MM, _COLOURS[k]) for k, x, y in dots]
@@ -357,7 +357,7 @@ def _mapped(found: StiffnessMap) -> Iterator[str]:
         yield f"Mean over the {name.replace('_', ' ')}: {shown(*mean)}."
     if not len(found.stands_out):
         told = "No place stands out from the whole muscle by two standard deviations."
-        yield told if found.told.any() else "The recordings can't tell where the muscle is stiffer or softer."
+        yield told if found.told.any() else "The recordings do not determine where the muscle is stiffer or softer."
     ended = "" if found.converged else "; its search ended before it had converged"
     yield f"The recordings fit a muscle with this map ({fit_probability(found.p_value)}){ended}."
 
