@@ -336,7 +336,7 @@ def mapped_muscle(fit: Fit[LegDetails]) -> list[web.Block]:
     placed = (one for one in read if one.places)
     arrows = [arrow for one in placed for arrow in channel_arrows(one, one.values - predicted[one.name], site)]
     caption = (
-        "The muscle's C10 where the recordings tell it: grey is where they leave more than half of the variance that "
+        "The muscle's C10 where the recordings determine it; grey: they leave more than half of the variance that "
         f"ln C10 has before a test ({found.prior_log_sd:g} squared). Nothing smaller than {found.finest_mm:.0f} mm is "
         "resolved."
     )
