@@ -27,6 +27,7 @@ from legfem.inverse.parameter import Parameter, Prior
 from legfem.inverse.parse_parameters import AskedParameters, read_prior, read_value
 from legfem.inverse.population import CALF, population
 from legfem.inverse.settings import IdentificationSettings
+from legfem.legs.subject import LegAccuracy
 from legfem.report.kinds import kind_of, page_of
 from legfem.report.render import plain_page
 
