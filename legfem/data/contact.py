@@ -22,7 +22,7 @@ _MAX_POINTS = 200
 _LEAST_GAIN = 10.0
 """Drop in cost, in variances of the errors, below which air isn't believed."""
 _BY_NOISE = 2.0
-"""What each trial adds to that drop beyond a first one's."""
+"""What of each trial's drop, likewise, counts as noise's."""
 _MOST_STIFFENING = 0.4
 """By which the force's slope may grow, relative, over one way of `Scales`."""
 _SHAPE_ERROR = 0.03
