@@ -29,11 +29,13 @@ from legfem.inverse.parameter import Parameter, Prior
 from legfem.inverse.search import Search
 from legfem.inverse.searches import Found, run_together
 from legfem.inverse.settings import IdentificationSettings
+from legfem.legs.details import StiffnessMap
 from legfem.legs.loading import load_subject
 from legfem.legs.stiffness_field import LENGTH_MM, LOG_SD, map_of, prior_sds
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import NeoHookean
 from legfem.mechanics.terms.muscle import StiffnessField
+from legfem.report import further_channels
 
 SETTINGS = PlaneStrainSettings(mesh=COARSE, contact=ContactSettings(onset=0.02), newton=PRECISE, steps=fixed_steps(0.5))
 DEPTH = 3.0
@@ -212,3 +214,14 @@ def test_a_field_that_cannot_be_mapped_gets_one_line(tmp_path, more, words):
     with pytest.raises(InputError, match=words) as caught:
         lf.identify(leg, identify=["deep.C10"], field=True, **more)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("p_value", "said"), [(0.4, "The recordings fit a muscle"), (1e-9, "do not fit even a muscle")]
+)
+def test_a_map_that_the_recordings_contradict_is_not_said_to_fit(p_value: float, said: str) -> None:
+    none = np.zeros(0)
+    found = StiffnessMap(
+        np.zeros((0, 2)), none, none, none.astype(bool), none.astype(int), 0.8, {}, 0.7, 7.0, p_value, True
+    )
+    assert said in [*further_channels._mapped(found)][-1]

@@ -17,7 +17,7 @@ from legfem.geometry.indenter import Site
 from legfem.inverse.catalogue import symbol_of
 from legfem.inverse.channel_readings import StationChannel
 from legfem.inverse.explanation import Explanation
-from legfem.inverse.fit import ChannelFit, Fit
+from legfem.inverse.fit import LEAST_CHANCE, ChannelFit, Fit
 from legfem.inverse.predictor import values_of
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.details import LegDetails, StiffnessMap
@@ -336,13 +336,12 @@ def mapped_muscle(fit: Fit[LegDetails]) -> list[web.Block]:
     placed = (one for one in read if one.places)
     arrows = [arrow for one in placed for arrow in channel_arrows(one, one.values - predicted[one.name], site)]
     caption = (
-        "The muscle's C10 where the recordings determine it; grey: they leave more than half of the variance that "
-        f"ln C10 has before a test ({found.prior_log_sd:g} squared). Nothing smaller than {found.finest_mm:.0f} mm is "
-        "resolved."
+        "The muscle's C10 where the recordings determine it; grey: they leave more than half of the variance of ln C10 "
+        f"before a test ({found.prior_log_sd:g} squared). Nothing smaller than {found.finest_mm:.0f} mm is resolved."
     )
-    left = "What a muscle that is alike everywhere leaves of the readings inside, as arrows."
-    more = [replace(section, caption=left, arrows=arrows, key="left")] if arrows else []
-    return [replace(section, caption=caption, marks=marks, key="map"), *more, web.Bullets(list(_mapped(found)))]
+    more = replace(section, caption="What a uniform muscle leaves of the readings inside.", arrows=arrows, key="left")
+    mapped = replace(section, caption=caption, marks=marks, key="map")
+    return [mapped, *([more] if arrows else []), web.Bullets(list(_mapped(found)))]
 
 
 def _mapped(found: StiffnessMap) -> Iterator[str]:
@@ -358,8 +357,9 @@ def _mapped(found: StiffnessMap) -> Iterator[str]:
     if not len(found.stands_out):
         told = "No place stands out from the whole muscle by two standard deviations."
         yield told if found.told.any() else "The recordings do not determine where the muscle is stiffer or softer."
+    does = "fit" if found.p_value >= LEAST_CHANCE else "do not fit even"
     ended = "" if found.converged else "; its search ended before it had converged"
-    yield f"The recordings fit a muscle with this map ({fit_probability(found.p_value)}){ended}."
+    yield f"The recordings {does} a muscle with this map ({fit_probability(found.p_value)}){ended}."
 
 
 def channel_arrows(one: StationChannel, left: FloatArray, site: Site) -> list[web.Arrow]:
