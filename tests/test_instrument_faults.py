@@ -302,7 +302,7 @@ def spoilt_folder(folder: Path, change: Callable[[Trials], Trials]) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("change", [jump(-1.5), dead_band(0.5), gains(1, 1.4, 1)], ids=["jump", "dead band", "gain"])
+@pytest.mark.parametrize("change", [jump(-1.5), dead_band(1.1), gains(1, 1.4, 1)], ids=["jump", "dead band", "gain"])
 def test_what_a_person_would_see_leads_the_page_of_a_fit(change: Callable[[Trials], Trials], tmp_path: Path) -> None:
     spoilt_folder(tmp_path, change)
     fit = lf.identify(tmp_path, law="reduced-polynomial", mesh="coarse")["reduced-polynomial"]

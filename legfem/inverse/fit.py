@@ -263,9 +263,12 @@ class Fit[Details: KindDetails]:
 
     @property
     def doubts(self) -> int:
-        """How many of what was given, or came out, are unlikely and may move C10 by more than its half-width."""
+        """How many of what was given, or came out, are unlikely, and move C10 by more than its half-width.
+
+        Where the law misses the recordings, which widens that, each may be why.
+        """
         c10 = self.estimates.get(DEEP_C10)
-        return leading(self.notices, 0.0 if c10 is None else c10.relative_half_width)
+        return leading(self.notices, c10.relative_half_width if c10 is not None and self.goodness.fits else 0.0)
 
     @property
     def identifiability(self) -> Identifiability | None:
