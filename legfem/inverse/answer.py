@@ -1,6 +1,6 @@
 """The answer of a result: how it is to be taken, value or range, likely causes; and what its reader must know, too.
 
-Both are values: `legfem.report.answers` words the one, `legfem.report.answers` the other.
+Both are values, which `legfem.report.answers` words.
 """
 
 import math

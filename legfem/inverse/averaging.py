@@ -69,7 +69,7 @@ def averaged_intervals(
 ) -> Iterator[tuple[float, float]]:
     """Yield a parameter's 95 % interval over all that may be left out, each with its weight.
 
-    None where no explanation that counts has the parameter.
+    Nothing where no explanation that counts has the parameter.
 
     Parameters
     ----------
@@ -194,9 +194,8 @@ TIMES = 3.0
 def sensitivities(explained: Explained, name: str, most: int = 5) -> tuple[Sensitivity, ...]:
     """Return what a parameter's interval owes to how common the mechanisms are taken to be that weigh most."""
     heaviest = _heaviest(explained, name, most)
-    ends = averaged_intervals(
-        explained, name, [{mechanism: f} for mechanism, _ in heaviest for f in (1 / TIMES, TIMES)]
-    )
+    assumed = [{mechanism: factor} for mechanism, _ in heaviest for factor in (1 / TIMES, TIMES)]
+    ends = averaged_intervals(explained, name, assumed)
     return tuple(
         Sensitivity(*one, rarer, commoner) for one, (rarer, commoner) in zip(heaviest, batched(ends, 2), strict=True)
     )

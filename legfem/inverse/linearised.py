@@ -330,10 +330,9 @@ def shares_by_part(fitted: LinearisedFit) -> dict[str, tuple[ShareOfPart, ...]]:
     r"""Return by mechanism how much of it is there in each part of the readings.
 
     It tells whether the form of what is named is met. An explanation may fit better than all others and still be a name
-    for something else: a frame that meets the leg at
-    some depth is, over all, much like a support that gives way. What is named acts everywhere by its own law; so with
-    :math:`e` what a mechanism adds to the prediction at the fit, and :math:`e_p` that in part :math:`p` of the readings
-    and nothing elsewhere, the residual :math:`r` of the fit is
+    for something else: a frame that meets the leg at some depth is, over all, much like a support that gives way. What
+    is named acts everywhere by its own law; so with :math:`e` what a mechanism adds to the prediction at the fit, and
+    :math:`e_p` that in part :math:`p` of the readings and nothing elsewhere, the residual :math:`r` of the fit is
 
     .. math:: r = J \delta + \sum_p b_p e_p + \epsilon
 

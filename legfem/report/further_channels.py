@@ -18,6 +18,7 @@ from legfem.inverse.catalogue import symbol_of
 from legfem.inverse.channel_readings import StationChannel
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.fit import LEAST_CHANCE, ChannelFit, Fit
+from legfem.inverse.intervals import quantile
 from legfem.inverse.predictor import values_of
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.details import LegDetails, StiffnessMap
@@ -346,7 +347,7 @@ def mapped_muscle(fit: Fit[LegDetails]) -> list[web.Block]:
 
 def _mapped(found: StiffnessMap) -> Iterator[str]:
     def shown(value: float, sd: float) -> str:
-        low, high = value * np.exp([-1.96 * sd, 1.96 * sd])
+        low, high = value * np.exp(np.array([-1.0, 1.0]) * quantile(0) * sd)
         return f"C10 {value:.2g} kPa ({low:.2g} to {high:.2g})"
 
     for k in found.stands_out:
