@@ -383,5 +383,5 @@ def test_a_frame_at_the_end_of_a_press_counts(seen_layers: Path, tmp_path: Path)
     folder = lf.load_specimen(tmp_path)
     (one,) = folder.recordings
     model = JointForward((SpecimenForward(one.sizes, one.course.depth, folder.tissues, MUSCLE),))
-    (seen,) = comparison_of([one], model, folder, False).with_channels([0.01]).parts
+    (seen,) = comparison_of([one], model, folder, False).with_channels([0.01]).tests
     assert [len(channel.values) for channel in seen.channels] == [1, 2]

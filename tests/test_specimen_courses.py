@@ -125,7 +125,7 @@ def test_what_is_left_moves_contact_to_where_the_prior_and_it_agree() -> None:
     """Contact 0.3 mm ahead already, and truly 0.1 mm farther: the prior draws it back a little."""
     onset = _onset()
     left = -0.1 * onset.slope
-    shares = np.linalg.solve(1e-8 * np.eye(12) + onset.modes @ onset.modes.T, left - onset.expected)
+    shares = np.linalg.solve(1e-8 * np.eye(12) + onset.modes @ onset.modes.T, left - onset.ahead * onset.slope)
     assert onset.moved(left, onset.weighing(1e-4)) == pytest.approx(-0.2 * onset.modes[:, 0] @ shares)
     assert onset.moved(left, onset.weighing(1e-4)) == pytest.approx(0.4, rel=1e-3)
     assert 0.0 < onset.moved(left, onset.weighing(3.0)) < 0.4

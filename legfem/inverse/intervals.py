@@ -311,10 +311,10 @@ def third_of(displacement: FloatArray, depth: float) -> NDArray[np.int_]:
     return np.clip((len(THIRDS) * displacement / depth).astype(int), 0, len(THIRDS) - 1)
 
 
-def by_third(third: NDArray[np.int_], after: NDArray[np.bool_]) -> Mapping[str, NDArray[np.int_]]:
-    """Return places of readings (n,) by the loading's third that they lie in; of those after it none."""
-    found = {f"the {name} third of the depth": np.flatnonzero((third == k) & ~after) for k, name in enumerate(THIRDS)}
-    return {name: places for name, places in found.items() if len(places) >= _FEWEST}
+def by_third(displacement: FloatArray, depth: float, after: NDArray[np.bool_]) -> Mapping[str, NDArray[np.int_]]:
+    """Return places of readings (n,) by the third of a loading's depth that they lie in; of those after it none."""
+    third = third_of(displacement, depth)
+    return {f"the {name} third of the depth": np.flatnonzero((third == k) & ~after) for k, name in enumerate(THIRDS)}
 
 
 def departure_of(
@@ -335,7 +335,7 @@ def departure_of(
     for name, places in parts.items():
         force, model = measured[places], predicted[places]
         squares = float(model @ model)
-        if not squares:
+        if not squares or len(places) < _FEWEST:
             continue
         factor = float(model @ force) / squares
         error = math.sqrt(float(model @ covariance[np.ix_(places, places)] @ model)) / squares

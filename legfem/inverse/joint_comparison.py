@@ -1,8 +1,9 @@
 """Stations of one or several sites that the same unknowns predict, and what each site says by itself."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,30 +17,57 @@ from legfem.inverse.fit import EXACT, LEAST_CHANCE, Goodness, OwnEstimate
 from legfem.inverse.least_squares import polished
 from legfem.inverse.outcome import Outcome
 from legfem.inverse.parameter import Domain
+from legfem.inverse.readings import Data
 from legfem.inverse.searches import Found
 from legfem.inverse.station_test import StationTest
 from legfem.inverse.trial import Linearised
+from legfem.solve.path import ForceCurve
 
 
-@dataclass(frozen=True, eq=False)
-class JointComparison(Comparison):
-    """One or several tests that the same unknowns predict.
+class ComparedTest(Protocol):
+    """What a comparison of several tests needs of each: n readings, of m model values."""
 
-    Parameters
-    ----------
-    tests : tuple of StationTest
-        With n readings together; every one is solved, in this order, in one outcome.
-    weighting : {"covariance", "paper", "equal"}
-        What `objective` sums.
-    near : tuple, optional
-        Values and predicted readings (n,) of a solve near the optimum, about which shared errors count in the weights
-        too, as they must where what was known beforehand is weighed against the recordings. Shares of recorded
-        forces would draw the model to one side (Peelle's puzzle).
-    """
+    @property
+    def data(self) -> Data:
+        """The force, then what was recorded with it."""
 
-    tests: tuple[StationTest, ...]
-    weighting: Weighting = "covariance"
-    near: tuple[Values, FloatArray] | None = None
+    @property
+    def reach(self) -> str:
+        """How far a solve has to come, in words."""
+
+    @property
+    def linear_scale(self) -> FloatArray:
+        """Sizes (m,) of model values that may have either sign, 0 for forces along the travel."""
+
+    @property
+    def if_deeper(self) -> FloatArray:
+        """Change of the measured readings (n,) per relative change of the displacements."""
+
+    @property
+    def parts_along(self) -> Mapping[str, NDArray[np.int_]]:
+        """Places of the forces in each third of the depth."""
+
+    def reached_by(self, curve: ForceCurve) -> bool:
+        """Whether a solve came as far as what was measured."""
+
+    def unseen_in(self, curve: ForceCurve) -> Sequence[str]:
+        """Names of the channels that a solve doesn't have."""
+
+    def predict(self, curve: ForceCurve, values: Values, instrument: FloatArray) -> Prediction:
+        """Read a solve."""
+
+    def read(self, model_values: FloatArray, instrument: FloatArray) -> FloatArray:
+        """Readings (..., n) of the model's values (..., m)."""
+
+
+class ComparedTests[T: ComparedTest](Comparison):
+    """Tests that the same unknowns predict, their readings one after the other."""
+
+    tests: tuple[T, ...]
+
+    def solved(self, outcome: Outcome) -> list[tuple[T, ForceCurve]]:
+        """Tests with their curves: every one is solved, in this order, unless overridden."""
+        return list(zip(self.tests, outcome.curves, strict=True))
 
     @cached_property
     def spans(self) -> list[slice]:
@@ -72,7 +100,7 @@ class JointComparison(Comparison):
     @cached_property
     def linear_scale(self) -> FloatArray:
         """Sizes (m,) of model values that may have either sign, 0 for forces along the travel."""
-        return np.concatenate([test.station.linear_scale for test in self.tests])
+        return np.concatenate([test.linear_scale for test in self.tests])
 
     @property
     def if_deeper(self) -> FloatArray:
@@ -82,32 +110,52 @@ class JointComparison(Comparison):
     @property
     def reach(self) -> str:
         """Depths of the tests."""
-        return ", ".join(test.reach for test in self.tests)
+        return ", ".join(dict.fromkeys(test.reach for test in self.tests))
 
     def reached_by(self, outcome: Outcome) -> bool:
         """Whether every test came to its depth."""
-        return all(test.reached_by(curve) for test, curve in zip(self.tests, outcome.curves, strict=True))
+        return all(test.reached_by(curve) for test, curve in self.solved(outcome))
 
     def unseen_in(self, outcome: Outcome) -> tuple[str, ...]:
         """Names of the channels that any test's solve doesn't have."""
-        pairs = zip(self.tests, outcome.curves, strict=True)
-        return tuple(dict.fromkeys(name for test, curve in pairs for name in test.station.unseen_in(curve)))
+        return tuple(dict.fromkeys(name for test, curve in self.solved(outcome) for name in test.unseen_in(curve)))
+
+    def predict(self, outcome: Outcome, instrument: FloatArray) -> Prediction:
+        """Read a complete full solve of all tests."""
+        solved = self.solved(outcome)
+        return Prediction.joined([test.predict(curve, outcome.values, instrument) for test, curve in solved])
+
+    def read(self, model_values: FloatArray, instrument: FloatArray) -> FloatArray:
+        """Readings (..., n) of what the model gives on all tests' grids (..., m)."""
+        parts = zip(self.tests, spans_of(len(test.linear_scale) for test in self.tests), strict=True)
+        read = [test.read(model_values[..., span], instrument) for test, span in parts]
+        return np.concatenate(read, axis=-1)
+
+
+@dataclass(frozen=True, eq=False)
+class JointComparison(ComparedTests[StationTest]):
+    """One or several tests that the same unknowns predict.
+
+    Parameters
+    ----------
+    tests : tuple of StationTest
+        With n readings together; every one is solved, in this order, in one outcome.
+    weighting : {"covariance", "paper", "equal"}
+        What `objective` sums.
+    near : tuple, optional
+        Values and predicted readings (n,) of a solve near the optimum, about which shared errors count in the weights
+        too, as they must where what was known beforehand is weighed against the recordings. Shares of recorded
+        forces would draw the model to one side (Peelle's puzzle).
+    """
+
+    tests: tuple[StationTest, ...]
+    weighting: Weighting = "covariance"
+    near: tuple[Values, FloatArray] | None = None
 
     def contradicts(self, objective: float) -> bool:
         """Whether errors about a solve don't explain so great a sum of squares."""
         weighed = self.weighting != "equal" and self.near is not None
         return weighed and float(chi2.sf(objective, len(self))) < LEAST_CHANCE
-
-    def predict(self, outcome: Outcome, instrument: FloatArray) -> Prediction:
-        """Read a complete full solve of all tests."""
-        pairs = zip(self.tests, outcome.curves, strict=True)
-        return Prediction.joined([test.predict(curve, outcome.values, instrument) for test, curve in pairs])
-
-    def read(self, model_values: FloatArray, instrument: FloatArray) -> FloatArray:
-        """Readings (..., n) of what the model gives on all tests' grids (..., m)."""
-        parts = zip(self.tests, spans_of(test.station.size for test in self.tests), strict=True)
-        read = [test.read(model_values[..., span], instrument) for test, span in parts]
-        return np.concatenate(read, axis=-1)
 
     @cached_property
     def covariance(self) -> FloatArray:

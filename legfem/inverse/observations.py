@@ -346,11 +346,6 @@ class StationReading:
         """Names of the channels whose courses a solve doesn't have."""
         return [one.name for one in self.observed.channels if not curve.channels.keys() >= set(one.courses)]
 
-    @property
-    def size(self) -> int:
-        """Number m of the model's values."""
-        return len(self.grid) + len(self.observed.courses) * (1 + len(self.grid))
-
     @cached_property
     def pressed(self) -> FloatArray:
         """Displacement after touch (n,), mm; negative before it."""

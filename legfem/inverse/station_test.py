@@ -23,7 +23,7 @@ from legfem.inverse.catalogue import Values, deep_stiffness
 from legfem.inverse.comparison import Covariances, ErrorSource, Mode, Prediction
 from legfem.inverse.correction import TabulatedCorrection, corrected
 from legfem.inverse.errors import ErrorModel, NuisanceEffect, error_model
-from legfem.inverse.intervals import by_third, third_of
+from legfem.inverse.intervals import by_third
 from legfem.inverse.observations import Observations, StationReading
 from legfem.inverse.predictor import onset_prior
 from legfem.inverse.readings import GAIN, INSTRUMENT, OFFSET, ZERO, Data, read_at_offsets
@@ -135,7 +135,16 @@ class StationTest:
     def parts_along(self) -> Mapping[str, NDArray[np.int_]]:
         """Places of the forces of the loading, by the third of the depth that they were read in."""
         d, phase = self.observed.displacement[self._force_rows], self.observed.phase[self._force_rows]
-        return by_third(third_of(d, float(d.max())), phase != LOADING)
+        return by_third(d, float(d.max()), phase != LOADING)
+
+    @property
+    def linear_scale(self) -> FloatArray:
+        """Sizes (m,) of model values that may have either sign, 0 for forces along the travel."""
+        return self.station.linear_scale
+
+    def unseen_in(self, curve: ForceCurve) -> list[str]:
+        """Names of the channels that a solve doesn't have."""
+        return self.station.unseen_in(curve)
 
     def reached_by(self, curve: ForceCurve) -> bool:
         """Whether a solve came to the grid's end; one that stops short says nothing of the greatest forces."""

@@ -72,7 +72,7 @@ def misfit_of(
     Parameters
     ----------
     comparison
-        Recordings of n stations.
+        Forces alone, of n stations.
     covariance
         (n, n), N2, of their errors.
     force
@@ -81,10 +81,8 @@ def misfit_of(
         (n, p), N: of the free parameters, each in units of its own size.
     """
     # Moved contacts are no misfit: the prior's pull on them is in what the densities compare, not in the size.
-    residual, left = comparison.of_forces(comparison.expected) - force, comparison.forces - force
-    parts = comparison.parts
-    stations = [len(part.course.time) for part in parts]
-    peak = np.repeat([part.course.peak for part in parts], stations)
+    residual, left = comparison.expected - force, comparison.measured - force
+    peak = np.array([part.course.peak for part in comparison.tests])[comparison.part_of]
     shapes = list(_shapes(comparison, peak))
     none = log_density(covariance, residual, jacobian)
     densities = [[none] * len(_SIZES)]
@@ -107,10 +105,9 @@ def _log_priors(by_size: FloatArray) -> FloatArray:
 
 def _shapes(comparison: SpecimenComparison, peak: FloatArray) -> Iterator[FloatArray]:
     """Yield the covariances of errors of all lengths, of the size of the greatest force."""
-    parts = comparison.parts
-    share = np.concatenate([part.course.displacement / part.course.depth for part in parts])
-    kinds = np.repeat([part.kind for part in parts], [len(part.course.time) for part in parts])
-    scale = peak * (_LEAST + (1 - _LEAST) * np.abs(comparison.forces) / peak)
+    share = np.concatenate([part.course.displacement / part.course.depth for part in comparison.tests])
+    kinds = np.array([part.kind for part in comparison.tests])[comparison.part_of]
+    scale = peak * (_LEAST + (1 - _LEAST) * np.abs(comparison.measured) / peak)
     alike = np.outer(scale, scale) * (kinds[:, None] == kinds)
     for length in LENGTHS:
         yield alike * np.exp(-0.5 * (np.subtract.outer(share, share) / length) ** 2)

@@ -109,11 +109,6 @@ class OnsetEffect:
             pressed = min(abs(course.standing) / max(float(np.median(first)), 1e-12), course.depth)
         return cls(slope, sd, zero, ahead, pressed, factor_sd * course.force if factor_sd else None)
 
-    @property
-    def expected(self) -> FloatArray:
-        """What the reading is expected to be above the model (n,), N, before it is compared."""
-        return self.ahead * self.slope
-
     @cached_property
     def modes(self) -> FloatArray:
         """Changes by one standard deviation (n, 2 or 3), N, of contact, zero, and the factor if there is one."""
@@ -144,7 +139,7 @@ class OnsetEffect:
         """
         if not self.sd:
             return 0.0
-        departure = self.modes[:, 0] @ np.linalg.solve(covariance, left - self.expected)
+        departure = self.modes[:, 0] @ np.linalg.solve(covariance, left - self.ahead * self.slope)
         return float(-self.sd * np.clip(departure, -FARTHEST, FARTHEST))
 
 
@@ -195,11 +190,6 @@ class OwnStiffness:
     def _members(self) -> FloatArray:
         """Which stations are of which specimen, (g, n)."""
         return np.asarray(self.specimen == np.arange(len(self.names))[:, None], float)
-
-    @property
-    def same(self) -> FloatArray:
-        """Which pairs of stations are of one specimen, (n, n)."""
-        return np.asarray(self.specimen[:, None] == self.specimen, float)
 
     @cached_property
     def _seen(self) -> FloatArray:

@@ -1,31 +1,34 @@
 """One recording beside its test's model: its force at few stations, and what was read beside it at a diagnosis'."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.linalg import block_diag
 
 from legfem.channels.kinds import CHANNELS
 from legfem.common.units import FloatArray
+from legfem.inverse.catalogue import Values
 from legfem.inverse.channel_readings import StationChannel
 from legfem.inverse.comparison import Prediction
-from legfem.inverse.errors import error_model
+from legfem.inverse.errors import error_model, numerical_covariance
+from legfem.inverse.intervals import by_third
 from legfem.inverse.observations import Observations, StationReading, observe
-from legfem.inverse.readings import INSTRUMENT, OFFSET, READINGS, RELAXATION, read_at_offsets, unit_spline
+from legfem.inverse.readings import INSTRUMENT, READINGS, Data, read_at_offsets, unit_spline
 from legfem.inverse.trial_noise import estimate_noise
 from legfem.solve.path import ForceCurve
 from legfem.specimens.course import SLOW_SHARE, STATIONS, Course, relaxed
-from legfem.specimens.nuisances import OnsetEffect
+from legfem.specimens.nuisances import OnsetEffect, power_of
 from legfem.specimens.sizes import SpecimenRecording
 
 GRID = 50
 """Displacements at which a test's force is known to the search."""
 _BEYOND = 1.01
 """Time to which channels are read, over the course's: a frame at its end counts, however contact's time is found."""
-_OFFSET = list(INSTRUMENT).index(OFFSET)
+_GAIN, _ZERO, _OFFSET = range(len(INSTRUMENT))
 _STEP = 1e-5
 
 
@@ -112,29 +115,105 @@ class Part:
         """What the recording shows after first contact."""
         return self.recording.course
 
+    @property
+    def channels(self) -> tuple[StationChannel, ...]:
+        """Beside the force, in the order of the readings."""
+        return () if self.beside is None else self.beside.observed.channels
+
+    @cached_property
+    def data(self) -> Data:
+        """The force (N), and readings of channels in their units."""
+        return Data((*self.recording.data.channels, *(one.channel for one in self.channels)))
+
+    @cached_property
+    def is_force(self) -> NDArray[np.bool_]:
+        """Which of the readings (n,) are forces."""
+        return np.arange(len(self.data)) < len(self.course.time)
+
+    @cached_property
+    def slope(self) -> FloatArray:
+        """Slope (n,) of the readings by the displacement, per mm: what they lose as contact is later."""
+        return np.concatenate([self.onset.slope, *(one.slope(one.values) for one in self.channels)])
+
+    @property
+    def expected(self) -> FloatArray:
+        """Readings (n,) as they are expected of a contact where it is taken to be."""
+        return np.asarray(self.data.values - self.onset.ahead * self.slope)
+
+    @property
+    def if_deeper(self) -> FloatArray:
+        """Change of the readings (n,) per relative change of the displacements.
+
+        Of forces as if in proportion to a power of the depth, which holds and returns keep to.
+        """
+        others = (one.displacement * one.slope(one.values) for one in self.channels)
+        return -np.concatenate([power_of(self.course) * self.course.force, *others])
+
+    @property
+    def parts_along(self) -> Mapping[str, NDArray[np.int_]]:
+        """Places of the loading's forces in each third of its depth."""
+        course = self.course
+        return by_third(course.displacement, course.depth, course.time > course.arrival * (1 + 1e-9))
+
+    @property
+    def reach(self) -> str:
+        """The test's depth."""
+        return f"{self.depth:.3g} mm"
+
+    def reached_by(self, curve: ForceCurve) -> bool:
+        """Whether the test came to its depth."""
+        return curve.depth >= self.depth - 1e-9
+
+    def unseen_in(self, curve: ForceCurve) -> Sequence[str]:
+        """Names of the channels that the test's solve doesn't have."""
+        return [] if self.beside is None else self.beside.unseen_in(curve)
+
+    @cached_property
+    def linear_scale(self) -> FloatArray:
+        """Sizes of the model's values: 0 of forces on the grid, and of each course its value at rest and changes."""
+        return np.zeros(GRID) if self.beside is None else self.beside.linear_scale
+
     @cached_property
     def _plain(self) -> FloatArray:
-        """What its forces take of the model's, (s, `GRID`)."""
-        return np.asarray(_spline_to(self.depth)(self.course.displacement))
+        return self._taking(0.0)
 
     def _matrix(self, offset: float) -> FloatArray:
-        """Return what its forces take of the model's, contact having begun at an offset (mm); (s, `GRID`)."""
-        if not offset:
-            return self._plain
-        return np.asarray(_spline_to(self.depth)(np.maximum(self.course.displacement - offset, 0.0)))
+        """Return what elastic readings take of the model's values, contact having begun at an offset (mm); (n, m)."""
+        return self._taking(offset) if offset else self._plain
 
-    def felt(self, forces: FloatArray, instrument: FloatArray) -> FloatArray:
-        """Return what is felt (..., s) of all tests' forces (..., m), before gain and zero."""
-        own = forces[..., self.test * GRID : (self.test + 1) * GRID]
-        elastic = read_at_offsets(self._matrix, own, instrument[..., _OFFSET])
-        if not self.relaxes:
-            return elastic
-        share = self.course.displacement / self.depth
-        return relaxed(self.course.time, share, elastic, instrument[..., len(INSTRUMENT) :])
+    def _taking(self, offset: float) -> FloatArray:
+        forces = _spline_to(self.depth)(np.maximum(self.course.displacement - offset, 0.0))
+        if self.beside is None:
+            return np.asarray(forces)
+        whole = self.beside.matrix(offset=offset)
+        return np.asarray(block_diag(forces, whole[len(self.beside.observed.force) :, GRID:]))
 
-    def force_errors(self, force: FloatArray) -> tuple[FloatArray, ...]:
-        """Return covariances (s, s), N2, of its forces about predicted ones (s,): white, slow, by contact's place."""
-        course = self.course
+    def read(self, model_values: FloatArray, instrument: FloatArray) -> FloatArray:
+        """Return readings (..., n) of the model's values (..., m); loads relax."""
+        return np.asarray(self._felt(model_values, instrument) + self.is_force * instrument[..., _ZERO, None])
+
+    def _felt(self, model_values: FloatArray, instrument: FloatArray) -> FloatArray:
+        """Return the same but for the force's zero."""
+        felt = read_at_offsets(self._matrix, model_values, instrument[..., _OFFSET])
+        courses: tuple[Course | StationChannel, ...] = (self.course, *self.channels) if self.relaxes else ()
+        for span, one in zip(self.data.spans, courses, strict=False):
+            if isinstance(one, Course) or one.kind.follows_force:
+                numbers, share = instrument[..., len(INSTRUMENT) :], one.displacement / self.depth
+                felt[..., span] = relaxed(one.time, share, felt[..., span], numbers)
+        return np.where(self.is_force, instrument[..., _GAIN, None], 1.0) * felt
+
+    def predict(self, curve: ForceCurve, values: Values, instrument: FloatArray) -> Prediction:
+        """Return the readings of a solve."""
+        grid = grid_to(self.depth)
+        force, by = curve(grid), {name: curve.sensitivity(name, grid) for name in curve.sensitivities}
+        model, rates = (force, by) if self.beside is None else self.beside.model_values(curve)
+        seen = {name: self._felt(each, instrument) for name, each in rates.items()}
+        seen |= slopes_by_readings(partial(self.read, model), instrument)
+        return Prediction(self.read(model, instrument), seen, model, rates)
+
+    def own_errors(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return covariances (n, n) about predicted readings (n,), of what is read of the force and of the model."""
+        course, force = self.course, values[self.is_force]
         d, errors = course.displacement, course.instrument
         # A hold's steps are shorter than any of the loading's.
         step = np.diff(d, prepend=0.0)
@@ -143,72 +222,27 @@ class Part:
         white = (errors.force_sd**2 + (slope * errors.displacement_sd) ** 2) / course.count
         apart = np.abs(d[:, None] - d) / (course.depth / 3)
         slow = SLOW_SHARE * errors.force_sd**2 * np.exp(-apart)
-        later = self.onset.modes[:, 0]
-        return np.diag((1 - SLOW_SHARE) * white), slow + self.onset.zero_sd**2, np.outer(later, later)
-
-    @property
-    def channels(self) -> tuple[StationChannel, ...]:
-        """Beside the force, in the order of the readings."""
-        return () if self.beside is None else self.beside.observed.channels
-
-    @cached_property
-    def values(self) -> FloatArray:
-        """The readings beside the force (k,), each in its unit."""
-        return np.concatenate([np.zeros(0), *(one.values for one in self.channels)])
-
-    @cached_property
-    def slope(self) -> FloatArray:
-        """Their slope (k,) by the displacement, per mm."""
-        return np.concatenate([np.zeros(0), *(one.slope(one.values) for one in self.channels)])
+        # Where contact is moves forces and channels together.
+        later, numerical = self.onset.way * self.slope, self.errors[1].copy()
+        read, own = np.outer(later, later), np.s_[: len(d), : len(d)]
+        read[own] += np.diag((1 - SLOW_SHARE) * white) + slow + self.onset.zero_sd**2
+        numerical[own] = numerical_covariance(d, force, length=course.depth / 3, power=1.0)
+        return read, numerical
 
     @cached_property
     def errors(self) -> tuple[FloatArray, FloatArray]:
-        """Their covariance (k, k) by instruments and model, and the model's of it."""
+        """Covariances (n, n) of the readings beside the force, by instruments and by the model."""
+        nothing = np.zeros((len(self.course.time),) * 2)
         if self.beside is None:
-            return np.zeros((0, 0)), np.zeros((0, 0))
-        observed, instrument = self.beside.observed, self.course.instrument
-        found = error_model(observed, estimate_noise(observed, instrument), observed.values)
-        forces = len(observed.force)
-        return found.covariance[forces:, forces:], found.of_model[forces:, forces:]
+            return nothing, nothing
+        observed, forces = self.beside.observed, len(self.beside.observed.force)
+        found = error_model(observed, estimate_noise(observed, self.course.instrument), observed.values)
+        read, of_model = (block_diag(nothing, one[forces:, forces:]) for one in (found.covariance, found.of_model))
+        return read - of_model, of_model
 
     @cached_property
     def of_sizes(self) -> FloatArray:
-        """Their covariance by stated thicknesses: a layer's that is off is so in proportion all along the test."""
+        """Covariance (n, n) by stated thicknesses: a layer's that is off is so in proportion all along the test."""
         layers = self.recording.sizes.thicknesses
-        each = [self.relative_sd * (one.name in layers) * one.values for one in self.channels]
-        return np.asarray(block_diag(np.zeros((0, 0)), *(np.outer(one, one) for one in each)))
-
-    @property
-    def scale(self) -> FloatArray:
-        """Sizes of the model's values beside its forces: of each course its value at rest and changes on the grid."""
-        if self.beside is None:
-            return np.zeros(0)
-        return self.beside.linear_scale[len(self.beside.grid) :]
-
-    def _matrix_beside(self, offset: float) -> FloatArray:
-        """Return what elastic readings take of the model's values, contact having begun at an offset (mm)."""
-        assert self.beside is not None
-        whole = self.beside.matrix(offset=offset) if offset else self.beside.plain
-        return whole[len(self.beside.observed.force) :, len(self.beside.grid) :]
-
-    def read(self, values: FloatArray, instrument: FloatArray) -> FloatArray:
-        """Return readings (..., k) of the model's values beside its forces; loads relax as forces do."""
-        elastic = read_at_offsets(self._matrix_beside, values, instrument[..., _OFFSET])
-        if not self.relaxes:
-            return elastic
-        numbers, ends = instrument[..., len(INSTRUMENT) :], np.cumsum([len(one.values) for one in self.channels])
-        felt = [
-            relaxed(one.time, one.displacement / self.depth, block, numbers) if one.kind.follows_force else block
-            for one, block in zip(self.channels, np.split(elastic, ends[:-1], axis=-1), strict=True)
-        ]
-        return np.concatenate(felt, axis=-1)
-
-    def predict(self, curve: ForceCurve, instrument: FloatArray) -> Prediction:
-        """Return the readings beside the force of a solve."""
-        assert self.beside is not None
-        grid, (whole, rates) = len(self.beside.grid), self.beside.model_values(curve)
-        values, by = whole[grid:], {name: each[grid:] for name, each in rates.items()}
-        seen = {name: self.read(each, instrument) for name, each in by.items()}
-        slopes = slopes_by_readings(partial(self.read, values), instrument)
-        seen |= {name: slope for name, slope in slopes.items() if name == OFFSET or name in RELAXATION}
-        return Prediction(self.read(values, instrument), seen, values, by)
+        each = (self.relative_sd * (one.name in layers) * one.values for one in self.data.channels)
+        return np.asarray(block_diag(*(np.outer(one, one) for one in each)))

@@ -92,7 +92,7 @@ class SpecimenProblem:
         """Comparison with contacts moved to where a fit has them, and slopes of its forces; None where all stay."""
         assert search.best.prediction is not None
         now = search.misfit
-        moved = self._moved(now, now.aheads(now.of_forces(search.best.prediction.values)))
+        moved = self._moved(now, now.aheads(search.best.prediction.values))
         if moved is None:
             return None
         by_itself = comparison_of(moved, self.forward, self.folder, self._seeks_ratio)
@@ -105,7 +105,6 @@ class SpecimenProblem:
         comparison, best, law = found.search.misfit, found.best, found.search.law
         linear = found.linear
         predicted, readings = linear.prediction.values, law.readings(best.point)
-        force = comparison.of_forces(predicted)
         stiffness = comparison.stiffness(linear.prediction, readings)
         apart = 0 if comparison.own is None else comparison.own.degrees
         spread = float(np.sqrt(np.sum(np.log(list(stiffness.values())) ** 2) / apart)) if apart else 0.0
@@ -124,7 +123,7 @@ class SpecimenProblem:
         fitted = comparison.recordings
         optimum = Optimum(found, covariances, quantile(apart or len(fitted) - 1), goodness.fits)
         known = estimates(optimum)
-        thickness = goes_with_thickness(comparison, force, stiffness)
+        thickness = goes_with_thickness(comparison, predicted, stiffness)
         rig, on_a_rig = None, OnARig(comparison, linear.prediction.model_values, readings)
         softer = 1.0 if thickness or self.folder.rig else on_a_rig.softened
         stiffnesses = [(name, one) for name, one in known.items() if name.endswith("C10")]
@@ -134,8 +133,8 @@ class SpecimenProblem:
         elif softer > 1.0:
             known |= {name: widened(one, softer - 1.0, 0.0, goodness.fits) for name, one in stiffnesses}
         tests = [
-            _test_fit(one, force[span], comparison.fits_of(k, predicted))
-            for k, (one, span) in enumerate(zip(fitted, comparison.spans, strict=True))
+            _test_fit(one, predicted[comparison.is_force & (comparison.part_of == k)], comparison.fits_of(k, predicted))
+            for k, one in enumerate(fitted)
         ]
         left_out, told = self._predicted(found, stiffness, readings)
         lateral = lateral_fit(comparison, self.forward, model_values(best.values))
@@ -164,7 +163,7 @@ class SpecimenProblem:
             details=details.SpecimenDetails(
                 self.folder,
                 self.prepared.left_out,
-                comparison.gain_sd(force),
+                comparison.gain_sd(predicted),
                 MappingProxyType(stiffness),
                 spread,
                 missed,
@@ -188,10 +187,10 @@ class SpecimenProblem:
     ) -> FloatArray:
         """Return the covariance (n, n) of predicted readings (n,) by the sizes' errors, each a specimen's own."""
         found = np.zeros((len(predicted), len(predicted)))
-        parts, models = comparison.parts, self.forward.models
-        specimens = np.array([parts[k].recording.specimen for k in comparison.part_of])
-        numbers = np.array([parts[k].test for k in comparison.part_of])
-        forces_alone = np.where(np.arange(len(predicted)) < len(comparison.forces), predicted, 0.0)
+        models, of = self.forward.models, comparison.part_of
+        specimens = np.array([one.specimen for one in comparison.recordings])[of]
+        numbers = np.array([part.test for part in comparison.tests])[of]
+        forces_alone = np.where(comparison.is_force, predicted, 0.0)
         for place, test in enumerate(models):
             for name, sd in self._size_errors(test.sizes).items():
                 if not sd:
@@ -216,9 +215,9 @@ class SpecimenProblem:
         comparison, law, prediction = found.search.misfit, found.search.law, found.linear.prediction
         pairs = zip(found.best.point, law.parameters, strict=True)
         scales = [max(abs(value), 1e-3 * one.bounds[1]) for value, one in pairs]
-        own, of = len(comparison.forces), comparison.of_forces
-        jacobian = of(prediction.jacobian(law.names)) * scales
-        covariance, force, tests = covariance[:own, :own], of(prediction.values), comparison.forces_of
+        here, comparison = comparison.is_force, comparison.forces
+        jacobian = prediction.jacobian(law.names)[here] * scales
+        covariance, force, tests = covariance[np.ix_(here, here)], prediction.values[here], comparison.readings_of
         missed = misfit_of(comparison, covariance, force, jacobian)
         if len(tests) < 2:
             return missed, None
@@ -226,7 +225,7 @@ class SpecimenProblem:
         bounds = [bound_of(value, one.bounds) for value, one in zip(found.best.point, law.parameters, strict=True)]
         jacobian = jacobian[:, [not bound for bound in bounds]]
         stiffness = np.array([name not in READINGS for name, bound in zip(law.names, bounds, strict=True) if not bound])
-        residual, covariance = of(comparison.expected) - force, covariance.copy()
+        residual, covariance = comparison.expected - force, covariance.copy()
         best, scale = force.copy(), np.ones_like(force)
         for places in tests.values():
             best[places] += fitted_change(covariance[np.ix_(places, places)], residual[places], jacobian[places])
@@ -267,9 +266,7 @@ class SpecimenProblem:
         for k, (one, ahead) in enumerate(zip(recordings, aheads, strict=True)):
             at, (expected, sd) = one.course.contact.displacement, one.detected.expected
             # What is solved goes so deep.
-            place = max(
-                min(expected + ahead, one.detected.latest), at + one.course.depth - now.depths[now.parts[k].test]
-            )
+            place = max(min(expected + ahead, one.detected.latest), at + one.course.depth - now.tests[k].depth)
             if abs(place - at) > SETTLED * sd:
                 with suppress(InputError):
                     moved[k] = one.begun(place, self.folder.returns)

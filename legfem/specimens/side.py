@@ -19,7 +19,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import block_diag
 from scipy.stats import multivariate_normal
 
 from legfem.channels.kinds.face_strain import ACROSS, ALONG, FACE_STRAIN
@@ -114,9 +113,9 @@ def lateral_fit(
     values
         Of the fit.
     """
-    sizes_sd = [0.0] * len(comparison.parts)
+    sizes_sd = [0.0] * len(comparison.tests)
     seen = comparison.with_channels(sizes_sd, lambda one: one.sizes.kind.beside & {LATERAL_STRETCH.name})
-    if not seen.every_channel:
+    if not seen.beside:
         return None
     found = _compared(seen, model, values)
     tissues = model.models[0].tissues
@@ -138,16 +137,14 @@ def _compared(seen: SpecimenComparison, model: JointForward[SpecimenForward], va
     outcome = model.solve(values, ())
     if not seen.told_by(outcome):
         return None
-    beside, first = [part for part in seen.parts if part.channels], len(seen.forces)
-    predicted = seen.predict(outcome, np.array([number.null for number in READINGS.values()])).values[first:]
-    left, strain = seen.measured[first:] - predicted, _SHAPE * (predicted - LATERAL_STRETCH.at_rest)
-    ends = np.cumsum([len(one.values) for one in beside])[:-1]
-    of_shape = block_diag(*(np.outer(own, own) for own in np.split(strain, ends)))
-    errors = seen.beside_errors - block_diag(*(one.errors[1] for one in beside)) + of_shape
-    pairs = zip(seen.every_channel, np.split(left, ends), strict=True)
-    farthest = float(np.mean([own[np.argmax(one.displacement)] for one, own in pairs]))
+    predicted = seen.predict(outcome, np.array([number.null for number in READINGS.values()])).values
+    every, strain = seen.measured - predicted, _SHAPE * (predicted - LATERAL_STRETCH.at_rest)
+    of_shape = np.outer(strain, strain) * (seen.part_of[:, None] == seen.part_of)
+    here = np.ix_(~seen.is_force, ~seen.is_force)
+    left, errors = every[~seen.is_force], (seen.instrument_errors + of_shape)[here]
+    farthest = float(np.mean([every[span][np.argmax(one.displacement)] for _, one, span in seen.beside]))
     density = float(multivariate_normal(cov=errors).logpdf(left))
-    sizes = beside[0].recording.sizes
+    sizes = seen.recordings[seen.beside[0][0]].sizes
     rms, error = (float(np.sqrt(np.mean(squares))) for squares in (left**2, np.diag(errors)))
     return LateralFit(len(left), rms, farthest, error, density, pressed=sizes.kind.presses(sizes.body))
 
@@ -214,17 +211,16 @@ def face_fit(comparison: SpecimenComparison, predicted: FloatArray) -> FaceFit |
     here = comparison.channels.get(FACE_STRAIN.name)
     if here is None:
         return None
-    readings = [one for one in comparison.every_channel if one.name == FACE_STRAIN.name]
+    readings = [one for _, one, _ in comparison.beside if one.name == FACE_STRAIN.name]
     ways = np.concatenate([one.place[:, 1] for one in readings])
-    seen, model, among = comparison.measured[here], predicted[here], here - len(comparison.forces)
-    errors = comparison.beside_errors[np.ix_(among, among)]
+    seen, model, errors = comparison.measured[here], predicted[here], comparison.beside_errors[np.ix_(here, here)]
     density = float(multivariate_normal(cov=errors).logpdf(seen - model))
     design = np.column_stack([model * (ways == way) for way in (ALONG, ACROSS)])
     weighed = design / np.concatenate([one.white_variance + one.accuracy.slow**2 for one in readings])[:, None]
     shares = np.linalg.solve(weighed.T @ design, weighed.T)
     (along, across), covariance = shares @ seen, shares @ errors @ shares.T
     of_ratio = np.array([-across / along, 1.0]) / along
-    sizes = comparison.parts[comparison.part_of[here[0]]].recording.sizes
+    sizes = comparison.recordings[comparison.part_of[here[0]]].sizes
     logs = [np.log1p(share * model[ways == way].mean()) for share, way in ((across, ACROSS), (along, ALONG))]
     alike = isinstance(sizes.body, HomogeneousBody) and -logs[0] / logs[1] < _MOST_RATIO
     return FaceFit(

@@ -116,7 +116,7 @@ def _trend(size: FloatArray, stiffness: FloatArray) -> tuple[float, float, float
 
 
 def goes_with_thickness(
-    comparison: SpecimenComparison, force: FloatArray, stiffness: Mapping[str, float]
+    comparison: SpecimenComparison, predicted: FloatArray, stiffness: Mapping[str, float]
 ) -> SizeDependence | None:
     """Return how a test's specimens' stiffness goes with their thickness, by what each asks for if all are alike.
 
@@ -124,12 +124,12 @@ def goes_with_thickness(
     ----------
     comparison
         Of the fitted recordings.
-    force : (n,) array
-        That the law predicts for them, N.
+    predicted : (n,) array
+        Their readings by the law.
     stiffness
         Factors by specimen with which it was fitted.
     """
-    scales = comparison.scales(force)
+    scales = comparison.scales(predicted)
     for places in comparison.recordings_of.values():
         own, extent = defaultdict[str, list[float]](list), dict[str, float]()
         for one, scale in ((comparison.recordings[k], scales[k]) for k in places):
@@ -186,16 +186,16 @@ class OnARig:
     def factors(self, compliance: float) -> FloatArray:
         """Return logarithms of the recordings' factors (r,) on the law's forces where a rig yields (mm/N)."""
         parts = []
-        for part in self.comparison.parts:
+        for part in self.comparison.tests:
             course = part.course
             left = np.maximum(course.displacement - compliance * course.force, 1e-6 * course.depth)
             parts.append(replace(part, recording=replace(part.recording, course=replace(course, displacement=left))))
-        force = np.concatenate([part.felt(self.model, self.readings) for part in parts])
-        return np.log(np.maximum(replace(self.comparison, parts=tuple(parts)).scales(force), 1e-6))
+        alike = replace(self.comparison, tests=tuple(parts), own=None)
+        return np.log(np.maximum(alike.scales(alike.read(self.model, self.readings)), 1e-6))
 
     def yielding(self, without: SizeDependence) -> YieldingRig | None:
         """Return the rig on which specimens that differ by their thickness are alike; None where none is."""
-        most = _MOST_TAKEN * min(part.course.depth / part.course.peak for part in self.comparison.parts)
+        most = _MOST_TAKEN * min(part.course.depth / part.course.peak for part in self.comparison.tests)
         found = minimize_scalar(lambda c: float(np.std(self.factors(c))), bounds=(0.0, most), method="bounded")
         slopes = (self.factors(found.x + 0.01 * most) - self.factors(found.x)) / (0.01 * most)
         sd = APART / float(np.std(slopes) * np.sqrt(len(slopes)))
@@ -206,7 +206,7 @@ class OnARig:
     @property
     def softened(self) -> float:
         """By what factor thin specimens may seem softer than they are, as far as 19 of 20 rigs yield; else one."""
-        courses = [part.course for part in self.comparison.parts]
+        courses = [part.course for part in self.comparison.tests]
         every = [one.sizes for one in self.comparison.recordings]
         shapes = [one.kind.slenderness(one.body) if one.kind.presses(one.body) else None for one in every]
         if not all(shape and shape[0] < _THIN for shape in shapes):
