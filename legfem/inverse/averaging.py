@@ -21,9 +21,9 @@ from dataclasses import dataclass, replace
 from itertools import batched, combinations
 
 import numpy as np
+from scipy.special import softmax
 
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
-from legfem.inverse.evidence import probabilities
 from legfem.inverse.explain import log_prior_of
 from legfem.inverse.explanation import ADDS_FROM, Explained, Explanation, log_bayes_factor, singles_of
 from legfem.inverse.library import Detail
@@ -260,7 +260,7 @@ def robust_interval(explained: Explained, name: str) -> tuple[float, float] | No
 
 def weights_of(explained: Explained, name: str) -> list[tuple[Explanation, float]]:
     """Return the explanations that count for a parameter, with their weights."""
-    weights = probabilities([_log_weight(e) for e in explained.every])
+    weights = softmax([_log_weight(e) for e in explained.every])
     every = [(e, float(w)) for e, w in zip(explained.every, weights, strict=True) if w > _COUNTS and name in e.fit.free]
     return [one for one in every if not one[0].is_base] or every
 

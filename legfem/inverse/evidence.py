@@ -292,12 +292,6 @@ def _log_between(low: FloatArray, high: FloatArray) -> FloatArray:
     return np.asarray(more + np.log1p(-np.exp(np.minimum(log_ndtr(first) - more, -1e-15))))
 
 
-def probabilities(log_weights: Sequence[float]) -> FloatArray:
-    """Return probabilities of logarithms of weights."""
-    logs = np.asarray(log_weights, dtype=float)
-    return np.asarray(np.exp(logs - logsumexp(logs)))
-
-
 def factor_of(effects: FloatArray) -> FloatArray:
     """Return the Cholesky factor of 1 + V^T V (k, k) for effects V (n, k).
 

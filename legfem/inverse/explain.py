@@ -10,15 +10,10 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
+from scipy.special import softmax
 
 from legfem.common.progress import NEVER, Deadline, TimeIsUpError
-from legfem.inverse.evidence import (
-    Evidence,
-    discrepancy_scales,
-    possible_discrepancies,
-    probabilities,
-    with_discrepancy,
-)
+from legfem.inverse.evidence import Evidence, discrepancy_scales, possible_discrepancies, with_discrepancy
 from legfem.inverse.explanation import (
     ADDS_FROM,
     INEXACT,
@@ -194,7 +189,7 @@ def log_prior_of(names: Sequence[str], expected: Mapping[str, float]) -> float:
 
 def with_probabilities(found: Sequence[Explanation]) -> list[Explanation]:
     """Return explanations with their probabilities, the most probable first."""
-    shares = probabilities([e.log_weight for e in found])
+    shares = softmax([e.log_weight for e in found])
     each = [replace(e, probability=float(p)) for e, p in zip(found, shares, strict=True)]
     return sorted(each, key=lambda e: -e.probability)
 

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
+from scipy.special import logsumexp, softmax
 
 from legfem.common.numbers import decimals, is_determined
 from legfem.common.units import mpa_to_kpa
@@ -17,7 +17,7 @@ from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, LawName
 from legfem.inverse.diagnosed_fit import cost_of_model, fits_of_trials, log_of_solutions
 from legfem.inverse.errors import ErrorModel
 from legfem.inverse.estimates import Estimate, correlations_of
-from legfem.inverse.evidence import possible_discrepancies, probabilities
+from legfem.inverse.evidence import possible_discrepancies
 from legfem.inverse.explanation import Explained, Explanation, unknown_course
 from legfem.inverse.fit import Fit, Goodness, Identity, KindDetails, versions
 from legfem.inverse.hidden import HiddenEnd, Limit, profile_of
@@ -106,7 +106,7 @@ class Diagnosis:
     def by_law(self) -> "list[tuple[Diagnosis, float]]":
         """Diagnoses by all laws that were tried, and how probable they are."""
         every = [self, *self.other_laws]
-        chances = probabilities([POWER * logsumexp([e.log_weight for e in one.explained.every]) for one in every])
+        chances = softmax([POWER * logsumexp([e.log_weight for e in one.explained.every]) for one in every])
         return list(zip(every, map(float, chances), strict=True))
 
     def told(self, notices: Sequence[Notice]) -> "Diagnosis":
