@@ -17,23 +17,19 @@ from legfem.data import Recording, SourceColumns
 from legfem.data.channel_reader import TRIAL, frames_in
 from legfem.data.columns import Proposal
 from legfem.data.formats import file_of
-from legfem.data.phases import AIR, HOLD, LOADING, UNLOADING
+from legfem.data.phases import AIR, HOLD
 from legfem.data.quality import GRADES, Quality
 from legfem.data.recording import QUANTITIES, RecordedChannel
 from legfem.inverse.answer import Tone
 from legfem.legs.folder import plain_id
-from legfem.report.curves import Curves, Line
+from legfem.report.curves import Curves, Line, curves_figure
 from legfem.report.page import Bullets, Chapter, Headline, Repeat, Verbatim, WebPage, WebTable
-from legfem.report.style import DATA_COLOUR, FAINT, new_figure, panel, save, styled
+from legfem.report.style import FAINT, save
 from legfem.report.words import WORDS, DataKind, capital
 from legfem.specimens.sizes import sizes_of_heading
 
-_PHASE_COLOURS = {AIR: "#FFFFFF", LOADING: "#D6E6F4", HOLD: "#F3E9D2", UNLOADING: "#E3E3E3"}
 _MOST_PARTS = 12
-_LETTERS = "abcdefghijkl"
 _PHASES = {AIR: "unloaded"}
-_FEW = 100
-"""Readings of a channel that are drawn as points."""
 LOOK = "look.json"
 SCHEMA = 1
 
@@ -185,54 +181,11 @@ def look_document(seen: Sequence[tuple[Recording, Proposal, Quality]]) -> dict[s
     }
 
 
-@styled
 def draw_look(recording: Recording, quality: Quality, out: Path) -> Path:
-    """Draw displacement, force and further channels over time, phases behind, and force over displacement."""
-    beside = recording.channels
-    figure = new_figure(10, 6 + 2.2 * len(beside))
-    name = recording_name(recording)
-    figure.suptitle(f"{name}: grade {quality.grade}", x=0.01, ha="left", fontsize=12)
-    grid = figure.add_gridspec(2 + len(beside), 2, width_ratios=(1.5, 1))
-    moved = figure.add_subplot(grid[0, 0])
-    forced = figure.add_subplot(grid[1, 0], sharex=moved)
-    curve = figure.add_subplot(grid[:, 1])
-    lowest = forced
-    drawn = [
-        (moved, [(recording.time, recording.displacement)], "displacement (mm)"),
-        (forced, [(recording.time, recording.force)], "force (N)"),
-    ]
-    for row, one in enumerate(beside, 2):
-        lowest = figure.add_subplot(grid[row, 0], sharex=moved)
-        # A line a place.
-        lines = [(place.time, place.values) for _, place in one.at_each_place()]
-        drawn.append((lowest, lines, f"{one.kind.title} ({one.kind.unit})"))
-    for (axes, lines, label), letter in zip(drawn, _LETTERS, strict=False):
-        shown = set()
-        for part in quality.trial.parts:
-            axes.axvspan(
-                part.start,
-                part.end,
-                color=_PHASE_COLOURS[part.phase],
-                lw=0,
-                label=None if part.phase in shown or part.phase == AIR else part.phase,
-            )
-            shown.add(part.phase)
-        for time, values in lines:
-            few = "o" if len(lines) == 1 else ".-"
-            axes.plot(time, values, few if len(values) < _FEW else "-", color=DATA_COLOUR, lw=0.8, markersize=3)
-        axes.set_ylabel(label)
-        panel(axes, letter, "over time")
-    for drop in quality.drops:
-        forced.axvline(drop, color="#D55E00", lw=1)
-    lowest.set_xlabel("time (s)")
-    moved.legend(ncols=3, loc="upper right", bbox_to_anchor=(1.0, 1.2), fontsize=8)
-    curve.plot(recording.displacement, recording.force, color=DATA_COLOUR, lw=0.8)
-    curve.axvline(quality.trial.contact.displacement, color=FAINT, ls=":", label="loading begins")
-    curve.set_xlabel("displacement (mm)")
-    curve.set_ylabel("force (N)")
-    curve.legend(loc="lower right", fontsize=8)
-    panel(curve, _LETTERS[len(drawn)], "over displacement")
-    return save(figure, out, f"{recording.trial}")[0]
+    """Draw what a page shows of a recording."""
+    what = f"{recording_name(recording)}: grade {quality.grade}"
+    figure = curves_figure(_curves(recording, quality), what, recording.trial, "an instrument's")
+    return save(figure, out, recording.trial)[0]
 
 
 _MOST_POINTS = 4_000
@@ -277,6 +230,7 @@ def look_web_page(seen: Sequence[Looked], toml: str, text: str, command: str = "
         for reason in one.proposal.reasons:
             files.setdefault(reason, []).append(name)
     reasons = [(why, "all" if len(those) == len(seen) else ", ".join(those)) for why, those in files.items()]
+    curves = [block for k, one in enumerate(seen) for block in _curves(one.recording, one.quality, k, len(seen))]
     put = "Put this block into the folder's subject.toml or specimen.toml; it is in recordings.toml."
     return WebPage(
         title="What is in these recordings?",
@@ -286,7 +240,7 @@ def look_web_page(seen: Sequence[Looked], toml: str, text: str, command: str = "
         warnings=warnings,
         known=[],
         chapters=[
-            Chapter("Recordings", [block for k, one in enumerate(seen) for block in _recording(k, one, len(seen))]),
+            Chapter("Recordings", curves),
             Chapter("What was seen", [_table(names, seen)]),
             Chapter(
                 "To read them this way",
@@ -350,14 +304,15 @@ def _table(names: Sequence[str], seen: Sequence[Looked]) -> WebTable:
     return WebTable.of(f"Noise is from sample to sample. Grades: {grades}.", rows)
 
 
-def _recording(number: int, one: Looked, count: int) -> list[Curves]:
-    """Return displacement and force over time, and force over displacement."""
-    recording, quality = one.recording, one.quality
+def _curves(recording: Recording, quality: Quality, number: int = 0, count: int = 1) -> list[Curves]:
+    """Return displacement and force over time, force over displacement, and further channels over time."""
     most = max(_LEAST_POINTS, _MOST_POINTS // (2 * count))
     picked = np.unique(np.linspace(0, len(recording) - 1, most).round().astype(int))
     name = recording_name(recording)
     few = "" if len(picked) == len(recording) else f" {len(picked)} of its {len(recording)} samples are drawn."
     time, moved, force = (values[picked] for values in (recording.time, recording.displacement, recording.force))
+    begins = quality.trial.contact.displacement
+    holds = [(part.start, part.end) for part in quality.trial.parts if part.phase == HOLD]
     return [
         Curves(
             f"time-{number}",
@@ -368,8 +323,8 @@ def _recording(number: int, one: Looked, count: int) -> list[Curves]:
             "displacement (mm)",
             "force (N)",
             [Line("as recorded", moved, force)],
-            located=[(part.start, part.end) for part in quality.trial.parts if part.phase == HOLD],
-            located_name="taken for a hold",
+            located=holds,
+            located_name="taken for a hold" * bool(holds),
         ),
         Curves(
             f"curve-{number}",
@@ -380,5 +335,23 @@ def _recording(number: int, one: Looked, count: int) -> list[Curves]:
             "force (N)",
             "",
             [Line("as recorded", force, None)],
+            located=[(float(moved.min()), begins)] if begins > moved.min() else (),
+            located_name="before loading begins",
         ),
+        *(_beside(one, f"{one.name}-{number}", name) for one in recording.channels),
     ]
+
+
+def _beside(one: RecordedChannel, key: str, name: str) -> Curves:
+    """Return a channel's readings over time, at all its places and in their mean."""
+    times, each = np.unique(one.time), [place for _, place in one.at_each_place()]
+    values = np.full((len(each), len(times)), np.nan)
+    for row, place in zip(values, each, strict=True):
+        row[np.searchsorted(times, place.time)] = place.values
+    mean = Line(
+        "as recorded" if len(each) == 1 else "mean of its places", np.nanmean(values, axis=0), None, points=True
+    )
+    every = enumerate(values, 1) if len(each) > 1 else ()
+    places = [Line(f"place {k}", row, None, FAINT, faint=True, tabled=False) for k, row in every]
+    label = f"{one.kind.title} ({one.kind.unit})"
+    return Curves(key, f"{name}, {one.kind.title}", " over time.", times, "time (s)", label, "", [mean, *places])

@@ -158,8 +158,8 @@ def _recording(looking: Run, recording: dict[str, Any]) -> None:
             return
         if recording["reasons"]:
             frame.tag("p", "; ".join(recording["reasons"]), "quiet")
-        shown = f"displacement and force of {recording['file']} over time with phases, and force "
-        _picture(looking, recording["picture"], f"{shown}over displacement with first contact.")
+        shown = f"displacement and force of {recording['file']} over time with its holds, and force "
+        _picture(looking, recording["picture"], f"{shown}over displacement.")
         with ui.element("details"):
             frame.tag("summary", "How it was read, first contact, phases, noise")
             frame.tag("pre", recording["text"])
