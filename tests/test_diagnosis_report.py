@@ -15,7 +15,7 @@ from matplotlib.image import imread
 
 from legfem.common.numbers import number, percent, probability
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
-from legfem.inverse.location import runs
+from legfem.inverse.location import runs_within
 from legfem.inverse.verdict import answer_of
 from legfem.legs.loading import load_subject
 from legfem.report import diagnosis_numbers as tables
@@ -177,8 +177,13 @@ def test_places_have_one_sign_and_hold_what_was_located(found):
         assert all(place.noise > 0 for place in places)
     bump = max(places_of(found["unexplained"]), key=lambda place: place.weight)
     assert bump.displacement[0] <= 12.5 and bump.displacement[1] >= 11.5, "it was put at 12 mm"
-    assert runs(np.array([0, 1, 1, -1, 0, -1])) == [(1, 3), (3, 4), (5, 6)]
-    assert runs(np.array([1])) == [(0, 1)]
+    observed = found["unexplained"].observed
+    marks = np.zeros(len(observed.force), dtype=int)
+    marks[[1, 2]], marks[[3, 5]] = 1, -1
+    assert [(k, run.tolist()) for k, run in runs_within(observed, marks)] == [(0, [1, 2]), (0, [3]), (0, [5])]
+    whole = [set(observed.trial[run]) | {str(observed.phase[run[0]])} for _, run in runs_within(observed, marks**0)]
+    assert len(whole) == len({*zip(observed.trial.tolist(), observed.segment.tolist(), strict=True)})
+    assert all(len(one) == 2 for one in whole), "none goes on into another trial"
 
 
 def test_ranking_shows_what_may_be_left_out_the_most_probable_first(found):

@@ -19,13 +19,12 @@ rest (`touched_part`).
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cholesky, orth, solve_triangular
 
-from legfem.common.units import FloatArray
+from legfem.common.units import FloatArray, runs_of
 from legfem.inverse.errors import ErrorModel
 from legfem.inverse.linearised import LinearisedFit
 from legfem.inverse.mechanism import Mechanism, Values, null_of, value_at
@@ -110,15 +109,14 @@ def windows_of(observed: Observations) -> tuple[list[_Member], FloatArray]:
     """Return all windows that are looked at, and their boxes (N, k)."""
     members: list[_Member] = []
     for number, stations in enumerate(observed.protocols):
-        trials = observed.trials_of(number)
-        starts = [int(np.flatnonzero(observed.trial == k)[0]) for k in trials]
-        groups = [(", ".join(observed.trials[k] for k in trials), starts)]
-        if len(trials) > 1:
-            groups += [(observed.trials[k], [s]) for k, s in zip(trials, starts, strict=True)]
+        names, every = [observed.trials[k] for k in observed.trials_of(number)], observed.stations_of(number)
+        groups = [(", ".join(names), every)]
+        if len(names) > 1:
+            groups += zip(names, every[:, None], strict=True)
         for segment in np.unique(stations.segment):
             here = np.flatnonzero(stations.segment == segment)
             for part in _stretches(len(here)):
-                members += [(name, np.concatenate([start + here[part] for start in at])) for name, at in groups]
+                members += [(name, at[:, here[part]].ravel()) for name, at in groups]
     members += _channel_windows(observed)
     boxes = np.zeros((len(observed.values), len(members)))
     for k, (_, where) in enumerate(members):
@@ -139,10 +137,12 @@ def _channel_windows(observed: Observations) -> Iterator[_Member]:
                 yield from ((name, own[here[part]]) for part in _stretches(len(here)))
 
 
-def runs(marks: NDArray[np.int_]) -> list[tuple[int, int]]:
-    """Return the first number and the one after the last of each run of like marks but zero."""
-    edges = [0, *(int(k) + 1 for k in np.flatnonzero(np.diff(marks))), len(marks)]
-    return [(a, b) for a, b in pairwise(edges) if a < b and marks[a] != 0]
+def runs_within(observed: Observations, marks: NDArray[np.int_]) -> Iterator[tuple[int, NDArray[np.int_]]]:
+    """Yield trials with the stations of each run of like marks (n,) but zero within a segment."""
+    for k in range(len(observed.trials)):
+        for segment in np.unique(observed.segment[observed.trial == k]):
+            here = np.flatnonzero((observed.trial == k) & (observed.segment == segment))
+            yield from ((k, here[first:end]) for first, end in runs_of(marks[here]) if marks[here[first]])
 
 
 DRAWS = 1000

@@ -223,10 +223,9 @@ def ordinary_fit(problem: LinearisedProblem, starts: Sequence[Mapping[str, float
         Where searches begin.
     """
     data = problem.predictor.observed.data
-    force, *others = data.channels
-    sizes = [max(_FIRST_SHARE * float(np.ptp(one.values)), float(one.sd.max())) for one in others]
-    scales = [0.05 * force.values, *(np.full(len(one), size) for one, size in zip(others, sizes, strict=True))]
-    begun = equally_weighted(problem, np.concatenate(scales))
+    force, scales = data.spans[0], data.sizes_by_range(_FIRST_SHARE)
+    scales[force] = 0.05 * data.values[force]
+    begun = equally_weighted(problem, scales)
     found = min((fit(begun, (), start) for start in starts), key=lambda f: f.cost)
     for _ in range(_ROUNDS):
         found = fit(equally_weighted(problem, found.residual), (), found.values)

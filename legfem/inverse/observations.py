@@ -135,8 +135,7 @@ class Observations:
         """Slope dF/dd of the recordings, smoothed, N/mm; in a hold that at its depth."""
         slopes = []
         for number, stations in enumerate(self.protocols):
-            rows = [self.force[self.trial == k] for k in self.trials_of(number)]
-            mean = np.mean(rows, axis=0)
+            mean = self.force[self.stations_of(number)].mean(axis=0)
             slope = np.zeros(len(mean))
             last = 0.0
             for segment in np.unique(stations.segment):
@@ -159,23 +158,17 @@ class Observations:
     @cached_property
     def means(self) -> FloatArray:
         """Matrix (m, N) that takes the mean over a protocol's trials at each of its stations, and the rest as it is."""
-        rows = []
-        for number, stations in enumerate(self.protocols):
-            trials = self.trials_of(number)
-            for k in range(len(stations.time)):
-                row = np.zeros(len(self.force))
-                for trial in trials:
-                    row[np.flatnonzero(self.trial == trial)[k]] = 1.0 / len(trials)
-                rows.append(row)
-        return np.asarray(block_diag(np.array(rows), np.eye(len(self.values) - len(self.force))))
+        every, count = map(self.stations_of, range(len(self.protocols))), len(self.force)
+        rows = [np.bincount(at, minlength=count) / len(at) for stations in every for at in stations.T]
+        return np.asarray(block_diag(np.array(rows), np.eye(len(self.values) - count)))
 
     def trials_of(self, protocol: int) -> list[int]:
         """Return the numbers of a protocol's trials."""
         return [k for k, p in enumerate(self.protocol_of) if p == protocol]
 
-    def forces_of(self, trial: int, values: FloatArray) -> FloatArray:
-        """Return what of readings (n,) or (N,) are the forces of a trial."""
-        return np.asarray(values[np.flatnonzero(self.trial == trial)])
+    def stations_of(self, protocol: int) -> NDArray[np.int_]:
+        """Return the numbers (trials, m) of the stations of a protocol's trials, and so of their forces' readings."""
+        return np.array([np.flatnonzero(self.trial == k) for k in self.trials_of(protocol)])
 
     @property
     def repeats(self) -> int:

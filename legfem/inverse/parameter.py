@@ -41,13 +41,12 @@ class Prior:
         if self.scale == "log" and self.centre <= 0:
             raise ValueError("the median of a logarithmic prior is positive")
 
-    def departure(self, value: float) -> float:
+    def departure[Value: (float, FloatArray)](self, value: Value) -> Value:
         """Return how far a value lies from the centre, in standard deviations."""
         if self.scale == "linear":
             return (value - self.centre) / self.sd
-        if value <= 0:
-            return -math.inf
-        return math.log(value / self.centre) / self.sd
+        with np.errstate(divide="ignore"):
+            return np.log(np.maximum(value, 0.0) / self.centre) / self.sd
 
     def value_at(self, departure: float) -> float:
         """Return the value that lies so many standard deviations from the centre."""
@@ -111,31 +110,23 @@ class Priors:
 
     def __len__(self) -> int:
         """Return k."""
-        return sum(one.prior is not None for one in self.parameters)
+        return len(self._known)
+
+    @property
+    def _known(self) -> list[tuple[int, Prior]]:
+        """Numbers of the parameters that have a prior, with it."""
+        return [(k, one.prior) for k, one in enumerate(self.parameters) if one.prior]
 
     def residual(self, values: FloatArray) -> FloatArray:
         """Return the departures (..., k), in standard deviations, of values (..., p)."""
-        columns = []
-        for number, parameter in enumerate(self.parameters):
-            if (prior := parameter.prior) is None:
-                continue
-            value = values[..., number]
-            if prior.scale == "log":
-                columns.append(np.log(value / prior.centre) / prior.sd)
-            else:
-                columns.append((value - prior.centre) / prior.sd)
+        columns = [prior.departure(values[..., k]) for k, prior in self._known]
         return np.stack(columns, axis=-1) if columns else np.zeros((*values.shape[:-1], 0))
 
     def jacobian(self, values: FloatArray) -> FloatArray:
         """Return the derivatives (k, p) of the departures at values (p,)."""
         rows = np.zeros((len(self), len(self.parameters)))
-        row = 0
-        for number, parameter in enumerate(self.parameters):
-            if (prior := parameter.prior) is None:
-                continue
-            scale = values[number] if prior.scale == "log" else 1.0
-            rows[row, number] = 1 / (prior.sd * scale)
-            row += 1
+        for row, (k, prior) in enumerate(self._known):
+            rows[row, k] = 1 / (prior.sd * (values[k] if prior.scale == "log" else 1.0))
         return rows
 
 

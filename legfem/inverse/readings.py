@@ -75,6 +75,11 @@ class Data:
         """Number n of readings, of all channels together."""
         return len(self.values)
 
+    def sizes_by_range(self, share: float) -> FloatArray:
+        """Return a share of each channel's range at all of its readings, (n,), at least their greatest error."""
+        each = (np.full(len(one), max(share * float(np.ptp(one.values)), float(one.sd.max()))) for one in self.channels)
+        return np.concatenate([*each])
+
     def equal_sizes(self, misfit: FloatArray, counted: NDArray[np.bool_], sd: FloatArray) -> FloatArray:
         """Return standard deviations (n,) that weigh a channel's readings equally.
 

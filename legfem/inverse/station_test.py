@@ -211,14 +211,7 @@ class StationTest:
     @cached_property
     def _equal(self) -> FloatArray:
         """Standard deviations (N,) of all readings that weigh those of a channel equally."""
-        if self.sizes is not None:
-            return self.sizes
-        return np.concatenate(
-            [
-                np.full(len(one), max(_FIRST_SHARE * float(np.ptp(one.values)), float(one.sd.max())))
-                for one in self.observed.data.channels
-            ]
-        )
+        return self.observed.data.sizes_by_range(_FIRST_SHARE) if self.sizes is None else self.sizes
 
     @cached_property
     def equal_covariance(self) -> FloatArray:

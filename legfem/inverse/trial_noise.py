@@ -151,20 +151,17 @@ def _from_repeats(observed: Observations, expected: Noise, values: FloatArray, v
         slow, length, wander = (float(size) for size in sizes)
         return replace(expected, slow_sd=slow, correlation_time=length, wander_sd=wander)
 
-    differences = [
-        _differences(observed, list(members), values, noise_at) for members in observed.repeated if len(members) > 1
-    ]
+    every = map(observed.stations_of, range(len(observed.protocols)))
+    differences = [_differences(observed, rows, values, noise_at) for rows in every if len(rows) > 1]
     centre = np.array([expected.slow_sd, expected.correlation_time, expected.wander_sd])
     return noise_at(sizes_from_repeats(centre, vague, differences))
 
 
 def _differences(
-    observed: Observations, members: list[int], values: FloatArray, noise_at: Callable[[FloatArray], Noise]
+    observed: Observations, rows: NDArray[np.int_], values: FloatArray, noise_at: Callable[[FloatArray], Noise]
 ) -> Differences:
-    """Return what repeats differ by, without smooth changes."""
-    rows = [np.flatnonzero(observed.trial == k) for k in members]
-    here = rows[0]
-    mean = np.mean([observed.force[row] for row in rows], axis=0)
+    """Return what repeats differ by, whose stations (trials, m) are in rows, without smooth changes."""
+    here, mean = rows[0], observed.force[rows].mean(axis=0)
     changes = np.column_stack(
         [
             np.ones(len(here)),
@@ -177,6 +174,6 @@ def _differences(
     )
     basis = np.linalg.qr(changes, mode="complete")[0][:, changes.shape[1] :]
     return Differences(
-        basis.T @ contrasts_of(np.array([values[row] for row in rows])),
+        basis.T @ contrasts_of(values[rows]),
         lambda sizes: basis.T @ _one_trial(observed, noise_at(sizes), here) @ basis,
     )

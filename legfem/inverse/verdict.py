@@ -23,7 +23,7 @@ from legfem.inverse.fit import Fit, Goodness, Identity, KindDetails, versions
 from legfem.inverse.hidden import HiddenEnd, Limit, profile_of
 from legfem.inverse.library import UNTRIED
 from legfem.inverse.linearised import LinearisedFit
-from legfem.inverse.location import MisfitAssessment, SetAside, runs
+from legfem.inverse.location import MisfitAssessment, SetAside, runs_within
 from legfem.inverse.observations import Observations
 from legfem.inverse.predictive import HeldOut, Misfit
 from legfem.inverse.predictor import onset_name
@@ -319,18 +319,10 @@ def residual_intervals(found: Diagnosis, model: Explanation) -> list[ResidualInt
     least = np.maximum(_LEAST_OF_NOISE * noise, _LEAST_OF_FORCE * largest)
     marked = np.where(np.abs(course[forces]) > least, np.sign(course[forces]), 0).astype(int)
     result = []
-    for k, trial in enumerate(observed.trials):
-        for segment in np.unique(observed.segment[observed.trial == k]):
-            here = np.flatnonzero((observed.trial == k) & (observed.segment == segment))
-            for first, end in runs(marked[here]):
-                run = here[first:end]
-                d = observed.displacement[run]
-                largest = run[int(np.argmax(np.abs(course[run])))]
-                result.append(
-                    ResidualInterval(
-                        trial, str(observed.phase[run[0]]), (float(d.min()), float(d.max())), float(course[largest])
-                    )
-                )
+    for k, run in runs_within(observed, marked):
+        d, largest = observed.displacement[run], run[int(np.argmax(np.abs(course[run])))]
+        ends = float(d.min()), float(d.max())
+        result.append(ResidualInterval(observed.trials[k], str(observed.phase[run[0]]), ends, float(course[largest])))
     return sorted(result, key=lambda one: -abs(one.size_N))
 
 

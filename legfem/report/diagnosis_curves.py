@@ -10,7 +10,7 @@ from legfem.common.numbers import probability, share
 from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import symbol_of
 from legfem.inverse.explanation import Explanation
-from legfem.inverse.location import Signature, runs
+from legfem.inverse.location import Signature, runs_within
 from legfem.inverse.predictive import nearest_fit
 from legfem.inverse.verdict import Diagnosis
 from legfem.report.curves import Curves, Dash, Line, curves_figure
@@ -84,21 +84,14 @@ class Place:
 
 def places_of(found: Diagnosis) -> list[Place]:
     """Return the located stretches in the order of protocols and time."""
-    observed = found.observed
-    signs = _signs(found)
-    result = []
-    for number, stations in enumerate(observed.protocols):
-        groups: dict[tuple[int, int, int], list[int]] = {}
-        for k in observed.trials_of(number):
-            mine = signs[observed.trial == k]
-            for segment in np.unique(stations.segment):
-                here = np.flatnonzero(stations.segment == segment)
-                for first, last in runs(mine[here]):
-                    key = int(segment), int(here[first]), int(here[last - 1]) + 1
-                    groups.setdefault(key, []).append(k)
-        for (segment, first, end), trials in sorted(groups.items()):
-            result.append(_place(found, number, segment, np.arange(first, end), tuple(trials)))
-    return result
+    observed, groups = found.observed, dict[tuple[int, int, int, int], list[int]]()
+    for k, run in runs_within(observed, _signs(found)):
+        first, number = int(run[0] - np.argmax(observed.trial == k)), observed.protocol_of[k]
+        groups.setdefault((number, int(observed.segment[run[0]]), first, first + len(run)), []).append(k)
+    return [
+        _place(found, number, segment, np.arange(first, end), tuple(trials))
+        for (number, segment, first, end), trials in sorted(groups.items())
+    ]
 
 
 def _signs(found: Diagnosis) -> NDArray[np.int_]:
@@ -116,8 +109,7 @@ def _signs(found: Diagnosis) -> NDArray[np.int_]:
 
 def _place(found: Diagnosis, protocol: int, segment: int, stations: NDArray[np.int_], trials: tuple[int, ...]) -> Place:
     observed, base = found.observed, found.base_model
-    starts = [int(np.flatnonzero(observed.trial == k)[0]) for k in trials]
-    where = np.concatenate([start + stations for start in starts])
+    where = np.concatenate([np.flatnonzero(observed.trial == k)[stations] for k in trials])
     windows = found.assessment.windows
     touching = [w.p_value for w in windows if set(w.stations) & set(where.tolist())]
     d, t = observed.displacement[where], observed.time[where]
@@ -167,12 +159,8 @@ def recording_figure(found: Diagnosis, number: int, subject: str, origin: str) -
 def _lines_of(found: Diagnosis, number: int) -> tuple[list[Line], list[str]]:
     """Return the recordings and models of a protocol, and what each model leaves, in words."""
     observed = found.observed
-    trials = observed.trials_of(number)
-
-    def rows(values: FloatArray) -> FloatArray:
-        return np.array([observed.forces_of(k, values) for k in trials])
-
-    recorded, base = rows(observed.force), -rows(found.base_model.fit.residual)
+    trials, at = observed.trials_of(number), observed.stations_of(number)
+    recorded, base = observed.force[at], -found.base_model.fit.residual[at]
     lines = [
         Line("recorded" + (", mean" if len(trials) > 1 else ""), recorded.mean(axis=0), None, DATA_COLOUR, points=True)
     ]
@@ -181,14 +169,14 @@ def _lines_of(found: Diagnosis, number: int) -> tuple[list[Line], list[str]]:
             Line(observed.trials[k], force, missed, FAINT, "dotted", faint=True, tabled=False)
             for k, force, missed in zip(trials, recorded, base, strict=True)
         ]
-    prediction = rows(found.base_model.fit.prediction).mean(axis=0)
+    prediction = found.base_model.fit.prediction[at].mean(axis=0)
     lines.append(Line(BASE_NAME, prediction, base.mean(axis=0), BASE_COLOUR, "dashed"))
     left = [f"{BASE_NAME} {_rms(base):.2g} N"]
     for shown in shown_models(found)[:1]:
         fit = nearest_fit(shown.model.fit)
         name = f"with {shown.name}" if shown.suits else shown.name
-        lines.append(Line(name, rows(fit.prediction).mean(axis=0), -rows(fit.residual).mean(axis=0), REPAIRED_COLOUR))
-        left.append(f"{name} {_rms(rows(fit.residual)):.2g} N")
+        lines.append(Line(name, fit.prediction[at].mean(axis=0), -fit.residual[at].mean(axis=0), REPAIRED_COLOUR))
+        left.append(f"{name} {_rms(fit.residual[at]):.2g} N")
     return lines, left
 
 
@@ -196,8 +184,7 @@ def _over(found: Diagnosis, number: int, time: bool, lines: list[Line], left: li
     """Return what stands over time, else over displacement."""
     observed = found.observed
     places = [place for place in places_of(found) if place.protocol == number]
-    spread = [observed.forces_of(k, found.errors.trial_sd) for k in observed.trials_of(number)]
-    sd = np.sqrt(np.mean(np.array(spread) ** 2, axis=0))
+    sd = np.sqrt(np.mean(found.errors.trial_sd[observed.stations_of(number)] ** 2, axis=0))
     stations = observed.protocols[number]
     return Curves(
         f"recording{number}-{time:d}",
@@ -244,19 +231,16 @@ def signatures_of(found: Diagnosis) -> list[Curves]:
 
 def _signatures(found: Diagnosis, number: int, names: list[str]) -> Curves:
     observed, stations = found.observed, found.observed.protocols[number]
-    timed = len(np.unique(stations.segment)) > 1
-
-    def mean(values: FloatArray) -> FloatArray:
-        return np.mean([observed.forces_of(k, values) for k in observed.trials_of(number)], axis=0)
-
-    lines = [Line("difference", -mean(found.weighted_base.fit.residual), None, DATA_COLOUR, points=True)]
+    timed, at = len(np.unique(stations.segment)) > 1, observed.stations_of(number)
+    left = found.weighted_base.fit.residual[at].mean(axis=0)
+    lines = [Line("difference", -left, None, DATA_COLOUR, points=True)]
     for name, (colour, dash) in zip(names, _SIGNATURE_STROKES, strict=False):
         scaled, share = matched(found, strongest(found, name))
         score = found.assessment.score(name)
         said = "reported" if any(name in model.names for model in found.models) else "not reported"
         said += f", {probability(score.p_value)}" if score else ""
         said += "" if share is None else f", matches {100 * share:.0f} % of the misfit"
-        lines.append(Line(f"{plain(name)} ({said})", -mean(scaled), None, colour, dash))
+        lines.append(Line(f"{plain(name)} ({said})", -scaled[at].mean(axis=0), None, colour, dash))
     hides = " and ".join(map(symbol_of, found.base_model.fit.stiffness))
     return Curves(
         f"signature{number}",
