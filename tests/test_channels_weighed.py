@@ -28,6 +28,7 @@ from legfem.inverse.linearised import LinearisedProblem
 from legfem.inverse.map_fit import fit
 from legfem.inverse.observations import Observations, blank_observations, observe
 from legfem.inverse.predictor import Predictor
+from legfem.inverse.responses import Acting
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
 from legfem.mechanisms import Stiffness, TissueMechanism, Values, mechanism_named
@@ -73,15 +74,10 @@ class Seen(ClosedForm):
         return np.column_stack([course_of(name, c10, c20, at) for name in names])
 
     def channel_changes(
-        self,
-        names: Sequence[str],
-        mechanism: TissueMechanism,
-        values: Values,
-        stiffness: Stiffness,
-        observed: Observations,
-        at: At,
+        self, names: Sequence[str], acting: Acting, stiffness: Stiffness, observed: Observations, at: At
     ) -> FloatArray:
         """Return a stiffer fat's thickness: it keeps more of it; of a tilted indenter, a lateral force."""
+        mechanism, values = acting
         x = at(np.concatenate([[0.0], self.grid])[:, None])[:, 0] / 20
         changes = {
             ("superficial-stiffness", "fat_thickness"): 2.0 * np.log(values.get("factor", 1.0)) * x,

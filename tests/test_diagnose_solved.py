@@ -175,7 +175,7 @@ def test_the_library_stands_in_for_solutions(variants, observed, tmp_path):
         emulated = library.relative_change(mechanism, values, SOFT, observed)
         true = solved.relative_change(mechanism, values, SOFT, observed)
         assert np.abs(emulated - true)[deep].max() < 0.12 * np.abs(true[deep]).max()
-        given = (CHANNELS_SEEN, mechanism, values, SOFT, observed, GridSpline(library.grid).at(observed.displacement))
+        given = (CHANNELS_SEEN, (mechanism, values), SOFT, observed, GridSpline(library.grid).at(observed.displacement))
         beside, exact = library.channel_changes(*given), solved.channel_changes(*given)
         assert np.abs(exact).max() > 0.01, "nothing to stand in for"
         assert np.abs(beside - exact)[deep].max() < 0.15 * np.abs(exact[deep]).max()

@@ -25,7 +25,7 @@ from legfem.inverse.errors import error_model
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.outcome import Outcome
 from legfem.inverse.predictor import Predictor
-from legfem.inverse.responses import channels_of, derivative_of
+from legfem.inverse.responses import Acting, channels_of, derivative_of
 from legfem.legs.subject import LegAccuracy, Subject
 from legfem.mechanisms import Stiffness, TissueMechanism, Values
 from legfem.report.further_channels import channel_chapter
@@ -179,16 +179,10 @@ class SeenInside(ClosedForm):
         return np.column_stack([course(name, c10, 2e-3, at, force_at(c10, c20, at)) for name in names])
 
     def channel_changes(
-        self,
-        names: Sequence[str],
-        mechanism: TissueMechanism,
-        values: Values,
-        stiffness: Stiffness,
-        observed: Observations,
-        at: At,
+        self, names: Sequence[str], acting: Acting, stiffness: Stiffness, observed: Observations, at: At
     ) -> FloatArray:
         """Return by how much more what lies under a stiffer fat moves."""
-        d = np.concatenate([[0.0], self.grid])
+        (mechanism, values), d = acting, np.concatenate([[0.0], self.grid])
         fat = 2e-3 * (values["factor"] if mechanism.name == "superficial-stiffness" else 1.0)
         force = force_at(stiffness[0], stiffness[1], d)
         found = [course(n, stiffness[0], fat, d, force) - course(n, stiffness[0], 2e-3, d, force) for n in names]

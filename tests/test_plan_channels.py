@@ -21,10 +21,11 @@ from legfem.inverse.map_fit import fit
 from legfem.inverse.observations import Observations, blank_observations
 from legfem.inverse.plan import Design, evaluate_design, prior_candidates
 from legfem.inverse.predictor import Predictor
+from legfem.inverse.responses import Acting
 from legfem.legs.loading import load_subject
 from legfem.legs.plan import with_channels
 from legfem.legs.schema import SUBJECTS
-from legfem.mechanisms import Stiffness, TissueMechanism, Values, mechanism_named
+from legfem.mechanisms import Stiffness, mechanism_named
 from legfem.solve.protocol import Protocol
 
 
@@ -75,17 +76,11 @@ class SeenAtPlaces(Seen):
         return np.column_stack([self._of(name) * x for name in names])
 
     def channel_changes(
-        self,
-        names: Sequence[str],
-        mechanism: TissueMechanism,
-        values: Values,
-        stiffness: Stiffness,
-        observed: Observations,
-        at: At,
+        self, names: Sequence[str], acting: Acting, stiffness: Stiffness, observed: Observations, at: At
     ) -> FloatArray:
         """Return what a stiffer fat does."""
         x = at(np.concatenate([[0.0], self.grid])[:, None])[:, 0] / 20
-        size = self.change * np.log(values.get("factor", 1.0))
+        size = self.change * np.log(acting[1].get("factor", 1.0))
         return np.column_stack([0.0 * x if _lies(name) else _sign(name) * size * x for name in names])
 
     def _of(self, name: str) -> float:

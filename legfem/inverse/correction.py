@@ -156,15 +156,10 @@ class TabulatedCorrection:
 
     def correction(self, displacement: FloatArray, c10: FloatArray, c20: FloatArray) -> FloatArray:
         """Return P (..., n) at displacements (n,) in mm for stiffnesses (...) in MPa."""
-        c10, c20 = np.asarray(c10, dtype=float), np.asarray(c20, dtype=float)
-        stiff = np.stack(np.broadcast_arrays(np.log(c10), c20 / (c10 + c20)), axis=-1)
-        shape = (*stiff.shape[:-1], len(displacement))
-        at = np.empty((*shape, 3))
-        at[..., :2] = stiff[..., None, :]
-        at[..., 2] = displacement
-        for number, axis in enumerate(self._table.grid):
-            at[..., number] = np.clip(at[..., number], axis[0], axis[-1])
-        return np.asarray(self._table(at))
+        c10, c20 = (np.asarray(one, dtype=float)[..., None] for one in (c10, c20))
+        at = np.stack(np.broadcast_arrays(np.log(c10), c20 / (c10 + c20), displacement), axis=-1)
+        ends = np.array([(axis[0], axis[-1]) for axis in self._table.grid]).T
+        return np.asarray(self._table(np.clip(at, *ends)))
 
     def factor(self, displacement: FloatArray, c10: FloatArray, c20: FloatArray) -> FloatArray:
         """Return ``1 - P`` (..., n)."""

@@ -19,7 +19,7 @@ from legfem.common.units import FloatArray
 from legfem.inverse.emulator import At, Emulator, Kriging
 from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, Values, null_of, prior_of
 from legfem.inverse.observations import Observations
-from legfem.inverse.responses import Columns
+from legfem.inverse.responses import Acting, Columns
 
 _REACH = 1.6
 UNTRIED = "there was no time to solve it"
@@ -289,18 +289,12 @@ class Library:
         return self._of(names).courses(c10, c20)
 
     def channel_changes(
-        self,
-        names: Sequence[str],
-        mechanism: TissueMechanism,
-        values: Values,
-        stiffness: Stiffness,
-        observed: Observations,
-        at: At,
+        self, names: Sequence[str], acting: Acting, stiffness: Stiffness, observed: Observations, at: At
     ) -> FloatArray:
         """Return what a mechanism adds to channels (n, k); ``at`` evaluates courses where the tissue is pressed to."""
-        return self._of(names).changes_at(mechanism, values, stiffness[0], observed, at)
+        return self._of(names).changes_at(*acting, stiffness[0], observed, at)
 
-    def pair_change(self, pair: Sequence[tuple[TissueMechanism, Values]], stiffness: Stiffness) -> Columns:
+    def pair_change(self, pair: Sequence[Acting], stiffness: Stiffness) -> Columns:
         """Return what two do at once beyond each, in proportion to the departures of both; nothing where unknown.
 
         Of the force relative at the grid (m,), of channels absolute at zero and at the grid (m + 1,).

@@ -22,6 +22,7 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 from scipy.stats import norm
 
 from legfem.common.units import FloatArray
@@ -311,11 +312,8 @@ def _known(candidate: Candidate, design: Design) -> FloatArray:
     if not design.contact_known:
         nuisance = [p for p in candidate.fit.parameters if p.role == "nuisance"]
         sd = prior_of(nuisance[0]).sd if nuisance else sd
-    trials = len(design.protocols)
-    total = np.zeros((len(kept) + trials,) * 2)
-    total[: len(kept), : len(kept)] = candidate.covariance[np.ix_(kept, kept)]
-    total[len(kept) :, len(kept) :] = sd**2 * np.eye(trials)
-    return total
+    of_onsets = sd**2 * np.eye(len(design.protocols))
+    return np.asarray(block_diag(candidate.covariance[np.ix_(kept, kept)], of_onsets))
 
 
 def prior_candidates(base: LinearisedFit, mechanisms: Sequence[Mechanism]) -> list[Candidate]:

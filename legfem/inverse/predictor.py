@@ -19,13 +19,14 @@ from scipy.interpolate import PPoly
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.data.contact import way_felt
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, LawName, deep_stiffness
+from legfem.inverse.channel_readings import StationChannel
 from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.emulator import At, GridSpline
 from legfem.inverse.library import Library
 from legfem.inverse.mechanism import Mechanism, TissueMechanism, null_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
-from legfem.inverse.responses import SolvedResponses
+from legfem.inverse.responses import Acting, SolvedResponses
 from legfem.inverse.stations import since_touch
 
 _FACTOR_NODES = 4
@@ -121,13 +122,12 @@ class Predictor:
         if not seen_in:
             return {}
         courses_of = self._predicted(values, mechanisms)[2]
-        found: dict[str, dict[str, FloatArray]] = {}
-        for one in seen_in:
-            found[one.name] = {}
-            for way, times in one.accuracy.laid.items():
-                by_name = dict(zip(one.courses, courses_of(one.laid_courses[way]).T, strict=True))
-                found[one.name][way] = times * one.read(by_name.__getitem__)
-        return found
+
+        def moved(one: StationChannel, way: str) -> FloatArray:
+            by_name = dict(zip(one.courses, courses_of(one.laid_courses[way]).T, strict=True))
+            return one.accuracy.laid[way] * one.read(by_name.__getitem__)
+
+        return {one.name: {way: moved(one, way) for way in one.accuracy.laid} for one in seen_in}
 
     def _predicted(
         self, values: Mapping[str, float], mechanisms: Sequence[Mechanism]
@@ -156,7 +156,7 @@ class Predictor:
         if self.ends is not None:
             of_ends = self.ends.factor(np.maximum(pressed, 0.0), np.asarray(c10), np.asarray(c20))
             force, factors = force * of_ends, of_ends
-        tissue: list[tuple[TissueMechanism, Mapping[str, float]]] = []
+        tissue: list[Acting] = []
         for mechanism in mechanisms:
             mine = own[mechanism.name]
             if not (mechanism.stands_for_C20 and self.law == "neo-hookean"):
@@ -184,7 +184,7 @@ class Predictor:
                 own_loss = mechanism.displacement_loss(its, observed, pressing)
                 apart = mechanism.along_path or bool(np.any(own_loss))
                 read = self._grid.at(pressed + own_loss) if apart else np.asarray
-                change = self.responses.channel_changes(names, mechanism, its, (c10, c20), observed, read)
+                change = self.responses.channel_changes(names, (mechanism, its), (c10, c20), observed, read)
                 along, changed = (along + change, changed) if apart else (along, changed + change)
                 taken = taken + own_loss
             if beyond:

@@ -50,6 +50,8 @@ class BodyModels(Protocol):
         """Return what tells a variant from others."""
 
 
+type Acting = tuple[TissueMechanism, Values]
+"""A mechanism of the tissue with its own values, by their short names."""
 type Columns = dict[str, FloatArray]
 """Arrays by channel: ``force`` along (m,) points, and every further channel at zero time and there, (m + 1,). Of
 derivatives by a parameter (`derivative_of`) likewise. Changes are relative of the force, and absolute of channels."""
@@ -200,15 +202,10 @@ class SolvedResponses:
         return _columns_of(self._on_grid((c10, c20), Solution()), names, len(self.grid) + 1)
 
     def channel_changes(
-        self,
-        names: Sequence[str],
-        mechanism: TissueMechanism,
-        values: Values,
-        stiffness: Stiffness,
-        observed: Observations,
-        at: At,
+        self, names: Sequence[str], acting: Acting, stiffness: Stiffness, observed: Observations, at: At
     ) -> FloatArray:
         """Return what a mechanism adds to channels (n, k); ``at`` evaluates courses where the tissue is pressed to."""
+        mechanism, values = acting
         solution = mechanism.solution(values)
         if not mechanism.along_path:
             found = _columns_of(self.elastic_change(solution, stiffness), names, len(self.grid) + 1)
@@ -221,7 +218,7 @@ class SolvedResponses:
         before = self._sprung(stiffness, Solution(solution.null), solution.null_in_series)
         return _changes(before, self._on_grid(stiffness, solution))
 
-    def pair_change(self, pair: Sequence[tuple[TissueMechanism, Values]], stiffness: Stiffness) -> Columns:
+    def pair_change(self, pair: Sequence[Acting], stiffness: Stiffness) -> Columns:
         """Return what two mechanisms do at once beyond each; nothing where no model shows both.
 
         Of one that has a share of its whole response, what both do is that share of the way from what its null model

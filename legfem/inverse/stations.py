@@ -117,10 +117,7 @@ def stations_of(trials: Sequence[Segmentation]) -> Stations:
     digits = 2 - math.floor(math.log10(depth))
     depth = round(depth, digits)
     times, displacements = [0.0], [0.0]
-    phases: list[str] = []
-    numbers: list[int] = []
-    d_at: list[float] = []
-    t_at: list[float] = []
+    found: list[_InSegment] = []
     for number, phase in enumerate(first.phases):
         parts = [trial.segments[number] for trial in trials]
         before = displacements[-1]
@@ -157,12 +154,18 @@ def stations_of(trials: Sequence[Segmentation]) -> Stations:
             displacements.append(end)
             d = _places(before, last, count, parts)
             t = times[-2] + (d - before) / (end - before) * duration
-        phases += [phase] * len(d)
-        numbers += [number] * len(d)
-        d_at += list(d)
-        t_at += list(t)
-    protocol = Protocol(tuple(times), tuple(displacements))
-    return Stations(protocol, np.array(phases), np.array(numbers), np.array(d_at), np.array(t_at))
+        found.append((phase, number, d, t))
+    return _joined(Protocol(tuple(times), tuple(displacements)), found)
+
+
+type _InSegment = tuple[str, int, FloatArray, FloatArray]
+"""Phase and number of a segment, with displacement and time of its stations."""
+
+
+def _joined(protocol: Protocol, found: Sequence[_InSegment]) -> Stations:
+    phase, number, d, t = zip(*found, strict=True)
+    sizes = list(map(len, t))
+    return Stations(protocol, np.repeat(phase, sizes), np.repeat(number, sizes), np.concatenate(d), np.concatenate(t))
 
 
 def _places(before: float, last: float, count: int, parts: Sequence[Segment]) -> FloatArray:
@@ -176,18 +179,14 @@ def _places(before: float, last: float, count: int, parts: Sequence[Segment]) ->
 
 def stations_along(protocol: Protocol) -> Stations:
     """Return the stations of a programme that wasn't recorded."""
-    phase: list[str] = []
-    number: list[int] = []
-    time: list[float] = []
+    found: list[_InSegment] = []
     counts = {LOADING: LOADING_STATIONS, HOLD: HOLD_STATIONS}
     for k, part in enumerate(protocol.segments):
         count = counts.get(part.phase, UNLOADING_STATIONS)
         share = np.geomspace(1 / 150, 0.97, count) if part.phase == HOLD else (np.arange(count) + 0.6) / count
-        time += list(part.start + share * part.duration)
-        phase += [part.phase] * count
-        number += [k] * count
-    at = np.array(time)
-    return Stations(protocol, np.array(phase), np.array(number), protocol.displacement_at(at), at)
+        at = part.start + share * part.duration
+        found.append((part.phase, k, protocol.displacement_at(at), at))
+    return _joined(protocol, found)
 
 
 @dataclass(frozen=True, eq=False)
