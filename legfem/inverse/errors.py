@@ -264,14 +264,8 @@ class ErrorModel:
 
     def part(self, kept: NDArray[np.bool_]) -> "ErrorModel":
         """Return the errors of some of the observations."""
-        return replace(
-            self,
-            dense=self.dense[np.ix_(kept, kept)],
-            known=self.known[kept],
-            gains=self.gains[kept],
-            zeros=self.zeros[kept],
-            trial_sd=self.trial_sd[kept],
-        )
+        rows = {name: getattr(self, name)[kept] for name in ("known", "gains", "zeros", "trial_sd")}
+        return replace(self, dense=self.dense[np.ix_(kept, kept)], **rows)
 
     def without_bounds(self, readings: NDArray[np.bool_]) -> "ErrorModel":
         """Return the errors with those of some readings (N,) a thousand times as large."""

@@ -7,7 +7,7 @@ probabilities and expectation propagation (2011), arXiv:1111.6832.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from scipy.optimize import brentq
@@ -65,21 +65,8 @@ def mixed(total: float, weights: FloatArray, parts: Sequence[Posterior]) -> Post
         m of the same parameters.
     """
     mean, spread = moments_of(weights, np.array([p.mean for p in parts]), np.array([p.covariance for p in parts]))
-
-    def average(name: str) -> Any:
-        return weights @ np.array([getattr(part, name) for part in parts])
-
-    return Posterior(
-        log_evidence=total,
-        mean=mean,
-        covariance=spread,
-        discrepancy_probability=float(average("discrepancy_probability")),
-        discrepancy_size=float(average("discrepancy_size")),
-        gain_sd=float(average("gain_sd")),
-        zero_sd=float(average("zero_sd")),
-        effects=average("effects"),
-        discrepancy_weights=average("discrepancy_weights"),
-    )
+    names = "discrepancy_probability", "discrepancy_size", "gain_sd", "zero_sd", "effects", "discrepancy_weights"
+    return Posterior(total, mean, spread, *(weights @ np.array([getattr(p, name) for p in parts]) for name in names))
 
 
 def moments_of(weights: FloatArray, means: FloatArray, covariances: FloatArray) -> tuple[FloatArray, FloatArray]:

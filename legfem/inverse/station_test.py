@@ -209,14 +209,10 @@ class StationTest:
         )
 
     @cached_property
-    def _equal(self) -> FloatArray:
-        """Standard deviations (N,) of all readings that weigh those of a channel equally."""
-        return self.observed.data.sizes_by_range(_FIRST_SHARE) if self.sizes is None else self.sizes
-
-    @cached_property
     def equal_covariance(self) -> FloatArray:
         """Covariance (n, n) that weighs a channel's readings equally, first contacts left open."""
-        return np.asarray(np.diag(self._equal**2) + self._of_onsets)[np.ix_(self.rows, self.rows)]
+        sizes = self.observed.data.sizes_by_range(_FIRST_SHARE) if self.sizes is None else self.sizes
+        return np.asarray(np.diag(sizes**2) + self._of_onsets)[np.ix_(self.rows, self.rows)]
 
     @cached_property
     def _of_onsets(self) -> FloatArray:

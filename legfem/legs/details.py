@@ -19,6 +19,7 @@ from legfem.fem.spaces import BodySurface, surface_of
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape, TriangleSurface
 from legfem.inverse.answer import Answer
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values, with_units
+from legfem.inverse.document import members_of
 from legfem.inverse.fit import Fit, KindDetails, answer_of
 from legfem.inverse.station_test import FittedStations
 from legfem.jobs.store import read_arrays, write_arrays
@@ -177,9 +178,7 @@ class LegDetails(KindDetails):
             if fibres is None
             else {
                 "ratio": fibres.value,
-                "sd": fibres.sd,
-                "provenance": fibres.provenance,
-                "source": fibres.source,
+                **members_of(fibres, "sd", "provenance", "source"),
                 "in_correction": applied is not None and applied.with_fibres,
             },
         }
@@ -212,12 +211,8 @@ def _spatial(found: SpatialEvidence | SpatialSites | None) -> dict[str, Any] | N
     if isinstance(found, SpatialSites):
         return asdict(found)
     return {
-        "shape": found.shape,
-        "extruded": found.extruded,
+        **members_of(found, "shape", "extruded", "converged", "full_solves", "rough_solves"),
         "length_mm": found.length,
-        "converged": found.converged,
-        "full_solves": found.full_solves,
-        "rough_solves": found.rough_solves,
         "confirmations": [
             {
                 "c10_kPa": mpa_to_kpa(one.c10),
