@@ -395,7 +395,7 @@ def _diagnosed(options: cohort_rows.Options, member: Member, folder: Path) -> li
 
 
 def _dressed(options: cohort_rows.Options, member: Member, folder: Path) -> list[cohort_rows.Row]:
-    return [_fitted(stocking(loading.load_leg(member.folder), out=folder, **options.given), member, folder)]
+    return [_fitted(stocking(member.folder, out=folder, **options.given), member, folder)]
 
 
 def _fitted(found: Identification, member: Member, folder: Path) -> cohort_rows.Row:

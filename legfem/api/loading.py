@@ -351,13 +351,15 @@ def load_specimen(folder: Given) -> "SpecimenFolder":
     return loaded
 
 
-def load_leg(leg: Given) -> "StockingLeg":
-    """Load a leg that was scanned with and without a stocking.
+def load_leg(leg: Given, cells: int | None = None) -> "StockingLeg":
+    """Load a leg that was scanned with and without a stocking, or measured by a tape.
 
     Parameters
     ----------
     leg : str or Path
         Id of a leg that comes with legfem (``"1"`` to ``"6"``), or the path of a folder.
+    cells : int, optional
+        Tetrahedra that it will be meshed with, to be told early if it can't be.
 
     Raises
     ------
@@ -373,7 +375,7 @@ def load_leg(leg: Given) -> "StockingLeg":
     from legfem.stockings.loading import LEGS
     from legfem.stockings.loading import load_leg as load_leg_folder
 
-    loaded = load_leg_folder(folder_of(leg, LEGS))
+    loaded = load_leg_folder(folder_of(leg, LEGS), cells=cells)
     log_doubts(loaded.doubts)
     return loaded
 

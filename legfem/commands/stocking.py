@@ -2,6 +2,7 @@
 
 import sys
 from pathlib import Path
+from typing import Annotated
 
 import typer
 
@@ -17,7 +18,7 @@ def stocking(
     subject: str | None = None,
     subject_dir: Path | None = None,
     out: Path | None = None,
-    cells: int = 15_000,
+    cells: Annotated[int, typer.Option(min=2_000, max=5_000_000)] = 15_000,
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
@@ -45,11 +46,12 @@ def stocking(
 
         from legfem.api.stockings import stocking as stocking_in_full
         from legfem.common.progress import progress_on
+        from legfem.stockings.details import StockingNotice
         from legfem.stockings.loading import LEGS, load_leg
 
         first = MPI.COMM_WORLD.rank == 0
         with progress_on(quiet=quiet or not first) as progress:
-            leg = load_leg(LEGS.named(subject, subject_dir), progress)
+            leg = load_leg(LEGS.named(subject, subject_dir), progress, cells)
         with results_folder(out, f"stocking-{leg.id}", MPI.COMM_WORLD) as folder:
             if first:
                 log_doubts(leg.doubts)
@@ -57,7 +59,7 @@ def stocking(
             report = found.write(folder)
             if first:
                 print_outcome(report.read_text(encoding="utf-8"), folder / "result.json", report, quiet, as_json)
-            if not found.best.details.equilibrium.converged:
+            if {StockingNotice.NOT_COMPUTED, StockingNotice.UNSETTLED} & {one.code for one in found.best.notices}:
                 if first:
                     print(f"{leg.id}: no equilibrium with the stocking was found", file=sys.stderr)
                 raise typer.Exit(FAILED)

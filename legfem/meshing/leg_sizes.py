@@ -172,8 +172,17 @@ class SolidMeshSettings(Checked):
         )
 
 
-def settings_for_cells(shape: LegShape, cells: int) -> SolidMeshSettings:
+def settings_for_cells(shape: LegShape, cells: int, share: float = 1.0) -> SolidMeshSettings:
     """Return settings, refined or coarsened, that give about a number of tetrahedra.
+
+    Parameters
+    ----------
+    shape
+        The leg.
+    cells
+        The number.
+    share
+        Of the leg, which may be all that is meshed in the end: the coarsest settings then stand for fewer cells.
 
     Raises
     ------
@@ -189,10 +198,10 @@ def settings_for_cells(shape: LegShape, cells: int) -> SolidMeshSettings:
 
     low, high = math.log(0.2), math.log(12.0)
     least, most = (cells * math.exp(excess(end)) for end in (low, high))
-    if not least <= cells <= most:
+    if not share * least <= cells <= most:
         remedy = f"choose from {1000 * math.ceil(least / 1000)} to {1000 * math.floor(most / 1000)}"
         raise InputError(Argument("cells"), f"{cells}", f"this leg cannot be meshed with {cells} tetrahedra", remedy)
-    return settings.refined(math.exp(brentq(excess, low, high, xtol=0.01)))
+    return settings.refined(math.exp(brentq(excess, low, high, xtol=0.01) if cells > least else high))
 
 
 def size_field(shape: LegShape, settings: SolidMeshSettings, spacing: float) -> SizeField:

@@ -116,6 +116,13 @@ def _of_stocking(answer: Answer) -> str:
     return f"{text}; at the deep veins the pressure is {span} mmHg ({of_mean} of the mean on the skin)."
 
 
+def _of_tape(answer: Answer) -> str:
+    given = answer.parameters
+    ankle, (low, high) = given["ankle"], given["spread"]
+    said = _sentence_at_ankle(ankle) if ankle else ""
+    return f"{said}Along the leg the stocking's mean pressure is {low:.1f} to {high:.1f} mmHg."
+
+
 def _of_stocking_heading(answer: Answer) -> str:
     """Return what can be relied on, and what is uncertain."""
     if answer.finding is not Finding.FITS:
@@ -132,6 +139,7 @@ _SENTENCES: Mapping[str, Callable[[Answer], str]] = {
     "leg": _of_leg,
     "specimens": _of_specimens,
     "stocking": _of_stocking,
+    "tape": _of_tape,
 }
 _HEADINGS: Mapping[Finding, Callable[[Answer], str]] = {
     Finding.MISFIT: lambda answer: "No.",

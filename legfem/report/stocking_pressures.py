@@ -18,6 +18,7 @@ from legfem.stockings.details import StockingDetails
 from legfem.stockings.fabric import CALF_SHARE
 from legfem.stockings.levels import LEVELS, rises
 from legfem.stockings.pressures import TissuePressures, too_low_by
+from legfem.stockings.tape import TapeDetails
 
 ALONG = "Pressure along the leg"
 PRESSURES = "Pressures on the skin and inside"
@@ -203,10 +204,9 @@ def _share(pressure: float, found: TissuePressures) -> str:
     return f", {100 * pressure / found.mean_interface:.0f} % of the mean on the skin"
 
 
-def level_blocks(details: StockingDetails) -> list[Block]:
+def level_blocks(details: TapeDetails) -> list[Block]:
     """Return levels with limits, the gradient, and the curve along the leg."""
-    along, makers, leg = details.pressure_along, details.leg.makers, details.leg
-    levels, blocks = details.at_levels, list[Block]()
+    makers, levels, blocks = details.leg.makers, details.at_levels, list[Block]()
     if levels:
         asked = (
             f"class {makers.intended_class} of {makers.standard}" if makers.intended_class else "no class was stated"
@@ -218,7 +218,9 @@ def level_blocks(details: StockingDetails) -> list[Block]:
                 "height": f"{one.height_mm:.0f} mm, "
                 + ("as stated" if one.height_is_stated else WORDS["levels"][one.level]),
                 "pressure (mmHg)": f"{one.mean_pressure_mmHg:.1f} ({one.ci95_mmHg[0]:.1f} to {one.ci95_mmHg[1]:.1f})",
-                "share of B's": "–" if one.over_pressure_at_B is None else f"{100 * one.over_pressure_at_B:.0f} %",
+                "residual pressure ratio (to B)": "–"
+                if one.over_pressure_at_B is None
+                else f"{100 * one.over_pressure_at_B:.0f} %",
                 "limits (mmHg)": span_of(one.limits_mmHg),
                 "verdict": verdicts.get(one.verdict, one.verdict),
             }
@@ -228,38 +230,46 @@ def level_blocks(details: StockingDetails) -> list[Block]:
         blocks.append(WebTable.of(caption, rows))
     blocks += map(Prose, _about_levels(details))
     blocks += _fabric_blocks(details)
-    blocks.append(
-        Curves(
-            "along",
-            "Pressure of the stocking on the skin over the height",
-            ": mean round the leg with its 95 % interval, and the least and greatest round the leg.",
-            along.levels,
-            "height z (mm)",
-            "pressure (mmHg)",
-            "",
-            [
-                Line("mean round the leg", along.mean, None, DATA_COLOUR),
-                Line("greatest round the leg", along.greatest, None, FAINT, "dashed"),
-                Line("least round the leg", along.least, None, FAINT, "dotted"),
-            ],
-            band=quantile(0) * along.sd,
-            band_name="95 % interval of the mean",
-        )
+    return [*blocks, along_curves(details), Prose(_errors(details))]
+
+
+def along_curves(details: TapeDetails) -> Curves:
+    """Return the pressure over the height; on a leg by tape, of which no more is known, its mean alone."""
+    along = details.pressure_along
+    lines = [Line("mean round the leg", along.mean, None, DATA_COLOUR)]
+    if details.leg.girth_sd is None:
+        lines.append(Line("greatest round the leg", along.greatest, None, FAINT, "dashed"))
+        lines.append(Line("least round the leg", along.least, None, FAINT, "dotted"))
+    return Curves(
+        "along",
+        "Pressure of the stocking on the skin over the height",
+        f": {', '.join(line.name for line in lines)}.",
+        along.levels,
+        "height z (mm)",
+        "pressure (mmHg)",
+        "",
+        lines,
+        band=quantile(0) * along.sd,
+        band_name="95 % interval of the mean",
     )
+
+
+def _errors(details: TapeDetails) -> str:
+    """Return what the intervals of the pressure along the leg include."""
+    leg = details.leg
     tension = f"{100 * details.tension_sd:.2g} % of the fabric's tension; " if details.tension_sd else ""
     exact = (
         " They do not include any error of the fabric's tension: state it as tension_relative_sd in the table "
         "[accuracy] of leg.toml."
     )
-    errors = (
+    last = WORDS["along_errors"]["scan" if leg.girth_sd is None else "tape"].format(girth=100 * (leg.girth_sd or 0.0))
+    return (
         f"The intervals include these errors (standard deviations): {tension}{100 * leg.accuracy.pressure_sd:g} % of "
-        "the pressure on each eighth of the girth; and for the mesh, by judgement, a tenth of the change in pressure "
-        f"that the leg's deformation causes.{'' if details.tension_sd else exact}"
+        f"the pressure on each eighth of the girth; and {last}.{'' if details.tension_sd else exact}"
     )
-    return [*blocks, Prose(errors)]
 
 
-def _fabric_blocks(details: StockingDetails) -> list[Block]:
+def _fabric_blocks(details: TapeDetails) -> list[Block]:
     """Return which fabric meets each class on this leg; nothing where the leg has no level B."""
     rows = [
         {
@@ -277,7 +287,7 @@ def _fabric_blocks(details: StockingDetails) -> list[Block]:
     return [WebTable.of(caption, rows)] if rows else []
 
 
-def _about_levels(details: StockingDetails) -> Iterator[str]:
+def _about_levels(details: TapeDetails) -> Iterator[str]:
     """Yield what is missing at the levels, whether the pressure falls from one to the next, and its gradient."""
     along, makers, leg, levels = details.pressure_along, details.leg.makers, details.leg, details.at_levels
     if missing := [name for name in LEVELS if name not in makers.found(leg.bare)]:

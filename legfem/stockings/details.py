@@ -15,22 +15,16 @@ from legfem.inverse.answer import Answer, Finding, Notice, Tone
 from legfem.inverse.catalogue import key_of
 from legfem.inverse.document import members_of
 from legfem.inverse.elastography import disagreement
-from legfem.inverse.fit import Fit, KindDetails, answer_of, at_limits, of_failed_solves, of_search
+from legfem.inverse.fit import Fit, answer_of, at_limits, of_failed_solves, of_search
 from legfem.stockings.contour_distances import ContourMisfit
 from legfem.stockings.discrepancy import ModelDiscrepancy
 from legfem.stockings.equilibrium import Equilibrium, EquilibriumSettings, LegModel3D
 from legfem.stockings.fabric import StockingLoad, stocking_load
 from legfem.stockings.leg import ComparedSensor, StockingLeg
-from legfem.stockings.levels import (
-    TISSUES,
-    FabricFor,
-    LevelPressure,
-    PressureAlong,
-    fabrics_for_classes,
-    pressures_at_levels,
-)
+from legfem.stockings.levels import TISSUES, PressureAlong
 from legfem.stockings.pressures import FatPressures, SectionPressures, TissuePressures, too_low_by
 from legfem.stockings.scan_fit import MISSED_BEYOND, ScanFit
+from legfem.stockings.tape import TapeDetails
 
 type StockingFit = Fit[StockingDetails]
 
@@ -51,7 +45,7 @@ class StockingNotice(StrEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class StockingDetails(KindDetails):
+class StockingDetails(TapeDetails):
     """The leg in equilibrium with its stocking, and how its stiffness was searched for.
 
     Parameters
@@ -84,7 +78,6 @@ class StockingDetails(KindDetails):
         Why nothing could be compared with a scan in the stocking; empty where it could, or there is none.
     """
 
-    leg: StockingLeg
     model: LegModel3D
     scan_load: StockingLoad | None
     parameters: dict[str, float]
@@ -113,7 +106,7 @@ class StockingDetails(KindDetails):
         if found is not None:
             veins = tuple(float(one) for one in found.at_veins if np.isfinite(one))
             told |= {"mean": found.mean_interface, "greatest": found.greatest_interface, "veins": veins}
-            told["ankle"] = None if self.leg.makers.assumed_fabric else self._at_ankle
+            told["ankle"] = self.at_ankle
         return replace(answer_of(fit, **told), finding=finding, tone=tone)
 
     def members(self, fit: Any) -> dict[str, Any]:
@@ -128,10 +121,8 @@ class StockingDetails(KindDetails):
             "contours": None if self.best is None else _contours(self.leg, self.best.misfit),
             "mismatch": self.discrepancy,
             "registration": None if scanned is None else _registration(scanned),
-            "stocking": _stocking(self),
             "pressures": None if self.pressures is None else _pressures(self, self.pressures),
-            "makers_levels": [{**vars(one), "verdict": one.verdict} for one in self.at_levels],
-            "fabric_for_classes": [vars(one) for one in self.fabrics],
+            **super().members(fit),
             "sensors": [
                 {
                     "name": one.sensor.name,
@@ -170,19 +161,15 @@ class StockingDetails(KindDetails):
         return {"points_mm": {one.channel.name: dict(zip("xy", points.T, strict=True)) for one, points in named}}
 
     @property
-    def _at_ankle(self) -> dict[str, Any] | None:
-        """Pressure at B (mmHg) beside the class; None where B isn't in the modelled part."""
-        one = next((one for one in self.at_levels if one.level == "B"), None)
-        if one is None:
-            return None
-        known = {"mean": one.mean_pressure_mmHg, "ci95": one.ci95_mmHg, "limits": one.limits_mmHg}
-        return {**known, "verdict": one.verdict, "class": str(self.leg.makers.intended_class)}
-
-    @property
     def tetrahedra(self) -> int:
         """Number of tetrahedra of the mesh, on all ranks."""
         mesh = self.model.compression.spaces.mesh
         return int(mesh.topology.index_map(mesh.topology.dim).size_global)
+
+    @property
+    def load(self) -> StockingLoad:
+        """Load in equilibrium, at the fabric's tension as it was found."""
+        return self.equilibrium.load
 
     @property
     def pressure_along(self) -> PressureAlong:
@@ -190,24 +177,13 @@ class StockingDetails(KindDetails):
         leg, tension = self.leg, None if self.best is None else self.best.tension
         on_bare = stocking_load(leg.bare, leg.stocking).times(1.0 if tension is None else 1 + tension.value)
         accuracy = replace(leg.accuracy, tension_sd=self.tension_sd)
-        return PressureAlong.of(leg.bare, self.equilibrium.load, on_bare, accuracy)
+        return PressureAlong.of(leg.bare, self.load, on_bare, accuracy)
 
     @property
     def tension_sd(self) -> float:
         """Relative standard deviation of the fabric's tension: as found, where it was; else as given."""
         tension = None if self.best is None else self.best.tension
         return self.leg.accuracy.tension_sd if tension is None else tension.sd / (1 + tension.value)
-
-    @property
-    def at_levels(self) -> list[LevelPressure]:
-        """Pressure at every level of makers that the modelled part of the leg has."""
-        return list(pressures_at_levels(self.pressure_along, self.leg.makers, self.leg.bare))
-
-    @property
-    def fabrics(self) -> list[FabricFor]:
-        """Fabric that meets each class on this leg."""
-        leg, load = self.leg, self.equilibrium.load
-        return list(fabrics_for_classes(self.pressure_along, load, leg.makers, leg.bare))
 
 
 def _best_fit(best: ScanFit) -> dict[str, Any]:
@@ -247,21 +223,6 @@ def _registration(found: Registration) -> dict[str, Any]:
         **members_of(found, "pairs", "left_out", "iterations", "converged"),
         "shift_standard_error_mm": found.standard_error.tolist(),
         "turn_standard_error_deg": found.rotation_error.tolist(),
-    }
-
-
-def _stocking(details: StockingDetails) -> dict[str, Any]:
-    stocking, load, shape = details.leg.stocking, details.equilibrium.load, details.leg.bare
-    return {
-        "stiffness_N_per_mm": stocking.stiffness,
-        "bending_length_mm": stocking.bending_length,
-        "unstretched": {"levels_mm": stocking.levels.tolist(), "perimeters_mm": stocking.unstretched.tolist()},
-        "levels_mm": shape.levels.tolist(),
-        "perimeter_mm": load.perimeter.tolist(),
-        "strain": load.strain.tolist(),
-        "tension_N_per_mm": load.tension.tolist(),
-        "mean_pressure_kPa": mpa_to_kpa(load.pressure.mean(axis=1)).tolist(),
-        "share_of_skin_without_pressure": load.unloaded_skin.tolist(),
     }
 
 

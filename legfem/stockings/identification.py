@@ -48,8 +48,10 @@ from legfem.stockings.leg import SensorArray, StockingLeg
 from legfem.stockings.nuisances import NuisanceSlopes
 from legfem.stockings.pressures import PressureProbe, tissue_pressures, vein_pressure_sd
 from legfem.stockings.scan_fit import BOUNDS, ScanComparison, ScanFit, StockingForward, by_name, stiffness_priors
+from legfem.stockings.tape import TapeDetails
 
-KIND = "stocking"
+KIND, TAPE = "stocking", "tape"
+"""Of results: of a leg that was scanned, and of one by tape."""
 LAW: LawName = "neo-hookean"
 _CHANNELS = {"outer": "skin_displacement", "inner": "muscle_displacement"}
 """By name of the contour; the inner one is the hull of the muscle."""
@@ -75,23 +77,32 @@ def assessed(details: StockingDetails, log: SearchLog, settings: Mapping[str, An
     settings
         Of the run, units in the names.
     """
+    given = {f"{name}.D1": law.D1 for name, law in details.leg.tissues.items()} | details.parameters
+    return noticed(replace(_told(KIND, details, log, given, settings), computed=dict(_computed(details))))
+
+
+def _told[Details: TapeDetails](
+    kind: str, details: Details, log: SearchLog, given: Mapping[str, float], settings: Mapping[str, Any]
+) -> Fit[Details]:
     leg = details.leg
-    given = MappingProxyType({f"{name}.D1": law.D1 for name, law in leg.tissues.items()} | details.parameters)
-    return noticed(
-        Fit(
-            kind=KIND,
-            subject=Identity(leg.id, leg.title, leg.origin, leg.directory),
-            law=LAW,
-            values=given,
-            assumed=given,
-            cost=_NO_COST,
-            log=log,
-            settings=settings,
-            versions=versions_of("legfem", "dolfinx", "numpy", "scipy", "python"),
-            details=details,
-            computed=MappingProxyType(dict(_computed(details))),
-        )
+    return Fit(
+        kind=kind,
+        subject=Identity(leg.id, leg.title, leg.origin, leg.directory),
+        law=LAW,
+        values=given,
+        assumed=given,
+        cost=_NO_COST,
+        log=log,
+        settings=settings,
+        versions=versions_of("legfem", "dolfinx", "numpy", "scipy", "python"),
+        details=details,
+        notices=doubted(leg.doubts),
     )
+
+
+def by_tape(leg: StockingLeg) -> Fit[TapeDetails]:
+    """Return what follows from the girths of a leg, in the form of a fit that was compared with nothing."""
+    return _told(TAPE, TapeDetails(leg), NO_SEARCH, {}, {})
 
 
 def noticed(fit: StockingFit) -> StockingFit:

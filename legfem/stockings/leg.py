@@ -322,6 +322,8 @@ class StockingLeg(Pictured):
         Where makers give its pressure, and the limits of its class.
     directory : Path, optional
         Folder that it was read from.
+    girth_sd : float, optional
+        Relative standard deviation of the girths of a leg by tape, whose ``bare`` are round rings; None of a scan.
     """
 
     id: str
@@ -344,6 +346,7 @@ class StockingLeg(Pictured):
     doubts: tuple[Doubt, ...] = ()
     makers: MakersLevels = NOTHING_STATED
     directory: Path | None = None
+    girth_sd: float | None = None
 
     @cached_property
     def sensors_there(self) -> tuple[tuple[Sensor, float, float], ...]:

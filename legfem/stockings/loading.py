@@ -3,7 +3,7 @@
 What is impossible is an error that names file, field and remedy; what is unlikely is a doubt.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -30,11 +30,13 @@ from legfem.imaging.same_leg import check_scans_differ, doubts_about_registratio
 from legfem.imaging.shape_schema import ShapeEntry, existing
 from legfem.inverse.elastography import ShearModulus, doubts_about_elastography
 from legfem.mechanics.materials import NeoHookean
+from legfem.meshing.leg_sizes import settings_for_cells
 from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.fabric import Stocking, fitted_stocking, stocking_load
 from legfem.stockings.leg import KINDS, USUAL_DIAMETER, Posture, Sensor, StockingLeg, Vein, default_veins, off_skin
-from legfem.stockings.levels import LEVELS, MakersLevels
+from legfem.stockings.levels import LEVELS, Level, MakersLevels
 from legfem.stockings.schema import LegFile, StockingEntry, parse_leg_file
+from legfem.stockings.tape import rings
 
 _BEYOND_MM = 10.0
 """Length beyond a table's end for which its last perimeter may stand without a word."""
@@ -44,6 +46,8 @@ the pressures at the veins in mid-segment differ by 30 to 45 % at 40 mm, by 20 t
 15 to 20 % at 120 mm (legs 1 and 4, class 2, 3 kPa in both tissues)."""
 _LEAST_SHARED_MM, _LEAST_COMPARED_MM = 40.0, 50.0
 """Of a leg, and of one whose scans are compared: where end faces move, the slices need some room."""
+_SHARED = 0.7
+"""Least share of the bare leg's scan that the second one is taken to have, too, before it is read."""
 LEVEL_SPACING = 5.0
 """Spacing of the contours that the leg's surfaces interpolate (mm)."""
 _MARGINS = {"bare": 10.0, "compressed": 40.0}
@@ -55,10 +59,11 @@ CLEARANCES = Clearances(bone_to_fascia=1.5, fascia_to_skin=1.5)
 LEGS = Catalogue(RESOURCES / "dubuis" / "subjects", "leg.toml")
 
 
-def load_leg(directory: Path, progress: Progress | None = None) -> StockingLeg:
+def load_leg(directory: Path, progress: Progress | None = None, cells: int | None = None) -> StockingLeg:
     """Load the folder of a leg: ``leg.toml`` and the files it names.
 
-    Reading and registering scans takes seconds to minutes, which ``progress`` shows.
+    Reading and registering scans takes seconds to minutes, which ``progress`` shows. What one scan tells of the
+    segment, and of the tetrahedra that it will be meshed with (``cells``), is checked before all else.
 
     Raises
     ------
@@ -68,9 +73,15 @@ def load_leg(directory: Path, progress: Progress | None = None) -> StockingLeg:
     directory = Path(directory)
     toml = LEGS.opened(directory)
     given, progress = parse_leg_file(toml), progress or Silent()
+    if given.bare.girths_mm is not None:
+        return _by_tape(directory, toml, given, given.bare.girths_mm)
     progress.stage(f"outlines of the bare leg{_asked_length(toml, given)}")
     bare_scan, levels = _opened(directory, toml, "bare", given.bare, given)
-    bare, scanned_bare = (bare_scan.shape(OUTLINES, levels, room) for room in (CLEARANCES, None))
+    scanned_bare = bare_scan.shape(OUTLINES, levels)
+    (first,) = _segment(toml, given, [scanned_bare])
+    if cells is not None:
+        settings_for_cells(first, cells, 1.0 if given.compressed is None else _SHARED)
+    bare = bare_scan.shape(OUTLINES, levels, CLEARANCES)
     shapes, registration = [bare, scanned_bare], None
     if given.compressed is not None:
         progress.stage("outlines of the leg in its stocking")
@@ -84,26 +95,30 @@ def load_leg(directory: Path, progress: Progress | None = None) -> StockingLeg:
         registration = registered(_dense(scanned_bare), _dense(scanned), given.accuracy.contour_sd_mm, toml)
         motion = registration.transform
         shapes.append(rigidly_moved(scanned, motion.rotation, motion.translation))
+    return _of_scans(directory, toml, given, shapes, registration)
+
+
+def _of_scans(
+    directory: Path, toml: Path, given: LegFile, shapes: Sequence[LegShape], registration: Registration | None
+) -> StockingLeg:
+    """Return a leg of its shapes: bare, to be meshed and as scanned; and in its stocking, laid on the first, if any."""
     bare, scanned_bare, *others = _segment(toml, given, shapes)
-    compressed = others[0] if others else None
     slices, posture = calf_levels(bare), given.posture
     lying = None if posture is None or posture.lying_mmHg is None else mmhg_to_mpa(posture.lying_mmHg)
-    tissues = {
-        name: NeoHookean(kpa_to_mpa(entry.C10_kPa or 3.0), entry.D1_per_MPa)
-        for name, entry in (("deep", given.tissues.deep), ("superficial", given.tissues.superficial))
-    }
+    laws = given.tissues
+    tissues = {name: NeoHookean(kpa_to_mpa(one.C10_kPa or 3.0), one.D1_per_MPa) for name, one in laws}
     leg = StockingLeg(
         given.id,
         given.title,
         given.origin,
         bare,
         scanned_bare,
-        compressed,
+        others[0] if others else None,
         registration,
         _fabric(directory, toml, given.stocking, bare),
         _accuracy(given, registration),
         tissues,
-        None not in (given.tissues.deep.C10_kPa, given.tissues.superficial.C10_kPa),
+        None not in (laws.deep.C10_kPa, laws.superficial.C10_kPa),
         given.segment.ends,
         slices,
         _veins(toml, given, bare, float(np.median(slices))),
@@ -115,6 +130,17 @@ def load_leg(directory: Path, progress: Progress | None = None) -> StockingLeg:
     )
     sensors = tuple(one.corrected(radius, c10) for one, radius, c10 in leg.sensors_there)
     return replace(leg, sensors=sensors, doubts=tuple(doubts_about_leg(leg, toml)))
+
+
+def _by_tape(directory: Path, toml: Path, given: LegFile, girths: Mapping[Level, float]) -> StockingLeg:
+    """Return a leg that a tape measured: round rings at its levels."""
+    makers = _makers(given.stocking)
+    named = [name for name in LEVELS if name in girths]
+    bare = rings(np.array([makers.heights[name] for name in named]), np.array([girths[name] for name in named]))
+    fabric, accuracy = _fabric(directory, toml, given.stocking, bare), _accuracy(given, None)
+    leg = partial(StockingLeg, given.id, given.title, given.origin, bare, bare, None, None, fabric, accuracy, {}, True)
+    doubts, girth_sd = tuple(_stocking_doubts(bare, fabric, toml)), given.accuracy.girth_relative_sd
+    return leg("held", bare.levels, (), doubts=doubts, makers=makers, directory=directory, girth_sd=girth_sd)
 
 
 def _asked_length(toml: Path, given: LegFile) -> str:

@@ -3,15 +3,17 @@
 from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
 from legfem.common import input_files
+from legfem.common.errors import MISSING
 from legfem.imaging.shape_schema import Labels, ShapeEntry
 from legfem.inverse.elastography import ElastographyEntry, elastography_troubles
 from legfem.stockings.fabric import CompressionClass, Standard
 from legfem.stockings.leg import KINDS
+from legfem.stockings.levels import Level
 
 
 class LevelsEntry(input_files.FileTable):
@@ -83,6 +85,15 @@ class StockingEntry(input_files.FileTable):
             yield "compression_class", f"{len(given)} sizes of the stocking are given", remedy
 
 
+class BareEntry(ShapeEntry):
+    """``[bare]``: the leg's shape, or its girths by tape."""
+
+    girths_mm: Annotated[dict[Level, Annotated[float, Field(ge=100.0, le=800.0)]], Field(min_length=2)] | None = None
+    """Girths at B, B1, C and D by tape, whose heights stand in ``[stocking.levels_mm]``."""
+
+    sources: ClassVar[dict[str, str]] = ShapeEntry.sources | {"girths_mm": "girths_mm (by tape)"}
+
+
 class OutlineAccuracyEntry(input_files.FileTable):
     """``[accuracy]`` of the outlines."""
 
@@ -95,6 +106,8 @@ class OutlineAccuracyEntry(input_files.FileTable):
     tension_relative_sd: input_files.NotNegative = 0.0
     """Standard deviation of the fabric's tension as a share of it, one value for the whole leg; 0 takes the tension
     as exact."""
+    girth_relative_sd: input_files.Positive = 0.012
+    """Standard deviation of girths by tape: one observer's, by A. te Slaa et al., Phlebology 26 (2011) 14."""
 
 
 class TissueStiffness(input_files.FileTable):
@@ -165,7 +178,7 @@ class LegFile(input_files.NamedFile):
 
     origin: Literal["measured", "simulated"]
     """Where the data come from; reports of simulated data say so."""
-    bare: ShapeEntry
+    bare: BareEntry
     compressed: ShapeEntry | None = None
     stocking: StockingEntry
     labels: dict[input_files.Text, Labels] = Field(default_factory=dict)
@@ -180,7 +193,14 @@ class LegFile(input_files.NamedFile):
     def troubles(self) -> Iterator[input_files.Trouble]:
         """Yield a stiffness that nothing tells, and elastography that can't be used."""
         known = [t.C10_kPa for t in (self.tissues.deep, self.tissues.superficial)]
-        if self.compressed is None and None in known:
+        girths = self.bare.girths_mm or {}
+        for name in ("compressed", "segment", "veins", "posture", "sensor", "elastography", "tissues"):
+            if girths and name in self.model_fields_set:
+                yield name, "has no effect on a leg by tape", "leave it out, or give a scan of the leg"
+        for name in girths:
+            if getattr(self.stocking.levels_mm, name) is None:
+                yield f"stocking.levels_mm.{name}", MISSING, "give the height of each girth"
+        if self.compressed is None and None in known and not girths:
             remedy = "give the leg scanned in its stocking, or C10_kPa of both tissues"
             yield "compressed", "missing, and the tissues' C10_kPa aren't given either", remedy
         if self.elastography and None not in known:

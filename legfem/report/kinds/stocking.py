@@ -12,7 +12,9 @@ from legfem.common.numbers import number
 from legfem.common.units import mpa_to_mmhg
 from legfem.fem.field_files import write_fields
 from legfem.fem.fields import fields_of
+from legfem.geometry.leg_shape import perimeter
 from legfem.inverse.answer import Finding
+from legfem.inverse.fit import Fit
 from legfem.report import estimates, stocking_pressures, stocking_stiffness
 from legfem.report import page as web
 from legfem.report.curves import curves_figure
@@ -21,9 +23,10 @@ from legfem.report.folder import ReportFile
 from legfem.report.kinds import ReportKind
 from legfem.report.stocking_figures import stocking_pressure_figure, stocking_section_figure
 from legfem.report.style import picture
-from legfem.report.words import NOT_TESTED, DataKind, capital
+from legfem.report.words import NOT_TESTED, WORDS, DataKind, capital
 from legfem.stockings.details import StockingDetails, StockingFit
-from legfem.stockings.identification import KIND
+from legfem.stockings.identification import KIND, TAPE
+from legfem.stockings.tape import TapeDetails
 
 
 class StockingReport(ReportKind):
@@ -85,7 +88,7 @@ class StockingReport(ReportKind):
                 for one in fit.computed.values()
                 if np.isfinite(one.value)
             ),
-            *_stocking(details),
+            *_fabric(details),
             *_given(details),
         ]
 
@@ -149,6 +152,45 @@ class StockingReport(ReportKind):
         return [ReportFile(write_fields(fields_of(details.model.compression.system), folder), shows)]
 
 
+class TapeReport(ReportKind):
+    """What is shown of a leg by tape in its stocking."""
+
+    kind: ClassVar[str] = TAPE
+    told: ClassVar[tuple[str, ...]] = (stocking_pressures.ALONG,)
+    seeded: ClassVar[bool] = False
+
+    def question(self, chosen: Fit[TapeDetails]) -> str:
+        """Return the title."""
+        return f"With which pressure does the compression stocking press on leg {chosen.subject.id}?"
+
+    def answers(self, chosen: Fit[TapeDetails]) -> list[tuple[str, str]]:
+        """Return what it rests on, and what to do."""
+        return list(WORDS["by_tape"].items())
+
+    def known(self, fits: Sequence[Fit[TapeDetails]]) -> list[web.Known]:
+        """Return girths and fabric."""
+        details, bare = fits[0].details, fits[0].details.leg.bare
+        around = zip(details.leg.makers.found(bare), perimeter(bare), strict=False)
+        girths = ", ".join(f"{name} {girth:.0f} mm" for name, girth in around)
+        return [web.Known("girths", girths, details.leg.origin, "leg.toml, by tape"), *_fabric(details)]
+
+    def chapters(
+        self, fits: Sequence[Fit[TapeDetails]], pressed: web.PressedSection | None, note: str
+    ) -> Iterator[web.Chapter]:
+        """Yield the pressures, and what a tape can't tell."""
+        yield web.Chapter(stocking_pressures.ALONG, stocking_pressures.level_blocks(fits[0].details))
+        yield web.Chapter("What could not be tested", [web.Bullets(NOT_TESTED[TAPE])])
+
+    def figure(self, fits: Sequence[Fit[TapeDetails]]) -> Figure:
+        """Return the pressure along the leg."""
+        leg, curve = fits[0].details.leg, stocking_pressures.along_curves(fits[0].details)
+        return curves_figure([curve], stocking_pressures.ALONG, leg.title, leg.origin)
+
+    def files(self, fits: Sequence[Fit[TapeDetails]], folder: Path) -> list[ReportFile]:
+        """Write that figure."""
+        return [picture(self.figure(fits), folder, "along", "the stocking's pressure along the leg")]
+
+
 def _given(details: StockingDetails) -> list[web.Known]:
     """Return what was given of the tissues, the scans and the instruments, and how far the fit moved it."""
     leg, accuracy = details.leg, details.leg.accuracy
@@ -169,27 +211,26 @@ def _given(details: StockingDetails) -> list[web.Known]:
         rows.append(web.Known("tension of the fabric, relative to what was given", text, "estimated", source))
     rows += stocking_pressures.sensor_rows(details)
     rows += modulus_rows(leg.elastography, leg.origin)
+    if details.scan_load is not None:
+        mean, source = f"{mpa_to_mmhg(details.scan_load.mean_pressure):.1f} mmHg (mean)", "scan in the stocking, "
+        name = "pressure on the skin by the scanned shape"
+        rows.append(web.Known(name, mean, details.leg.origin, f"{source}Laplace's law"))
     rows.append(web.Known("length of leg that was modelled", f"{leg.bare.length:.0f} mm", data, "scan of the bare leg"))
     return rows
 
 
-def _stocking(details: StockingDetails) -> list[web.Known]:
-    stocking, load = details.leg.stocking, details.equilibrium.load
+def _fabric(details: TapeDetails) -> list[web.Known]:
+    stocking, load = details.leg.stocking, details.load
     low, high = stocking.unstretched.min(), stocking.unstretched.max()
     girths = f"{low:.0f} mm" if high - low < 0.5 else f"{low:.0f} to {high:.0f} mm"
     strain = f"{100 * load.strain.min():.0f} to {100 * load.strain.max():.0f} %"
     tension = f"{load.tension.min():.3g} to {load.tension.max():.3g} N/mm"
-    rows = [
+    return [
         web.Known("stiffness of the fabric", f"{stocking.stiffness:g} N/mm per unit of strain", "assumed", "leg.toml"),
         web.Known("girth of the unstretched stocking", girths, "assumed", "leg.toml, or its class"),
         web.Known("strain of the worn fabric", strain, "computed", "the dressed leg's girth"),
         web.Known("tension of the worn fabric", tension, "computed", "its strain"),
     ]
-    if details.scan_load is not None:
-        mean, source = f"{mpa_to_mmhg(details.scan_load.mean_pressure):.1f} mmHg (mean)", "scan in the stocking, "
-        name = "pressure on the skin by the scanned shape"
-        rows.append(web.Known(name, mean, details.leg.origin, f"{source}Laplace's law"))
-    return rows
 
 
 def _wrong(details: StockingDetails) -> str:
