@@ -395,7 +395,8 @@ def _diagnosed(options: cohort_rows.Options, member: Member, folder: Path) -> li
 
 
 def _dressed(options: cohort_rows.Options, member: Member, folder: Path) -> list[cohort_rows.Row]:
-    return [_fitted(stocking(member.folder, out=folder, **options.given), member, folder)]
+    found = stocking(member.folder, out=folder, **options.given)
+    return [replace(_fitted(found, member, folder), fabrics=tuple(found.best.details.fabrics))]
 
 
 def _fitted(found: Identification, member: Member, folder: Path) -> cohort_rows.Row:

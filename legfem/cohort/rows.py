@@ -20,6 +20,7 @@ from legfem.inverse.catalogue import unit_suffix
 from legfem.inverse.comparison import ErrorSource
 from legfem.inverse.stored import StoredExplanation, StoredModel
 from legfem.jobs.store import Store
+from legfem.stockings.levels import WAYS, FabricFor
 
 
 @dataclass(frozen=True)
@@ -106,6 +107,8 @@ class Row:
     """Most memory of the process that did it."""
     versions: Mapping[str, str] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
+    fabrics: tuple[FabricFor, ...] = ()
+    """That meet classes, on a leg in its stocking."""
 
     @property
     def name(self) -> str:
@@ -165,7 +168,7 @@ def _known(value: float) -> float | None:
 
 def _measures(model: StoredModel) -> dict[str, Measure]:
     found = {}
-    for name, one in model.parameters.items():
+    for name, one in {**model.parameters, **model.computed}.items():
         low, high = map(_known, one.ci95)
         sd = _known(one.standard_error)
         if sd is None and low is not None and high is not None:
@@ -249,6 +252,11 @@ def _columns(row: Row) -> Iterator[_Column]:
                 yield _Column(column(model, name, part, suffix), value, one.unit, meaning)
             known = f"how well the recordings determine {name}{under}"
             yield _Column(column(model, name, "identifiability"), one.verdict, "", known)
+    for of, fabric in ((one.compression_class, one) for one in row.fabrics):
+        for name, called_so in WAYS.items():
+            for end, value in zip(("least", "greatest"), getattr(fabric, name), strict=True):
+                unit, meaning = called_so.partition("(")[2][:-1], f"{end} {called_so} for class {of} at B"
+                yield _Column(f"class_{of}_{end}_{name}", value, unit, meaning)
 
 
 def column(model: str, *parts: str) -> str:

@@ -117,8 +117,7 @@ def _of_stocking(answer: Answer) -> str:
 
 
 def _of_tape(answer: Answer) -> str:
-    given = answer.parameters
-    ankle, (low, high) = given["ankle"], given["spread"]
+    ankle, (low, high) = answer.parameters["ankle"], answer.parameters["spread"]
     said = _sentence_at_ankle(ankle) if ankle else ""
     return f"{said}Along the leg the stocking's mean pressure is {low:.1f} to {high:.1f} mmHg."
 

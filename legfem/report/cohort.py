@@ -1,7 +1,7 @@
 """A cohort on one page: which results can be used, what was found of all, what is odd, and how it was done."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +19,11 @@ from legfem.inverse.answer import Tone
 from legfem.inverse.catalogue import called
 from legfem.inverse.claims import check
 from legfem.report import cohort_statistics
-from legfem.report.answers import kind_of_notice
+from legfem.report.answers import kind_of_notice, span_of
 from legfem.report.curves import Bundle, Cell, Forest, ForestMetric, Group, Grouped, SortableTable
 from legfem.report.render import plain_page, rendered
 from legfem.report.words import BEYOND_A_FIT, LAW_NAMES, WORDS, DataKind, capital
+from legfem.stockings.levels import WAYS, fewest
 
 
 def methods(members: Members, rows: Sequence[Row], task: str, model: str) -> list[str]:
@@ -122,6 +123,7 @@ def cohort_web_page(
     chapters = [
         web.Chapter("Which results can be used", _believed(every, rows, task, judged)),
         web.Chapter("What was found", _numbers(every, rows, model, found)),
+        *_fabrics(rows),
         *cohort_statistics.side_chapters(members, rows, population),
         *([web.Chapter("Curves of all", [bundle])] if (bundle := _bundle(every, rows, found)) else []),
         cohort_statistics.chapter(numbers),
@@ -186,10 +188,10 @@ def _answer(members: Sequence[Member], rows: Sequence[Row], found: Mapping[str, 
             values.setdefault(group[row.member], []).append(one.value)
             unit = one.unit
     every = [value for own in values.values() for value in own]
-    text = f"{capital(called(name))}: {np.median(every):#.2g} {unit}"
-    text += f" in the median of {len(every)} members ({min(every):#.2g} to {max(every):#.2g})" if len(every) > 1 else ""
+    text = f"{capital(called(name))}: {np.median(every):.2g} {unit}"
+    text += f" in the median of {len(every)} members ({min(every):.2g} to {max(every):.2g})" if len(every) > 1 else ""
     if len(values) > 1:
-        each = (f"{np.median(own):#.2g} of {who or 'members without a group'}" for who, own in sorted(values.items()))
+        each = (f"{np.median(own):.2g} of {who or 'members without a group'}" for who, own in sorted(values.items()))
         text += f", {' and '.join(each)}" if len(values) == 2 else f", {', '.join(each)}"
     return f"{text}. "
 
@@ -297,6 +299,26 @@ def _numbers(
     caption = "All members; click a column to sort, a member for its own report."
     table = SortableTable("numbers", caption, header, list(map(line, rows)), [row.report for row in rows])
     return [*blocks, table]
+
+
+def _fabrics(rows: Sequence[Row]) -> Iterator[web.Chapter]:
+    """Yield which fabric meets each class on each leg in a stocking, and the fewest that serve all."""
+    spans: dict[str, dict[str, tuple[float, float]]] = {}
+    for leg, one in ((row.name, one) for row in rows for one in row.fabrics):
+        for name, called_so in WAYS.items():
+            spans.setdefault(f"class {one.compression_class}: {called_so}", {})[leg] = getattr(one, name)
+    if spans:
+        lines = [[row.name, *(span_of(by.get(row.name)) for by in spans.values())] for row in rows if row.fabrics]
+        each = [
+            ", ".join(f"{one:.3g} (on {legs} legs)" for one, legs in fewest([*by.values()])) for by in spans.values()
+        ]
+        fewer = [f"{name}: {said}" for name, said in zip(spans, each, strict=True)]
+        table = SortableTable("fabrics", _FABRICS, ["member", *spans], lines)
+        yield web.Chapter("Which fabric meets a class", [table, web.Prose(_FEWEST), web.Bullets(fewer)])
+
+
+_FABRICS = "Fabric under which the mean pressure at B is within a class, if the rest of it is as each folder states"
+_FEWEST = "The fewest fabrics of which one meets the class on each leg:"
 
 
 def _grouped(members: Sequence[Member], rows: Sequence[Row]) -> Grouped:

@@ -218,7 +218,7 @@ def level_blocks(details: TapeDetails) -> list[Block]:
                 "height": f"{one.height_mm:.0f} mm, "
                 + ("as stated" if one.height_is_stated else WORDS["levels"][one.level]),
                 "pressure (mmHg)": f"{one.mean_pressure_mmHg:.1f} ({one.ci95_mmHg[0]:.1f} to {one.ci95_mmHg[1]:.1f})",
-                "residual pressure ratio (to B)": "–"
+                "residual pressure ratio": "–"
                 if one.over_pressure_at_B is None
                 else f"{100 * one.over_pressure_at_B:.0f} %",
                 "limits (mmHg)": span_of(one.limits_mmHg),
@@ -256,16 +256,12 @@ def along_curves(details: TapeDetails) -> Curves:
 
 def _errors(details: TapeDetails) -> str:
     """Return what the intervals of the pressure along the leg include."""
-    leg = details.leg
+    told, around, girth = WORDS["along_errors"], details.leg.accuracy.pressure_sd, details.leg.girth_sd
     tension = f"{100 * details.tension_sd:.2g} % of the fabric's tension; " if details.tension_sd else ""
-    exact = (
-        " They do not include any error of the fabric's tension: state it as tension_relative_sd in the table "
-        "[accuracy] of leg.toml."
-    )
-    last = WORDS["along_errors"]["scan" if leg.girth_sd is None else "tape"].format(girth=100 * (leg.girth_sd or 0.0))
+    last = told["scan"] if girth is None else told["tape"].format(girth=100 * girth)
     return (
-        f"The intervals include these errors (standard deviations): {tension}{100 * leg.accuracy.pressure_sd:g} % of "
-        f"the pressure on each eighth of the girth; and {last}.{'' if details.tension_sd else exact}"
+        f"The intervals include these errors (standard deviations): {tension}{100 * around:g} % of the pressure on "
+        f"each eighth of the girth; and {last}.{'' if tension else ' ' + told['unstated']}"
     )
 
 

@@ -231,7 +231,7 @@ CALF_SHARE = 0.7
 
 type CompressionClass = Literal["1", "2", "3", "4"]
 """A class of RAL-GZ 387/1: light, moderate, strong and very strong."""
-type Standard = Literal["RAL-GZ 387", "ENV 12718"]
+type Standard = Literal["RAL-GZ 387", "ENV 12718", "NF G 30-102 B"]
 ANKLE_LIMITS = resource("stockings", dict[Standard, dict[str, tuple[float, float]]])
 """Pressure at B by class, mmHg."""
 

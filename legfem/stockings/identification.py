@@ -45,10 +45,11 @@ from legfem.stockings.discrepancy import model_discrepancy
 from legfem.stockings.equilibrium import PARAMETERS, SURFACES, EquilibriumSolver, LegModel3D
 from legfem.stockings.fabric import stocking_load
 from legfem.stockings.leg import SensorArray, StockingLeg
+from legfem.stockings.levels import LevelPressure
 from legfem.stockings.nuisances import NuisanceSlopes
 from legfem.stockings.pressures import PressureProbe, tissue_pressures, vein_pressure_sd
 from legfem.stockings.scan_fit import BOUNDS, ScanComparison, ScanFit, StockingForward, by_name, stiffness_priors
-from legfem.stockings.tape import TapeDetails
+from legfem.stockings.tape import TapeDetails, TapeFit
 
 KIND, TAPE = "stocking", "tape"
 """Of results: of a leg that was scanned, and of one by tape."""
@@ -77,8 +78,9 @@ def assessed(details: StockingDetails, log: SearchLog, settings: Mapping[str, An
     settings
         Of the run, units in the names.
     """
-    given = {f"{name}.D1": law.D1 for name, law in details.leg.tissues.items()} | details.parameters
-    return noticed(replace(_told(KIND, details, log, given, settings), computed=dict(_computed(details))))
+    given = MappingProxyType({f"{n}.D1": law.D1 for n, law in details.leg.tissues.items()} | details.parameters)
+    fit = _told(KIND, details, log, given, settings)
+    return noticed(replace(fit, computed={**dict(_computed(details)), **fit.computed}))
 
 
 def _told[Details: TapeDetails](
@@ -97,10 +99,17 @@ def _told[Details: TapeDetails](
         versions=versions_of("legfem", "dolfinx", "numpy", "scipy", "python"),
         details=details,
         notices=doubted(leg.doubts),
+        computed=dict(map(_at_level, details.at_levels)),
     )
 
 
-def by_tape(leg: StockingLeg) -> Fit[TapeDetails]:
+def _at_level(one: LevelPressure) -> tuple[str, Computed]:
+    mean, (low, high) = one.mean_pressure_mmHg, one.ci95_mmHg
+    name = f"mean pressure at {one.level}"
+    return f"pressure_at_{one.level}", Computed(mean, (high - low) / (2 * quantile(0)), (low, high), "mmHg", name)
+
+
+def by_tape(leg: StockingLeg) -> TapeFit:
     """Return what follows from the girths of a leg, in the form of a fit that was compared with nothing."""
     return _told(TAPE, TapeDetails(leg), NO_SEARCH, {}, {})
 

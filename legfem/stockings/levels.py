@@ -175,6 +175,8 @@ class FabricFor:
     limits_mmHg : (float, float)
     tension_factor : (float, float)
         Over the tension, and the stiffness at this size, of the fabric as it is; infinite where none comes so far.
+    stiffness_N_per_mm : (float, float)
+        That is, of a fabric of the same size.
     unstretched_mm_at_B : (float, float)
         Perimeters of a fabric of the same stiffness.
     """
@@ -182,7 +184,12 @@ class FabricFor:
     compression_class: str
     limits_mmHg: tuple[float, float]
     tension_factor: tuple[float, float]
+    stiffness_N_per_mm: tuple[float, float]
     unstretched_mm_at_B: tuple[float, float]
+
+
+WAYS = {"stiffness_N_per_mm": "stiffness (N/mm)", "unstretched_mm_at_B": "unstretched girth at B (mm)"}
+"""What a fabric is chosen by, and what people call it."""
 
 
 def fabrics_for_classes(
@@ -194,8 +201,9 @@ def fabrics_for_classes(
     proportion to that, so that s times the tension makes :math:`s p_0 / (1 + s p_0 (1/p - 1/p_0))` of it.
     """
     height = makers.found(bare).get("B", (math.nan, False))[0]
-    pressure, on_bare, strain, girth = (
-        float(np.interp(height, along.levels, one)) for one in (along.mean, along.on_bare, load.strain, load.perimeter)
+    pressure, on_bare, strain, girth, tension = (
+        float(np.interp(height, along.levels, one))
+        for one in (along.mean, along.on_bare, load.strain, load.perimeter, load.tension)
     )
     if not pressure > 0:
         return
@@ -203,4 +211,17 @@ def fabrics_for_classes(
         left = (1 / wanted - (1 / pressure - 1 / on_bare) for wanted in (least, most))
         low, high = (1 / (on_bare * one) if one > 0 else math.inf for one in left)
         sizes = girth / (1 + high * strain), girth / (1 + low * strain)
-        yield FabricFor(name, (least, most), (low, high), sizes)
+        stiffness = low * tension / strain, high * tension / strain
+        yield FabricFor(name, (least, most), (low, high), stiffness, sizes)
+
+
+def fewest(spans: Sequence[tuple[float, float]]) -> Iterator[tuple[float, int]]:
+    """Yield the fewest values of which one lies in each span, with the number of spans that each lies in.
+
+    The first span to end decides on each: no fewer can serve those that end before the next one begins.
+    """
+    left = sorted(spans, key=lambda one: one[1])
+    while left:
+        value = left[0][1] if math.isfinite(left[0][1]) else max(low for low, _ in left)
+        yield value, sum(low <= value <= high for low, high in spans)
+        left = [(low, high) for low, high in left if low > value]

@@ -62,8 +62,7 @@ LEGS = Catalogue(RESOURCES / "dubuis" / "subjects", "leg.toml")
 def load_leg(directory: Path, progress: Progress | None = None, cells: int | None = None) -> StockingLeg:
     """Load the folder of a leg: ``leg.toml`` and the files it names.
 
-    Reading and registering scans takes seconds to minutes, which ``progress`` shows. What one scan tells of the
-    segment, and of the tetrahedra that it will be meshed with (``cells``), is checked before all else.
+    Reading and registering take minutes, which ``progress`` shows; segment and ``cells`` are checked on one scan.
 
     Raises
     ------
@@ -81,8 +80,7 @@ def load_leg(directory: Path, progress: Progress | None = None, cells: int | Non
     (first,) = _segment(toml, given, [scanned_bare])
     if cells is not None:
         settings_for_cells(first, cells, 1.0 if given.compressed is None else _SHARED)
-    bare = bare_scan.shape(OUTLINES, levels, CLEARANCES)
-    shapes, registration = [bare, scanned_bare], None
+    shapes, registration = [bare_scan.shape(OUTLINES, levels, CLEARANCES), scanned_bare], None
     if given.compressed is not None:
         progress.stage("outlines of the leg in its stocking")
         scan, levels = _opened(directory, toml, "compressed", given.compressed, given)
@@ -93,20 +91,11 @@ def load_leg(directory: Path, progress: Progress | None = None, cells: int | Non
         check_scans_differ(scanned_bare, scanned, toml)
         progress.stage("laying one scan on the other by the bones")
         registration = registered(_dense(scanned_bare), _dense(scanned), given.accuracy.contour_sd_mm, toml)
-        motion = registration.transform
-        shapes.append(rigidly_moved(scanned, motion.rotation, motion.translation))
-    return _of_scans(directory, toml, given, shapes, registration)
-
-
-def _of_scans(
-    directory: Path, toml: Path, given: LegFile, shapes: Sequence[LegShape], registration: Registration | None
-) -> StockingLeg:
-    """Return a leg of its shapes: bare, to be meshed and as scanned; and in its stocking, laid on the first, if any."""
+        shapes.append(rigidly_moved(scanned, registration.transform.rotation, registration.transform.translation))
     bare, scanned_bare, *others = _segment(toml, given, shapes)
     slices, posture = calf_levels(bare), given.posture
     lying = None if posture is None or posture.lying_mmHg is None else mmhg_to_mpa(posture.lying_mmHg)
-    laws = given.tissues
-    tissues = {name: NeoHookean(kpa_to_mpa(one.C10_kPa or 3.0), one.D1_per_MPa) for name, one in laws}
+    tissues = {name: NeoHookean(kpa_to_mpa(one.C10_kPa or 3.0), one.D1_per_MPa) for name, one in given.tissues}
     leg = StockingLeg(
         given.id,
         given.title,
@@ -118,7 +107,7 @@ def _of_scans(
         _fabric(directory, toml, given.stocking, bare),
         _accuracy(given, registration),
         tissues,
-        None not in (laws.deep.C10_kPa, laws.superficial.C10_kPa),
+        all(one.C10_kPa for _, one in given.tissues),
         given.segment.ends,
         slices,
         _veins(toml, given, bare, float(np.median(slices))),
@@ -211,8 +200,8 @@ def _fabric(directory: Path, toml: Path, entry: StockingEntry, bare: LegShape) -
 
 
 def _makers(entry: StockingEntry) -> MakersLevels:
-    heights = {name: float(at) for name in LEVELS if (at := getattr(entry.levels_mm, name)) is not None}
-    shares = {name: (ends[0], ends[1]) for name in LEVELS if (ends := getattr(entry.limits_percent, name, None))}
+    heights = {name: entry.levels_mm[name] for name in LEVELS if name in entry.levels_mm}
+    shares: dict[Level, tuple[float, float]] = {name: (low, high) for name, (low, high) in entry.limits_percent.items()}
     chosen = entry.intended_class or entry.compression_class or ""
     return MakersLevels(entry.standard, chosen, heights, shares, entry.compression_class is not None)
 

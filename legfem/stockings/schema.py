@@ -13,49 +13,9 @@ from legfem.imaging.shape_schema import Labels, ShapeEntry
 from legfem.inverse.elastography import ElastographyEntry, elastography_troubles
 from legfem.stockings.fabric import CompressionClass, Standard
 from legfem.stockings.leg import KINDS
-from legfem.stockings.levels import Level
-
-
-class LevelsEntry(input_files.FileTable):
-    """``[stocking.levels_mm]``: heights in the scan; B and C are looked for by the girth without them."""
-
-    B: input_files.Finite | None = None
-    """Height of the ankle at its least girth."""
-    B1: input_files.Finite | None = None
-    """Height at which the Achilles tendon passes into the calf's muscle."""
-    C: input_files.Finite | None = None
-    """Height of the calf at its greatest girth."""
-    D: input_files.Finite | None = None
-    """Height just below the knee."""
-
-    def troubles(self) -> Iterator[input_files.Trouble]:
-        """Yield a level that isn't above the one before it."""
-        stated = {name: at for name in ("B", "B1", "C", "D") if (at := getattr(self, name)) is not None}
-        for (lower, low), (upper, high) in pairwise(stated.items()):
-            if high <= low:
-                problem = f"{high:g} mm is not above {lower}, which is at {low:g} mm"
-                yield upper, problem, "give heights that increase from the ankle to the knee"
-
+from legfem.stockings.levels import LEVELS, Level
 
 Share = Annotated[list[input_files.Positive], Field(min_length=2, max_length=2)]
-
-
-class SharesEntry(input_files.FileTable):
-    """``[stocking.limits_percent]``: least and greatest pressure over that at B."""
-
-    B1: Share | None = None
-    """Least and greatest pressure at B1, in percent of that at B."""
-    C: Share | None = None
-    """Least and greatest pressure at C, in percent of that at B."""
-    D: Share | None = None
-    """Least and greatest pressure at D, in percent of that at B."""
-
-    def troubles(self) -> Iterator[input_files.Trouble]:
-        """Yield ends that are no range."""
-        for name in ("B1", "C", "D"):
-            ends = getattr(self, name)
-            if ends is not None and ends[0] >= ends[1]:
-                yield name, f"{ends[0]:g} to {ends[1]:g} is no range", "give the least first, then the greatest"
 
 
 class StockingEntry(input_files.FileTable):
@@ -73,8 +33,11 @@ class StockingEntry(input_files.FileTable):
     """Class whose limits the pressure at B is compared with; without it, compression_class."""
     standard: Standard = "RAL-GZ 387"
     """Standard that gives the classes' limits."""
-    levels_mm: LevelsEntry = LevelsEntry()
-    limits_percent: SharesEntry = SharesEntry()
+    levels_mm: dict[Level, input_files.Finite] = Field(default_factory=dict)
+    """Heights in the scan of B (the ankle at its least girth), B1 (where the Achilles tendon passes into the calf's
+    muscle), C (the calf at its greatest girth) and D (just below the knee); B and C are looked for without them."""
+    limits_percent: dict[Literal["B1", "C", "D"], Share] = Field(default_factory=dict)
+    """Least and greatest pressure over that at B, in percent, by level."""
 
     def troubles(self) -> Iterator[input_files.Trouble]:
         """Yield a size that is missing, or given twice."""
@@ -83,6 +46,15 @@ class StockingEntry(input_files.FileTable):
         if len(given) != 1:
             remedy = f"give one of {', '.join(sizes)} (a CSV file with level_mm,perimeter_mm)"
             yield "compression_class", f"{len(given)} sizes of the stocking are given", remedy
+        for lower, upper in pairwise(name for name in LEVELS if name in self.levels_mm):
+            low, high = self.levels_mm[lower], self.levels_mm[upper]
+            if high <= low:
+                problem = f"{high:g} mm is not above {lower}, which is at {low:g} mm"
+                yield f"levels_mm.{upper}", problem, "give heights that increase from the ankle to the knee"
+        for name, (least, most) in self.limits_percent.items():
+            if least >= most:
+                problem = f"{least:g} to {most:g} is no range"
+                yield f"limits_percent.{name}", problem, "give the least first, then the greatest"
 
 
 class BareEntry(ShapeEntry):
@@ -198,7 +170,7 @@ class LegFile(input_files.NamedFile):
             if girths and name in self.model_fields_set:
                 yield name, "has no effect on a leg by tape", "leave it out, or give a scan of the leg"
         for name in girths:
-            if getattr(self.stocking.levels_mm, name) is None:
+            if name not in self.stocking.levels_mm:
                 yield f"stocking.levels_mm.{name}", MISSING, "give the height of each girth"
         if self.compressed is None and None in known and not girths:
             remedy = "give the leg scanned in its stocking, or C10_kPa of both tissues"

@@ -6,9 +6,9 @@ it; what presses at one place, and inside the leg, hangs on the shape and isn't 
 
 The leg gives way. In 3D it hardly does, as its tissue keeps its volume (0.1 to 0.3 % of the girth on the six legs that
 come with legfem), but blood and fluid leave a living one: after hours in 20 to 30 mmHg the calf measured
-5.2 ± 7.0 mm less (C. L. Buhs et al., J. Vasc. Surg. 30 (1999) 830), errors of the tape included. A share :math:`c p` is
-taken off the girth, so that :math:`1 / p = 1 / p_0 + c / \epsilon` with :math:`p_0` and the strain :math:`\epsilon` on
-the bare leg. An error of the girth by a share changes the pressure by that over :math:`\epsilon`.
+5.2 ± 7.0 mm less (C. L. Buhs et al., J. Vasc. Surg. 30 (1999) 830), errors of the tape included. So a share
+:math:`c p` is taken off the girth, with :math:`p` the pressure on the bare leg. An error of the girth by a share
+changes the pressure by that over the fabric's strain.
 """
 
 from collections.abc import Mapping
@@ -20,7 +20,7 @@ import numpy as np
 from legfem.common.units import FloatArray, mmhg_to_mpa, mpa_to_kpa
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape, perimeter
 from legfem.inverse.answer import Answer
-from legfem.inverse.fit import KindDetails, answer_of
+from legfem.inverse.fit import Fit, KindDetails, answer_of
 from legfem.stockings.fabric import StockingLoad, stocking_load
 from legfem.stockings.leg import StockingLeg
 from legfem.stockings.levels import FabricFor, LevelPressure, PressureAlong, fabrics_for_classes, pressures_at_levels
@@ -54,11 +54,9 @@ class TapeDetails(KindDetails):
     @property
     def load(self) -> StockingLoad:
         """Load of the fabric on the leg that gives way: on rings of the girths less what the pressure takes off."""
-        on_bare = stocking_load(self.leg.bare, self.leg.stocking)
-        pressure = on_bare.pressure.mean(axis=1)
-        pressure = pressure / (1 + GIVES * pressure / np.maximum(on_bare.strain, _SLACK))
-        girths = perimeter(self.leg.bare) * (1 - GIVES * pressure)
-        return stocking_load(rings(self.leg.bare.levels, girths), self.leg.stocking)
+        bare, fabric = self.leg.bare, self.leg.stocking
+        left = 1 - GIVES * stocking_load(bare, fabric).pressure.mean(axis=1)
+        return stocking_load(rings(bare.levels, perimeter(bare) * left), fabric)
 
     @property
     def pressure_along(self) -> PressureAlong:
@@ -106,6 +104,7 @@ class TapeDetails(KindDetails):
         }
 
 
+type TapeFit = Fit[TapeDetails]
 _SLACK = 0.01
 """Least strain that errors are divided by; a slack fabric presses with nothing."""
 

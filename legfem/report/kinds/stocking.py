@@ -14,7 +14,6 @@ from legfem.fem.field_files import write_fields
 from legfem.fem.fields import fields_of
 from legfem.geometry.leg_shape import perimeter
 from legfem.inverse.answer import Finding
-from legfem.inverse.fit import Fit
 from legfem.report import estimates, stocking_pressures, stocking_stiffness
 from legfem.report import page as web
 from legfem.report.curves import curves_figure
@@ -26,7 +25,7 @@ from legfem.report.style import picture
 from legfem.report.words import NOT_TESTED, WORDS, DataKind, capital
 from legfem.stockings.details import StockingDetails, StockingFit
 from legfem.stockings.identification import KIND, TAPE
-from legfem.stockings.tape import TapeDetails
+from legfem.stockings.tape import TapeDetails, TapeFit
 
 
 class StockingReport(ReportKind):
@@ -159,34 +158,31 @@ class TapeReport(ReportKind):
     told: ClassVar[tuple[str, ...]] = (stocking_pressures.ALONG,)
     seeded: ClassVar[bool] = False
 
-    def question(self, chosen: Fit[TapeDetails]) -> str:
+    def question(self, chosen: TapeFit) -> str:
         """Return the title."""
         return f"With which pressure does the compression stocking press on leg {chosen.subject.id}?"
 
-    def answers(self, chosen: Fit[TapeDetails]) -> list[tuple[str, str]]:
+    def answers(self, chosen: TapeFit) -> list[tuple[str, str]]:
         """Return what it rests on, and what to do."""
         return list(WORDS["by_tape"].items())
 
-    def known(self, fits: Sequence[Fit[TapeDetails]]) -> list[web.Known]:
+    def known(self, fits: Sequence[TapeFit]) -> list[web.Known]:
         """Return girths and fabric."""
-        details, bare = fits[0].details, fits[0].details.leg.bare
-        around = zip(details.leg.makers.found(bare), perimeter(bare), strict=False)
-        girths = ", ".join(f"{name} {girth:.0f} mm" for name, girth in around)
-        return [web.Known("girths", girths, details.leg.origin, "leg.toml, by tape"), *_fabric(details)]
+        leg, around = fits[0].details.leg, perimeter(fits[0].details.leg.bare)
+        girths = ", ".join(f"{a:.0f} mm (z = {z:.0f} mm)" for z, a in zip(leg.bare.levels, around, strict=True))
+        return [web.Known("girths by tape", girths, leg.origin, "leg.toml"), *_fabric(fits[0].details)]
 
-    def chapters(
-        self, fits: Sequence[Fit[TapeDetails]], pressed: web.PressedSection | None, note: str
-    ) -> Iterator[web.Chapter]:
+    def chapters(self, fits: Sequence[TapeFit], pressed: web.PressedSection | None, note: str) -> Iterator[web.Chapter]:
         """Yield the pressures, and what a tape can't tell."""
         yield web.Chapter(stocking_pressures.ALONG, stocking_pressures.level_blocks(fits[0].details))
         yield web.Chapter("What could not be tested", [web.Bullets(NOT_TESTED[TAPE])])
 
-    def figure(self, fits: Sequence[Fit[TapeDetails]]) -> Figure:
+    def figure(self, fits: Sequence[TapeFit]) -> Figure:
         """Return the pressure along the leg."""
-        leg, curve = fits[0].details.leg, stocking_pressures.along_curves(fits[0].details)
+        curve, leg = stocking_pressures.along_curves(fits[0].details), fits[0].details.leg
         return curves_figure([curve], stocking_pressures.ALONG, leg.title, leg.origin)
 
-    def files(self, fits: Sequence[Fit[TapeDetails]], folder: Path) -> list[ReportFile]:
+    def files(self, fits: Sequence[TapeFit], folder: Path) -> list[ReportFile]:
         """Write that figure."""
         return [picture(self.figure(fits), folder, "along", "the stocking's pressure along the leg")]
 
