@@ -22,7 +22,7 @@ from making_doe import SpringLeg, definition
 from making_mechanics import subject_3
 from making_results import measured_curve, result
 from making_specimens import write_bars
-from making_stocking import COARSE, laws, short_leg
+from making_stocking import COARSE, laws, short_leg, write_tape
 
 from legfem.common.progress import Silent
 from legfem.data import segment
@@ -70,8 +70,9 @@ from legfem.specimens.sizes import LeftOut
 from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.details import StockingFit
 from legfem.stockings.fabric import fitted_stocking
-from legfem.stockings.identification import identify_in_stocking
+from legfem.stockings.identification import by_tape, identify_in_stocking
 from legfem.stockings.leg import StockingLeg, default_veins
+from legfem.stockings.loading import load_leg
 from legfem.study.correction.calibration import Calibrated, Calibration
 from legfem.study.correction.cases import CaseOutcome, CorrectionCase
 from legfem.study.correction.command import correction_web_page
@@ -283,6 +284,7 @@ PAGES = {
     "correction": corrected,
     "specimen": lambda folder: page_of(specimens(folder), command=COMMAND),
     "stocking": dressed,
+    "tape": lambda folder: page_of([by_tape(load_leg(write_tape(folder)))], command=COMMAND),
     "cohort": lambda folder: cohort_web_page(*fabricated(6), "identify", COMMAND),
 }
 

@@ -60,6 +60,29 @@ tissues = {deep = {C10_kPa = 2.5}, superficial = {C10_kPa = 6.0}}
     return folder
 
 
+GIRTHS = {"B": 215.0, "B1": 268.0, "C": 362.0, "D": 345.0}
+HEIGHTS = {"B": 120.0, "B1": 190.0, "C": 310.0, "D": 390.0}
+
+
+def write_tape(folder: Path, girths: dict[str, float] = GIRTHS, unstretched: str = "stocking.csv") -> Path:
+    """Write a leg by tape, in a stocking of a fifth to a third less girth, as a folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "stocking.csv").write_text("level_mm,perimeter_mm\n120,158\n190,205\n310,288\n390,280\n")
+    (folder / "leg.toml").write_text(f"""id = "tape"
+title = "A leg by tape"
+origin = "measured"
+bare.girths_mm = {{{", ".join(f"{name} = {girth}" for name, girth in girths.items())}}}
+[stocking]
+stiffness_N_per_mm = 0.3
+unstretched = "{unstretched}"
+intended_class = "2"
+levels_mm = {{{", ".join(f"{name} = {height}" for name, height in HEIGHTS.items())}}}
+[accuracy]
+tension_relative_sd = 0.05
+""")
+    return folder
+
+
 def laws(deep_kpa: float, fat_kpa: float) -> dict[str, NeoHookean]:
     """Return the tissues' laws by their C10."""
     return {"deep": NeoHookean(1e-3 * deep_kpa, 2.0), "superficial": NeoHookean(1e-3 * fat_kpa, 2.0)}

@@ -277,10 +277,9 @@ def test_a_leg_in_its_stocking_is_a_row(tmp_path: Path, monkeypatch: pytest.Monk
     (leg / "leg.toml").write_text("")
     fit = dressed_leg(COARSEST)
     found = lf.Identification(fit.details.leg, (fit,))
-    monkeypatch.setattr("legfem.api.cohorts.loading.load_leg", lambda folder: found.given)
     monkeypatch.setattr("legfem.api.cohorts.stocking", lambda given, out, cells: found)
     (row,) = lf.cohort(tmp_path / "study", do="stocking", cells=20_000, out=tmp_path / "out").rows
     assert row.done, row.problem
     assert row.judged.tone and (tmp_path / "out" / row.report).is_file()
-    assert set(row.models["neo-hookean"].measures) == set(map(key_of, fit.estimates))
+    assert set(row.models["neo-hookean"].measures) == set(map(key_of, fit.estimates)) | set(fit.computed)
     assert row.origin == "simulated" and row.settings["cells"]

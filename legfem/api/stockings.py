@@ -19,7 +19,7 @@ def stocking(
     progress: bool = False,
     comm: MPI.Intracomm | None = None,
 ) -> Identification:
-    """Find the stiffness of a leg's tissues from its scans, and the pressures inside it.
+    """Find the stiffness of a leg's tissues from its scans, and the pressures inside it; of one by tape, those on it.
 
     Parameters
     ----------

@@ -26,6 +26,7 @@ def stocking(
 
     Reads leg.toml and the scans it names: of the bare leg, and of the leg in its stocking; writes
     result.json, a report and figures. Without the second scan it takes the stiffness from leg.toml.
+    Of girths by tape, without a scan, it computes the pressures on the skin and the fabric for a class.
     Under mpirun one solution is spread over the ranks.
 
     Example: legfem stocking --subject 1 --out results/leg-1

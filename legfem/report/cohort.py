@@ -310,7 +310,8 @@ def _fabrics(rows: Sequence[Row]) -> Iterator[web.Chapter]:
     if spans:
         lines = [[row.name, *(span_of(by.get(row.name)) for by in spans.values())] for row in rows if row.fabrics]
         each = [
-            ", ".join(f"{one:.3g} (on {legs} legs)" for one, legs in fewest([*by.values()])) for by in spans.values()
+            ", ".join(f"{one:.3g} (on {legs} of {len(by)})" for one, legs in fewest([*by.values()]))
+            for by in spans.values()
         ]
         fewer = [f"{name}: {said}" for name, said in zip(spans, each, strict=True)]
         table = SortableTable("fabrics", _FABRICS, ["member", *spans], lines)
