@@ -239,3 +239,14 @@ def test_every_field_of_every_form_says_what_it_is():
     ] == []
     assert "channels.fat_thickness.file" in {one.name for one in every}
     assert not any(one.name.startswith("channels") for one in settings_of(SubjectFile, "")), "only stated channels"
+
+
+def test_levels_and_girths_of_a_leg_in_a_stocking_are_asked_for_one_by_one() -> None:
+    text = "[bare]\ngirths_mm = {B = 215.0, C = 362.0}\n[stocking]\nlevels_mm = 5\n"
+    known = {one.name: one for one in settings_of(LegFile, text)}
+    assert [known[f"bare.girths_mm.{level}"].value for level in ("B", "B1", "C", "D")] == [215.0, None, 362.0, None]
+    assert known["stocking.levels_mm.B1"].kind is float and known["stocking.levels_mm.B1"].value is None
+    assert known["stocking.limits_percent.D"].kind is list and "stocking.limits_percent.B" not in known
+    assert known["stocking.standard"].choices[:2] == ("RAL-GZ 387", "ENV 12718")
+    changed = with_settings(text, {("bare", "girths_mm", "B1"): 268.0})
+    assert tomllib.loads(changed)["bare"]["girths_mm"] == {"B": 215.0, "C": 362.0, "B1": 268.0}

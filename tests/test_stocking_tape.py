@@ -202,7 +202,7 @@ def test_a_cohort_says_which_fabric_meets_each_class_and_the_fewest_that_serve_a
     assert table.loc["a", "neo_hookean_pressure_at_B_mmHg"] == pytest.approx(at_ankle.mean_pressure_mmHg)
     page = " ".join(found.write(tmp_path / "out").read_text().split())
     assert "Which fabric meets a class" in page and "Pressure at B: " in page
-    (said,) = re.findall(r"- class 2: unstretched girth at B \(mm\): ([^-]*)", page)
+    (said,) = re.findall(r"- class 2 \(23 to 32 mmHg\), unstretched girth at B \(mm\): ([^-]*)", page)
     assert re.fullmatch(r"1[34]\d \(on 2 of 3\), 1[6-9]\d \(on 1 of 3\) ", said)
 
 

@@ -61,10 +61,8 @@ def stocking(
         raise loading.not_a_leg(known, "was scanned in a stocking", "load_leg")
     if out is not None:
         loading.check_folder("out", out)
-    if known.girth_sd is not None:
-        return Identification(known, (by_tape(known),))
     kept = None if out is None else Path(out) / "equilibria"
     ranks = comm or MPI.COMM_SELF
     with progress_on(quiet=not progress or ranks.rank > 0) as told:
-        fit = identify_in_stocking(known, told, cells, ranks, folder=kept)
+        fit = by_tape(known) if known.girth_sd else identify_in_stocking(known, told, cells, ranks, folder=kept)
     return Identification(known, (fit,))

@@ -133,15 +133,22 @@ def _settings(schema: type[FileTable], given: Mapping[str, Any], above: tuple[st
             needed = table is not None or type(None) not in get_args(field.annotation)
             for one in _settings(plain, table or {}, key):
                 yield replace(one, needed=one.needed and needed)
-        elif plain in (float, str, bool, list):
+            continue
+        said = " ".join((field.description or "").replace("``", "").split())
+        unwrapped = found.unwrap() if isinstance(found, Item) else found
+        if plain in (float, str, bool, list):
             default = None if field.is_required() else field.get_default()
-            said = " ".join((field.description or "").replace("``", "").split())
-            unwrapped = found.unwrap() if isinstance(found, Item) else found
             yield Setting(key, plain, choices, unwrapped, default, field.is_required(), said)
+        elif get_origin(plain) is dict:
+            names, kind = map(_plain, get_args(plain))
+            told = unwrapped if isinstance(unwrapped, Mapping) else {}
+            for last in names[1]:
+                yield Setting((*key, last), kind[0], (), told.get(last), None, False, said)
 
 
 def _plain(annotation: Any) -> tuple[Any, tuple[str, ...]]:
     """Return the type of a key's value and what it may be; None for types that no form has."""
+    annotation = getattr(annotation, "__value__", annotation)
     if get_origin(annotation) in (Union, types.UnionType):
         parts = [part for part in get_args(annotation) if part is not type(None)]
         return _plain(parts[0]) if len(parts) == 1 else (None, ())

@@ -306,14 +306,14 @@ def _fabrics(rows: Sequence[Row]) -> Iterator[web.Chapter]:
     spans: dict[str, dict[str, tuple[float, float]]] = {}
     for leg, one in ((row.name, one) for row in rows for one in row.fabrics):
         for name, called_so in WAYS.items():
-            spans.setdefault(f"class {one.compression_class}: {called_so}", {})[leg] = getattr(one, name)
+            of = f"class {one.compression_class} ({span_of(one.limits_mmHg)} mmHg), {called_so}"
+            spans.setdefault(of, {})[leg] = getattr(one, name)
     if spans:
         lines = [[row.name, *(span_of(by.get(row.name)) for by in spans.values())] for row in rows if row.fabrics]
-        each = [
-            ", ".join(f"{one:.3g} (on {legs} of {len(by)})" for one, legs in fewest([*by.values()]))
-            for by in spans.values()
+        fewer = [
+            f"{name}: " + ", ".join(f"{at:.3g} (on {legs} of {len(by)})" for at, legs in fewest([*by.values()]))
+            for name, by in spans.items()
         ]
-        fewer = [f"{name}: {said}" for name, said in zip(spans, each, strict=True)]
         table = SortableTable("fabrics", _FABRICS, ["member", *spans], lines)
         yield web.Chapter("Which fabric meets a class", [table, web.Prose(_FEWEST), web.Bullets(fewer)])
 

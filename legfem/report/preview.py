@@ -222,11 +222,11 @@ def _stocking(folder: Path, out: Path, progress: Progress | None) -> Preview:
     facts = [
         ("modelled", f"{leg.bare.length:.0f} mm of the leg"),
         ("girths", f"{perimeter(leg.bare).min():.0f} to {perimeter(leg.bare).max():.0f} mm"),
-        ("stiffness", "given" if leg.known else "to be found from the leg in its stocking"),
+        ("stiffness", "not needed" if leg.girth_sd else "given" if leg.known else "to be found from both scans"),
     ]
     if leg.registration is not None:
         facts.append(("scans' bones agree within", f"{leg.registration.residual:.2f} mm"))
-    shown = "Outlines of skin and muscle at three heights, of the bare leg and in the stocking."
+    shown = "Outlines of skin and muscle at three heights, bare and in the stocking; by tape, rings of its girths."
     doubts = tuple(doubt_lines(leg.doubts))
     return Preview(leg.title, leg.origin, doubts=doubts, facts=tuple(facts), pictures=((picture, shown),))
 

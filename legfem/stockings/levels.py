@@ -211,8 +211,7 @@ def fabrics_for_classes(
         left = (1 / wanted - (1 / pressure - 1 / on_bare) for wanted in (least, most))
         low, high = (1 / (on_bare * one) if one > 0 else math.inf for one in left)
         sizes = girth / (1 + high * strain), girth / (1 + low * strain)
-        stiffness = low * tension / strain, high * tension / strain
-        yield FabricFor(name, (least, most), (low, high), stiffness, sizes)
+        yield FabricFor(name, (least, most), (low, high), (low * tension / strain, high * tension / strain), sizes)
 
 
 def fewest(spans: Sequence[tuple[float, float]]) -> Iterator[tuple[float, int]]:

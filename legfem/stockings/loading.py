@@ -46,8 +46,6 @@ the pressures at the veins in mid-segment differ by 30 to 45 % at 40 mm, by 20 t
 15 to 20 % at 120 mm (legs 1 and 4, class 2, 3 kPa in both tissues)."""
 _LEAST_SHARED_MM, _LEAST_COMPARED_MM = 40.0, 50.0
 """Of a leg, and of one whose scans are compared: where end faces move, the slices need some room."""
-_SHARED = 0.7
-"""Least share of the bare leg's scan that the second one is taken to have, too, before it is read."""
 LEVEL_SPACING = 5.0
 """Spacing of the contours that the leg's surfaces interpolate (mm)."""
 _MARGINS = {"bare": 10.0, "compressed": 40.0}
@@ -69,7 +67,6 @@ def load_leg(directory: Path, progress: Progress | None = None, cells: int | Non
     InputError
         If anything in the folder is missing or wrong; names file, field and remedy.
     """
-    directory = Path(directory)
     toml = LEGS.opened(directory)
     given, progress = parse_leg_file(toml), progress or Silent()
     if given.bare.girths_mm is not None:
@@ -79,7 +76,8 @@ def load_leg(directory: Path, progress: Progress | None = None, cells: int | Non
     scanned_bare = bare_scan.shape(OUTLINES, levels)
     (first,) = _segment(toml, given, [scanned_bare])
     if cells is not None:
-        settings_for_cells(first, cells, 1.0 if given.compressed is None else _SHARED)
+        # The second scan may have less of the leg; it is taken to have this share.
+        settings_for_cells(first, cells, 1.0 if given.compressed is None else 0.7)
     shapes, registration = [bare_scan.shape(OUTLINES, levels, CLEARANCES), scanned_bare], None
     if given.compressed is not None:
         progress.stage("outlines of the leg in its stocking")

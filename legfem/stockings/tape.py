@@ -11,7 +11,6 @@ come with legfem), but blood and fluid leave a living one: after hours in 20 to 
 changes the pressure by that over the fabric's strain.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -28,15 +27,13 @@ from legfem.stockings.levels import FabricFor, LevelPressure, PressureAlong, fab
 GIVES, GIVES_SD = 0.014 / mmhg_to_mpa(25.0), 0.010 / mmhg_to_mpa(25.0)
 """Share of the girth that a pressure takes off (1/MPa), and its standard deviation between people: what the tape's own
 errors leave of 7 mm."""
-_PARTS: Mapping[str, float] = {SKIN: 1.0, HULL: 0.8, "bone": 0.3}
-"""Girths over the skin's; a shape needs all, and nothing hangs on those inside."""
 
 
 def rings(levels: FloatArray, girths: FloatArray) -> LegShape:
-    """Return round rings of girths (n,) at levels (n,), mm."""
+    """Return round rings of girths (n,) at levels (n,), mm; their hull and bone count for nothing."""
     angles = np.linspace(0, 2 * np.pi, 181)[:-1]
-    ring = np.column_stack([np.cos(angles), np.sin(angles)]) / (360 * np.sin(np.pi / 180))
-    return LegShape(levels, {part: share * girths[:, None, None] * ring for part, share in _PARTS.items()})
+    ring = girths[:, None, None] * np.column_stack([np.cos(angles), np.sin(angles)]) / (360 * np.sin(np.pi / 180))
+    return LegShape(levels, {SKIN: ring, HULL: 0.8 * ring, "bone": 0.3 * ring})
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +61,8 @@ class TapeDetails(KindDetails):
         load, on_bare = self.load, stocking_load(self.leg.bare, self.leg.stocking)
         along = PressureAlong.of(self.leg.bare, load, on_bare, self.leg.accuracy)
         of_girth = np.hypot(self.leg.girth_sd or 0.0, GIVES_SD * load.pressure.mean(axis=1))
-        return replace(along, sd=np.hypot(along.sd, along.mean * of_girth / np.maximum(on_bare.strain, _SLACK)))
+        # A slack fabric presses with nothing.
+        return replace(along, sd=np.hypot(along.sd, along.mean * of_girth / np.maximum(on_bare.strain, 0.01)))
 
     @property
     def tension_sd(self) -> float:
@@ -105,8 +103,6 @@ class TapeDetails(KindDetails):
 
 
 type TapeFit = Fit[TapeDetails]
-_SLACK = 0.01
-"""Least strain that errors are divided by; a slack fabric presses with nothing."""
 
 
 def _stocking(details: TapeDetails) -> dict[str, Any]:
