@@ -23,7 +23,7 @@ from legfem.legs.identification import as_leg
 from legfem.legs.loading import load_subject
 from legfem.legs.problem import leg_problem
 from legfem.legs.site import beyond_of
-from legfem.legs.subject import Subject
+from legfem.legs.subject import LegAccuracy, Subject
 from legfem.legs.unknowns import unknown_geometry
 from legfem.solve.path import ForceCurve
 
@@ -93,7 +93,7 @@ def curve_of(c10: float, c20: float, fat: float = 2.0) -> ForceCurve:
 def pressed_leg(
     folder: Path, c10: float, c20: float, seed: int = 0, trials: int = 3, noise: float = 0.03, fat: float = 2.0
 ) -> Subject:
-    """Return a subject whose recordings are the analytic leg's, with noise (N) and 0.02 mm."""
+    """Return a subject whose recordings are the analytic leg's, with noise (N) and 0.02 mm, on a stiff rig."""
     rng = np.random.default_rng(seed)
     curve = curve_of(c10, c20, fat)
     time = np.arange(0.0, DEPTH / 0.4 + 0.05, 0.1)
@@ -109,7 +109,8 @@ def pressed_leg(
     )
     made = folder if (folder / "subject.toml").exists() else write_subject(folder)
     leg = load_subject(made, need_recordings=False)
-    return replace(leg, recordings=recordings, instrument=Instrument(max(noise, 1e-3), 0.02))
+    instrument, stiff = Instrument(max(noise, 1e-3), 0.02), LegAccuracy(rig_sd=0.0)
+    return replace(leg, recordings=recordings, instrument=instrument, accuracy=stiff)
 
 
 def identify(

@@ -164,7 +164,7 @@ def test_intervals_cover_planted_truths(tmp_path: Path, weighting: str, number: 
     inside, called = [], []
     for seed, truth in enumerate(truths):
         subject = pressed_leg(tmp_path, *truth, seed=seed, noise=0.05)
-        subject = replace(subject, starts_at_contact=True, accuracy=LegAccuracy(contact_sd=0.0))
+        subject = replace(subject, starts_at_contact=True, accuracy=LegAccuracy(contact_sd=0.0, rig_sd=0.0))
         (found,) = identify(subject, settings, laws=("reduced-polynomial",))
         assert found.log.converged and found.log.forward_solves <= 25
         for value, one in zip(truth, found.estimates.values(), strict=True):

@@ -74,7 +74,7 @@ def test_three_planted_stiffnesses_are_found(tmp_path: Path, truth: tuple[float,
 def test_a_prior_is_one_more_measurement(tmp_path: Path) -> None:
     """With a narrow prior the fat stands; with a wide one the recordings say where."""
     subject = pressed_leg(tmp_path, 0.7, 0.8, seed=3, fat=2.6)
-    subject = replace(subject, starts_at_contact=True, accuracy=LegAccuracy(contact_sd=0.0))
+    subject = replace(subject, starts_at_contact=True, accuracy=LegAccuracy(contact_sd=0.0, rig_sd=0.0))
     names = THREE
 
     def identified(prior: Prior):

@@ -1,7 +1,8 @@
-"""First contact that is stated to be at zero: known as well as a load cell feels it, or as the folder says."""
+"""First contact that is stated to be at zero, and what the rig yields: known as is usual, or as the folder says."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +13,7 @@ from making_identification import DEPTH, AnalyticLeg, identify, pressed_leg
 
 from legfem.data.contact import FELT
 from legfem.inverse.accuracy import Accuracy
-from legfem.inverse.catalogue import DEEP_C10
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.linearised import late_touch
 from legfem.inverse.observations import observe
@@ -46,16 +47,20 @@ def begun_in_air(leg: Subject, way: float, seed: int) -> Subject:
     return replace(leg, recordings=tuple(trials), starts_at_contact=False)
 
 
+def estimates_of(leg: Subject) -> Mapping[str, Estimate]:
+    """Return what is found."""
+    return identify(leg, model=AnalyticLeg(depth=DEPTH + 5.0), laws=("reduced-polynomial",))[0].estimates
+
+
 def c10_of(leg: Subject) -> Estimate:
     """Return the C10 that is found."""
-    model = AnalyticLeg(depth=DEPTH + 5.0)
-    return identify(leg, model=model, laws=("reduced-polynomial",))[0].estimates[DEEP_C10]
+    return estimates_of(leg)[DEEP_C10]
 
 
-def holds(found: Estimate) -> bool:
-    """Whether the interval has what was planted."""
+def holds(found: Estimate, planted: float = C10) -> bool:
+    """Whether the interval has what was planted (kPa)."""
     low, high = found.ci95
-    return low <= 1e-3 * C10 <= high
+    return low <= 1e-3 * planted <= high
 
 
 def test_presses_begun_late_hold_c10_where_touch_is_as_the_load_cell_feels_it(tmp_path):
@@ -106,3 +111,21 @@ def test_the_key_says_nothing_of_the_leg_itself(tmp_path):
     assert accuracy_of_shape(subject) == replace(without, contact_sd=0.2)
     assert without.contact_sd is None and Accuracy().contact_sd == 0.0
     assert accuracy_of_shape(replace(subject, typical_shape=True)).contact_sd == 0.2
+
+
+def on_a_rig_that_yields(leg: Subject, compliance: float, **known: float) -> Subject:
+    """Return a leg whose recorded displacements hold what the rig yields (mm/N)."""
+    trials = tuple(replace(one, displacement=one.displacement + compliance * one.force) for one in leg.recordings)
+    return replace(leg, recordings=trials, accuracy=LegAccuracy(contact_sd=0.0, **known))
+
+
+def test_a_rig_that_yields_holds_c10_and_c20_unless_it_is_said_to_be_stiff(tmp_path):
+    yields = np.random.default_rng(8).uniform(0.01, 0.05, 8)
+    legs = [pressed_leg(tmp_path, C10, C20, seed, noise=NOISE) for seed in range(len(yields))]
+    held = []
+    for said in ({}, {"rig_sd": 0.0}):
+        every = [on_a_rig_that_yields(leg, one, **said) for leg, one in zip(legs, yields, strict=True)]
+        found = [estimates_of(leg) for leg in every]
+        held.append((sum(holds(one[DEEP_C10]) for one in found), sum(holds(one[DEEP_C20], C20) for one in found)))
+    (c10, c20), (_, stiff) = held
+    assert min(c10, c20) >= len(legs) - 1 and stiff <= 1

@@ -128,6 +128,8 @@ class AccuracyEntry(input_files.FileTable):
     contact_sd_mm: input_files.NotNegative | None = None
     """Standard deviation of first contact, alike in all trials, where ``starts_at_contact`` says that they begin there;
     without it, the way on which the load cell comes to feel the leg, over the square root of 12."""
+    rig_sd_mm_per_N: input_files.NotNegative | None = None
+    """Standard deviation of what the rig yields with the force, however it was taken off the displacement."""
 
 
 class LabFile(input_files.FileTable):

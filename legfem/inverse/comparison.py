@@ -36,12 +36,13 @@ ErrorSource = Literal[
     "assumed",
     "channels",
     "contact",
+    "rig",
     "priors",
 ]
 """Readings of the force; a factor by which recordings or specimens differ; the model's numerical error; what the law
 misses; sizes of specimens; the correction for the cylinder's ends; muscle fibres' part in it; outlines, aim and
 direction; what was assumed of other tissues; instruments of what else was recorded; first contact, where it is stated;
-what was known beforehand."""
+what the rig takes of the displacement; what was known beforehand."""
 Covariances = Mapping[ErrorSource, FloatArray]
 """Covariances of the readings (n, n), in their units squared, by source; they add up."""
 

@@ -79,6 +79,10 @@ class Observations:
         """Station nearest to each reading, (N,)."""
         return np.concatenate([np.arange(len(self.force)), *(one.nearest for one in self.channels)])
 
+    def beside(self, course: FloatArray) -> FloatArray:
+        """Return a course (n,) at the stations as all readings (N,) have it."""
+        return np.concatenate([course, *(one.weights @ course for one in self.channels)])
+
     def following_force(self, relative: FloatArray) -> FloatArray:
         """Return what changes the force relatively (n,) as relative changes of all readings (N,) that follow it."""
         further = (one.weights @ (one.kind.follows_force * relative) for one in self.channels)

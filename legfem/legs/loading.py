@@ -111,7 +111,12 @@ def load_subject(
         plane_strain=given.origin != "measured" if (flat := given.recordings.plane_strain) is None else flat,
         plane_strain_stated=flat is not None,
         accuracy=LegAccuracy(
-            known.contour_sd_mm, known.aim_sd_mm, known.direction_sd_deg, assumed, known.contact_sd_mm
+            known.contour_sd_mm,
+            known.aim_sd_mm,
+            known.direction_sd_deg,
+            assumed,
+            known.contact_sd_mm,
+            known.rig_sd_mm_per_N,
         ),
         confirmed=tuple(given.confirmed),
         cut_from=place.cut_from,

@@ -24,6 +24,8 @@ CONTOUR_ARC_MM = 20.0
 AIM_SD_MM = 2.0
 """A mark's place on the skin."""
 DIRECTION_SD_DEG = 3.0
+RIG_SD_MM_PER_N = 0.02
+"""What a rig yields that nobody pressed a block on: small frames and load cells yield 0.005 to 0.06 mm/N."""
 _HATS = (-40.0, -20.0, 0.0, 20.0, 40.0)
 _BONES_WAYS = {"along the travel": 0.0, "across the travel": 90.0}
 """Degrees from the travel. Each bone's outline is drawn by itself: what turns and shifts them across shows in the
@@ -43,6 +45,8 @@ class ShapeAccuracy(Accuracy):
         Of the cylinder's line of travel (mm).
     direction_sd
         Of its direction (degrees).
+    rig_sd
+        Of what the rig yields (mm/N).
     bones
         Names of those whose outlines may be off.
     """
@@ -51,6 +55,7 @@ class ShapeAccuracy(Accuracy):
     aim_sd: float = AIM_SD_MM
     direction_sd: float = DIRECTION_SD_DEG
     contact_sd: float | None = None
+    rig_sd: float = RIG_SD_MM_PER_N
     bones: tuple[str, ...] = field(kw_only=True)
 
     @property
@@ -100,9 +105,9 @@ def accuracy_of_shape(subject: Subject) -> ShapeAccuracy:
     """
     given = subject.accuracy
     if subject.typical_shape and not given.stated:
-        given = replace(TYPICAL_ACCURACY, contact_sd=given.contact_sd)
+        given = replace(TYPICAL_ACCURACY, contact_sd=given.contact_sd, rig_sd=given.rig_sd)
     if subject.origin != "measured" and not given.stated:
-        given = replace(DRAWN, contact_sd=given.contact_sd)
+        given = replace(DRAWN, contact_sd=given.contact_sd, rig_sd=given.rig_sd)
     stated = {name: sd for name, sd in asdict(given).items() if sd is not None}
     return ShapeAccuracy(**stated, bones=tuple(subject.section.bones))
 

@@ -52,11 +52,13 @@ class LegAccuracy:
     """Relative, of what is assumed: stiffness of fat and fascia, compressibility."""
     contact_sd: float | None = None
     """Standard deviation of first contact in all trials alike, mm, where they are stated to begin there."""
+    rig_sd: float | None = None
+    """Standard deviation of what the rig yields, mm/N."""
 
     @property
     def stated(self) -> bool:
         """Whether the folder says anything of the leg itself."""
-        return replace(self, contact_sd=None) != LegAccuracy()
+        return replace(self, contact_sd=None, rig_sd=None) != LegAccuracy()
 
 
 TYPICAL_FORCE_SD = 0.06

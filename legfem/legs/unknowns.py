@@ -89,6 +89,7 @@ def unknowns_at(
         Standard deviations of the site's own instrument, by full name.
     """
     accuracy, predicted = accuracy_of_shape(subject), test.every_reading(curve, values)
+    told = test.observed.with_values(predicted)
     every, rates = {**law.nominal, **values}, test.derivatives(curve, values)
     for name in MATERIAL_LOG_SD:
         sd = accuracy.log_sd(name)
@@ -96,10 +97,13 @@ def unknowns_at(
             word, effect = word_of(name), sd * every[name] * rates[name]
             yield NuisanceEffect(word, effect, Cause(word, MATERIAL_DOF), "assumed", True)
     yield from (
-        [*_of_shape(test, subject, predicted, accuracy), *late_touch(test.observed.with_values(predicted), accuracy)]
+        [*_of_shape(test, subject, predicted, accuracy), *late_touch(told, accuracy)]
         if changes is None
         else nuisance_effects(changes, test.observed, predicted, accuracy)
     )
+    # On a rig that yields a leg seems to stiffen less.
+    lost = told.beside(accuracy.rig_sd * told.force)
+    yield NuisanceEffect("rig", lost * told.by_displacement, Cause("rig"), "rig")
     force: FloatArray = np.where(np.arange(len(predicted)) < len(test.observed.force), 1.0, 0.0)
     by_instrument = {GAIN: force * predicted, ZERO: force, OFFSET: test.by_displacement}
     for name, sd in own_errors.items():

@@ -197,6 +197,7 @@ def _leg_facts(subject: Subject) -> list[tuple[str, str]]:
         "aim": (known.aim_sd, "mm"),
         "direction": (known.direction_sd, "degrees"),
         "first contact": (known.contact_sd, "mm"),
+        "what the rig yields": (known.rig_sd, "mm/N"),
         "fat, fascia, compressibility": (None if known.assumed_sd is None else 100 * known.assumed_sd, "%"),
     }
     accuracy = "; ".join(f"{what} ± {value:g} {unit}" for what, (value, unit) in stated.items() if value is not None)
