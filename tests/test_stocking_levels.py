@@ -127,7 +127,7 @@ def test_a_rise_of_nothing_is_no_rise(pressures: tuple[float, ...], said: str) -
     along = SimpleNamespace(levels=np.array([0.0, 100.0]), mean=np.array([20.0, 18.0]))
     leg = SimpleNamespace(makers=makers, bare=CALF)
     texts = list(_about_levels(SimpleNamespace(pressure_along=along, leg=leg, at_levels=levels)))
-    assert any(one.endswith(f"decreases steadily from the ankle upwards: {said}") for one in texts)
+    assert any(one.startswith("The pressure should decrease") and one.endswith(f": {said}") for one in texts)
 
 
 @pytest.mark.parametrize("change", ["stiffness", "size"])

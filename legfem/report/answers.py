@@ -167,9 +167,11 @@ def _share_of(pressures: Sequence[float], mean: float) -> str:
 
 
 def span_of(limits: tuple[float, float] | None) -> str:
-    """Return a class' limits, mmHg; the greatest has no upper one."""
+    """Return limits, of which there may be but one: of a class, mmHg, or of a fabric for it."""
     if limits is None:
         return "–"
+    if limits[0] == 0:
+        return f"{limits[1]:.3g} or less"
     return f"{limits[0]:.3g} to {limits[1]:.3g}" if math.isfinite(limits[1]) else f"{limits[0]:.3g} or more"
 
 

@@ -304,7 +304,7 @@ def _about_levels(details: TapeDetails) -> Iterator[str]:
         said = [f"increases from {a} to {b} (by {step:.1f} mmHg)" for a, b, step in steps if step >= _SEEN_MMHG]
         said += [f"is the same at {a} and {b}" for a, b, step in steps if step < _SEEN_MMHG]
         does = " and ".join(said) or "does so at these levels"
-        yield f"RAL-GZ 387 requires that the pressure decreases steadily from the ankle upwards: it {does}."
+        yield f"The pressure should decrease steadily from the ankle upwards (RAL-GZ 387 requires it): it {does}."
     slope = round(10 * float(np.polyfit(along.levels, along.mean, 1)[0]), 2) + 0.0
     assumed = (
         f" The fabric was not given: it was chosen to press with {100 * CALF_SHARE:.0f} % of the class's "
