@@ -28,6 +28,7 @@ from legfem.legs.nuisances import (
     CONTOUR_ARC_MM,
     CONTOUR_SD_MM,
     DIRECTION_SD_DEG,
+    RIG_SD_MM_PER_N,
     DRAWN,
     ShapeAccuracy,
     errors_of_geometry,
@@ -85,7 +86,7 @@ def test_effects_of_geometry_follow_what_is_stated_of_the_leg(blank):
 def test_a_drawn_leg_is_known_unless_its_folder_says_otherwise():
     drawn = load_subject(SUBJECTS.find("3"))
     assert drawn.origin == "reconstructed"
-    assert accuracy_of(drawn) == ShapeAccuracy(**asdict(DRAWN), bones=BONES)
+    assert accuracy_of(drawn) == ShapeAccuracy(**asdict(DRAWN) | {"rig_sd": RIG_SD_MM_PER_N}, bones=BONES)
     stated = replace(drawn, accuracy=LegAccuracy(contour_sd=1.0, assumed_sd=0.1))
     assert accuracy_of(stated) == ShapeAccuracy(
         0.1, contour_sd=1.0, aim_sd=AIM_SD_MM, direction_sd=DIRECTION_SD_DEG, bones=BONES
