@@ -28,8 +28,8 @@ from legfem.legs.nuisances import (
     CONTOUR_ARC_MM,
     CONTOUR_SD_MM,
     DIRECTION_SD_DEG,
-    RIG_SD_MM_PER_N,
     DRAWN,
+    RIG_SD_MM_PER_N,
     ShapeAccuracy,
     errors_of_geometry,
 )
