@@ -103,7 +103,7 @@ def unknowns_at(
     )
     # On a rig that yields a leg seems to stiffen less.
     lost = told.beside(accuracy.rig_sd * told.force)
-    yield NuisanceEffect("rig", lost * told.by_displacement, Cause("rig"), "rig")
+    yield NuisanceEffect("rig", lost * told.by_displacement, Cause("rig"), "rig", shared=True)
     force: FloatArray = np.where(np.arange(len(predicted)) < len(test.observed.force), 1.0, 0.0)
     by_instrument = {GAIN: force * predicted, ZERO: force, OFFSET: test.by_displacement}
     for name, sd in own_errors.items():
