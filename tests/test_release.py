@@ -15,7 +15,9 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+from typer.main import get_command
 
+from legfem.__main__ import command
 from legfem.common.errors import EXTRAS
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -105,6 +107,11 @@ def recipe_list(text: str, key: str) -> list[str]:
     """Return a list of packages of the recipe, which needs no reader of YAML."""
     block = re.search(rf"^( *){key}:\n((?:\1  .*\n|\n)+)", text, re.MULTILINE)
     return re.findall(r"^ +- (?:if: .*|)([a-z][\w-]*)", block[2], re.MULTILINE)
+
+
+def test_what_a_release_asks_of_its_solver_is_a_command(release: ModuleType) -> None:
+    name, *words = release.SOLVED
+    get_command(command(name)).make_context("legfem", words)
 
 
 def test_the_recipe_has_what_legfem_depends_on_and_its_version() -> None:
