@@ -112,6 +112,7 @@ FOUND: dict[str, tuple[str, str, bytes, bytes, str]] = {
         b"2.1.6",
         "rows: '2.1.6' is no reading",
     ),
+    "a quote is no reading of a film": ("films", "Tekscan", b"2.16,", b'",', "rows: '\"' is no reading"),
     "a median of no size is no population's": (*("populations", "one", b"0.8", b"1e999"), "contains no population"),
 }
 

@@ -123,21 +123,21 @@ def _unread(subject: Subject) -> Iterator[Doubt]:
 
 def _motion(trial: Segmentation, room: float) -> Iterator[Doubt]:
     loading = trial.loading
+    # A displacement that doesn't count from the skin has no speed either.
+    if loading.depth > _LITTLE_ROOM * room:
+        found = Doubt(
+            trial.source,
+            "displacement_mm",
+            f"the cylinder goes {loading.depth:.1f} mm deep where there is room for {room:.1f} mm "
+            "before a bone or the leg's far side",
+            "check the unit, and aim_mm, direction_deg and diameter_mm in subject.toml",
+        )
+        yield from found.refused_if(loading.depth > room + 0.5)
     yield from RANGES["speed"].doubts(trial.source, "time_s", loading.speed)
     yield from loading_doubts(
         trial.source, trial.recording.time[: len(loading.force)], loading.displacement, loading.force
     )
     yield from pull_doubts(trial)
-    if loading.depth <= _LITTLE_ROOM * room:
-        return
-    found = Doubt(
-        trial.source,
-        "displacement_mm",
-        f"the cylinder goes {loading.depth:.1f} mm deep where there is room for {room:.1f} mm "
-        "before a bone or the leg's far side",
-        "check the unit, and aim_mm, direction_deg and diameter_mm in subject.toml",
-    )
-    yield from found.refused_if(loading.depth > room + 0.5)
 
 
 def _force(subject: Subject) -> Iterator[Doubt]:

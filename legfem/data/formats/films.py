@@ -30,6 +30,7 @@ _BRACKETED = re.compile(r"[(\[]([kM]?Pa|N/cm[²2]|mmHg|psi)[)\]]")
 _BY_ROW = re.compile(r"\W*time\W*(?P<unit>[a-z]*)\W+1\W+2\b", re.IGNORECASE)
 """Above rows of a frame each."""
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE)
+_QUOTED = re.compile(r'^"(.*)"$')
 _NONE = re.compile(r"b|nan(\(ind\))?|n/?a|null|-*", re.IGNORECASE)
 _WHOLE = re.compile(r"\s*\d+(?:\s*,\s*\d+)+\s*")
 """Between commas, where they may be decimal ones."""
@@ -172,7 +173,7 @@ def _numbers_in(path: Path, line: str) -> list[float]:
         If a cell is anything else.
     """
     delimiter = next((one for one in "\t;" if one in line), "," if _COMMAS.search(line) else None)
-    cells = [one.strip(' "') for one in line.strip().removesuffix(delimiter or " ").split(delimiter)]
+    cells = [_QUOTED.sub(r"\1", one.strip()) for one in line.strip().removesuffix(delimiter or " ").split(delimiter)]
     plain = cells if delimiter == "," else [one.replace(",", ".") for one in cells]
     if odd := next((one for one in plain if not (_NUMBER.fullmatch(one) or _NONE.fullmatch(one))), None):
         raise InputError(path, "rows", f"'{odd}' is no reading", "correct it, or write B where there is no sensel")

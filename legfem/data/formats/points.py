@@ -111,10 +111,10 @@ def read_points(paths: Sequence[Path], laid: LaidFrames) -> FloatArray:
     if not len(axes) == len(laid.origin or []) == 2 or any(f"moved {axis}" not in first for axis in axes):
         raise InputError(path, "axes", f"{axes} and origin {laid.origin} aren't two each of the file's", "correct them")
     both = [_of_axes(path, one, laid) for _, one in frames]
-    if any(len(np.unique(np.round(place, 6), axis=0)) < _MOSTLY * len(place) for place, _ in both):
-        raise InputError(path, "frames", "points stand several times in one", "export the frame's number with them")
+    _check_told_apart(path, both)
     if not all(f"before {axis}" in one for _, one in frames for axis in axes):
         both = _before(path, both)
+        _check_told_apart(path, both)
     return np.vstack([np.column_stack([np.full(len(one[0]), t), *one]) for t, one in zip(times, both, strict=True)])
 
 
@@ -137,6 +137,14 @@ def _of_axes(path: Path, columns: _Columns, laid: LaidFrames) -> tuple[FloatArra
         rests[rests] = size[near].mean(axis=1) > np.maximum(_OF_NEIGHBOURS * np.median(size), _NEAR * away[:, 0])
         place, moved = place[~rests], moved[~rests]
     return place, moved
+
+
+def _check_told_apart(path: Path, frames: Sequence[tuple[FloatArray, FloatArray]]) -> None:
+    """Refuse frames of which one holds more than a few points twice."""
+    for place in (place for place, _ in frames if len(place) > 1):
+        apart = np.linalg.norm(np.ptp(place, axis=0)) / np.sqrt(len(place))
+        if np.mean(KDTree(place).query(place, 2)[0][:, 1] < _NEAR * apart) > 1 - _MOSTLY:
+            raise InputError(path, "frames", "points stand several times in one", "export the frame's number with them")
 
 
 def _before(path: Path, frames: Sequence[tuple[FloatArray, FloatArray]]) -> list[tuple[FloatArray, FloatArray]]:
