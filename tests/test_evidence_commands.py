@@ -48,6 +48,7 @@ RUN: dict[str, tuple[str, Read]] = {
     "studies.cases layers": ("--n 2 --jobs 2 --out OUT", result("cases")),
     "studies.cases sites": ("--n 2 --jobs 2 --out OUT", result("cases")),
     "studies.cases bars": ("--n 2 --jobs 2 --out OUT", result("cases")),
+    "studies.cases limbs": ("--n 1 --jobs 2 --out OUT", result("cases")),
     "studies.cases reach": ("--n 2 --jobs 2 --out OUT", result("cases")),
     "studies.cases sealed": (
         "--legs 1 --most 2 --channels FORCE --jobs 2 --library OUT/library --out OUT",

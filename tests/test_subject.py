@@ -76,7 +76,7 @@ def test_recordings_are_needed_unless_waived(tmp_path):
         ("force_sd_N = 0.04", "", "instrument.force_sd_N", "force_accuracy_percent"),
         ("force_sd_N = 0.04", "force_range_N = 100.0", "instrument.force_accuracy_percent", "missing"),
         ("force_sd_N = 0.04", "force_sd_N = 0.04\nforce_range_N = 100.0", "instrument.force_sd_N", "either"),
-        ("fascia_thickness_mm = 0.6", "fascia_thickness_mm = -0.6", "section.fascia_thickness_mm", "above 0"),
+        ("fascia_thickness_mm = 0.6", "fascia_thickness_mm = -0.6", "section.fascia_thickness_mm", "at least 0"),
         ("fascia_thickness_mm = 0.6", "fascia_thickness_mm = 0,6", "TOML", "points"),
         ('"contours.csv"', '"contour.csv"', "section.contours", "no file 'contour.csv'"),
     ],

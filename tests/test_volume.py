@@ -165,7 +165,7 @@ def _affine_sheared(by: float) -> np.ndarray:
         (volume().labels[0], np.eye(4), None, "is not the shape of a volume"),
         (volume().labels, np.eye(4), {"superficial": 1, "deep": 2}, "bone has no label given"),
         (volume().labels, np.eye(4), {"mussle": 1}, "mussle: is no part of a limb.*did you mean 'muscle'"),
-        (volume().labels, np.eye(4), {"fat": 1}, "deep has no label given"),
+        (volume().labels, np.eye(4), {"fat": 1}, "bone has no label given"),
         (
             volume().labels,
             np.eye(4),

@@ -15,6 +15,7 @@ from legfem.common.errors import MISSING, Argument, InputError
 from legfem.common.progress import progress_on
 from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.experiments.plane_strain import PlaneStrainSettings
+from legfem.geometry.section import MUSCLE
 from legfem.inverse.catalogue import DEEP_C10, LAWS, LawName, check_held
 from legfem.inverse.parameter import Parameter
 from legfem.inverse.parse_parameters import AskedParameters
@@ -229,12 +230,14 @@ def _of_leg(
         if not one.instrument.stated:
             remedy = "add force_sd_N and displacement_sd_mm, or accuracies"
             raise InputError(one.directory / SUBJECTS.file, "instrument", MISSING, remedy)
+    if MUSCLE in leg.sites[0].section.lacks:
+        wanted = wanted.renamed("pad", "deep")
     leg = replace(leg, sites=tuple(one.with_muscles(wanted.names) for one in leg.sites))
     solid = searches_in_3d(leg, wanted.names, in_3d)
     if (solid or in_3d) and (apart := leg.sites[0].muscles):
         remedy = "name deep, or leave out what asks for 3D"
         raise InputError(Argument("identify"), apart[0], "is no region of a leg in 3D", remedy)
-    elsewhere = solid or in_3d or len(leg.sites) > 1 or leg.sites[0].muscles
+    elsewhere = solid or in_3d or len(leg.sites) > 1 or leg.sites[0].muscles or leg.sites[0].section.lacks
     if request.as_field and (elsewhere or request.settings.weighting == "paper"):
         problem = "can be mapped only in the section of one site, for muscles that are identified as one"
         raise InputError(Argument("field"), DEEP_C10, problem, "leave 3D, other sites, muscles by name and paper out")

@@ -100,11 +100,11 @@ class SeenModel:
 
     @cached_property
     def outlines(self) -> dict[str, Outline]:
-        """Outlines of a section: its skin, the fascia's two faces, and the bones."""
+        """Outlines of a section: its skin, the fascia's two faces, and the bones, of those that it has."""
         spaces = self.system.spaces
         split = len(spaces.facet_tags.find(OUTER_FASCIA)) > 0
         within = [int(tag) for tag in np.hstack([*spaces.regions.values()]) if tag not in (SUPERFICIAL, FASCIA)]
-        return {
+        found = {
             "skin": outline_of_facets(spaces, SKIN),
             # What slides on the fascia has nodes of its own.
             "fascia": outline_of_facets(spaces, OUTER_FASCIA)
@@ -113,6 +113,7 @@ class SeenModel:
             "deep": outline_between(spaces, within, FASCIA),
             "bone": outline_of_facets(spaces, BONE),
         }
+        return {name: outline for name, outline in found.items() if len(outline.places)}
 
     @cached_property
     def crossings_at_rest(self) -> dict[str, dict[bytes, FloatArray]]:

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -60,7 +61,7 @@ def convert(
     out
         Subject folder to make.
     fascia_thickness
-        Thickness of the fascia (mm).
+        Thickness of the fascia (mm); 0 of a limb without muscle, as a heel pad.
     aim
         Point on the line of travel, mm; by default the one that faces it.
     direction
@@ -89,6 +90,7 @@ def convert(
                 raise InputError("--level, --out", "missing", "both are needed", "give them")
             point = None if aim is None else np.array(aim)
             source, folder = _source(cross_sections, scan, label or (), surface or ()), out
+            source = replace(source, muscle=fascia_thickness > 0)
             folder_of_leg(source, level, folder, fascia_thickness, point, direction)
             scanned = source.outlines(CuttingPlane.at_level(level))
             if cross_sections is None:

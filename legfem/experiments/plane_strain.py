@@ -29,7 +29,10 @@ from legfem.mechanics.indenters import RigidCylinder
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.model import Formulation, LegModel, RegionTerm, Term
 from legfem.mechanics.terms import BoneSprings, SlidingFace
+from legfem.meshing.grid import Support
 from legfem.meshing.section import (
+    BONE,
+    PLATE,
     REGIONS,
     SKIN,
     MeshMotion,
@@ -88,12 +91,22 @@ class LateralPlacement:
 
 @dataclass(frozen=True)
 class Tissues:
-    """The laws of the three tissues, and of muscles and groups that have one of their own (MPa, 1/MPa)."""
+    """The laws of the three tissues, and of muscles and groups that have one of their own (MPa, 1/MPa).
+
+    Of a limb without muscle, which is ``alone`` of one tissue, that of ``deep`` counts.
+    """
 
     deep: Hyperelastic
     superficial: Hyperelastic
     fascia: Hyperelastic
     muscles: Mapping[str, Hyperelastic] = field(default_factory=dict)
+    alone: bool = False
+
+    @property
+    def laws(self) -> dict[str, Hyperelastic]:
+        """Laws by the name of what they are of."""
+        outer = {} if self.alone else {"superficial": self.superficial, "fascia": self.fascia}
+        return {**outer, "deep": self.deep, **self.muscles}
 
 
 _SAME_FORCE = 0.03
@@ -180,9 +193,8 @@ class PlaneStrainIndentation(indentation.IndentationTest):
     @cached_property
     def model(self) -> LegModel:
         """Mechanical model: the sum of its terms."""
-        tissues = {**{name: getattr(self.tissues, name) for name in REGIONS}, **self.tissues.muscles}
-        cylinder = RigidCylinder(self.indenter.radius)
-        model = indentation.leg_model(tissues, cylinder, self.settings.contact, self.settings.formulation)
+        cylinder, laws = RigidCylinder(self.indenter.radius), self.tissues.laws
+        model = indentation.leg_model(laws, cylinder, self.settings.contact, self.settings.formulation)
         return model.with_terms(self.mechanisms)
 
     @property
@@ -195,7 +207,8 @@ class PlaneStrainIndentation(indentation.IndentationTest):
         found = {name: section.muscles_of(name) for name in named}
         if rest := [muscle for muscle in section.muscles if muscle not in apart]:
             found["deep"] = ("deep", *rest)
-        return {**REGIONS, **{name: tuple(tags[one] for one in of) for name, of in found.items()}}
+        layers = {name: tag for name, tag in tags.items() if name in REGIONS}
+        return {**layers, **{name: tuple(tags[one] for one in of) for name, of in found.items()}}
 
     @property
     def _springs(self) -> list[BoneSprings]:
@@ -345,7 +358,8 @@ class PlaneStrainIndentation(indentation.IndentationTest):
         tissue = next(name for name, tag in section_regions(self.section).items() if tag == found.region)
         x, y = found.place
         text = f"the {tissue} tissue is drawn out {found.stretch:.2g} times at ({x:.0f}, {y:.0f}) mm"
-        gap, bone = min((self.section.polygon(bone).distance(Point(x, y)), bone) for bone in self.section.bones)
+        near = ((self.section.polygon(bone).distance(Point(x, y)), bone) for bone in self.section.bones)
+        gap, bone = min(near, default=(math.inf, ""))
         if tissue not in ("superficial", "fascia") and gap < _NEAR_MM:
             text += f", {gap:.0f} mm from the {bone}, onto which what lies above presses it"
         return f"{text}; use less depth, or check how soft it is beside its neighbours"
@@ -356,7 +370,7 @@ class PlaneStrainIndentation(indentation.IndentationTest):
             *meshed.tagged,
             self.settings.formulation,
             regions=self._regions | (bone_regions(self.section) if free else {}),
-            supports=() if free else None,
+            supports=[Support(tag, (0, 1)) for tag in ((PLATE,) if free else (BONE, PLATE))],
             drained=[SKIN] if self.settings.drained_skin else [],
         )
         degree = self.settings.quadrature_degree

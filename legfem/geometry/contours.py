@@ -20,7 +20,7 @@ from shapely.validation import explain_validity
 from legfem.common.errors import InputError
 from legfem.common.input_files import read_table
 from legfem.common.units import FloatArray
-from legfem.geometry.section import LAYERS, LIMBS, LegSection, minimal_fat_thickness
+from legfem.geometry.section import LAYERS, LIMBS, MUSCLE, LegSection, minimal_fat_thickness
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -117,7 +117,7 @@ def read_contours(path: Path, fascia_thickness: float, regions: Mapping[str, str
     path : Path
         CSV file with the header ``part,x_mm,y_mm``; each part's points in order around it.
     fascia_thickness : float
-        Thickness of the fascia, mm; its layer lies inwards of the ``fascia`` contour.
+        Thickness of the fascia, mm; its layer lies inwards of the ``fascia`` contour, which a limb without it hasn't.
     regions : mapping of str to str
         Kind of each outline that isn't one of the layers or of the usual bones, by its name.
 
@@ -132,15 +132,15 @@ def read_contours(path: Path, fascia_thickness: float, regions: Mapping[str, str
     if "level_mm" in table:
         problem = "these are contours at several levels"
         raise InputError(path, "level_mm", problem, "choose one: level_mm under [section] of subject.toml")
-    given = tuple(map(str.lower, regions or ()))
-    known = tuple(dict.fromkeys((*LAYERS, *chain(*LIMBS.values()), *given)))
+    given, layers = tuple(map(str.lower, regions or ())), LAYERS if fascia_thickness else LAYERS[:1]
+    known = tuple(dict.fromkeys((*layers, *chain(*LIMBS.values()), *given)))
     for line, part in table["part"].items():
         if part not in known:
             near = difflib.get_close_matches(part, known, n=1)
             said = f'say what it is in subject.toml: [regions.{part}], kind = "bone" or "muscle"'
             hint = f"did you mean '{near[0]}'?" if near else said
             raise InputError(path, f"part, line {line}", f"unknown part '{part}'", hint)
-    there = {*LAYERS, *table["part"], *given}
+    there = {*layers, *table["part"], *given}
     contours: dict[str, FloatArray] = {}
     for part in (part for part in known if part in there):
         rows = table[table["part"] == part]
@@ -150,9 +150,6 @@ def read_contours(path: Path, fascia_thickness: float, regions: Mapping[str, str
         contours[part] = contours[part][:: 1 + len(contours[part]) // MOST_POINTS]
     muscles = [name.lower() for name, kind in (regions or {}).items() if kind == "muscle"]
     section = LegSection.of_parts(contours, fascia_thickness, muscles)
-    if not section.bones:
-        problem = "there is no bone, and nothing says what else holds the limb"
-        raise InputError(path, "part", problem, "add the outline of a bone")
     check_section(section, path)
     return section
 
@@ -186,15 +183,18 @@ def check_section(section: LegSection, source: str | Path) -> None:
             problem = f"only {points} of its points lie apart"
             raise InputError(source, part, problem, f"give at least {MINIMAL_POINTS} around the part")
     polygons = {part: section.polygon(part) for part in section.parts}
-    check_nested({part: one for part, one in polygons.items() if part not in section.muscles}, "fascia", source)
+    hull = "skin" if MUSCLE in section.lacks else "fascia"
+    check_nested({part: one for part, one in polygons.items() if part not in section.muscles}, hull, source)
     _check_muscles(section, polygons, source)
-    _check_fascia(section, polygons, source)
+    if hull == "fascia":
+        _check_fascia(section, polygons, source)
 
 
 def _check_contour(path: Path, part: str, points: FloatArray) -> None:
     refused = partial(InputError, path, part)
     if len(points) == 0:
-        raise refused("the part is missing", f"add rows '{part},x,y' around it")
+        without = "; fascia_thickness_mm = 0 under [section] says that there is no muscle" if part == "fascia" else ""
+        raise refused("the part is missing", f"add rows '{part},x,y' around it{without}")
     if len(points) < MINIMAL_POINTS:
         raise refused(f"{len(points)} points are too few", f"give at least {MINIMAL_POINTS} around the part")
     spacing = np.linalg.norm(np.diff(points, axis=0), axis=1)
@@ -286,7 +286,8 @@ def check_nested(
     if leg_sized:
         check_girth(float(parts["skin"].length), source)
     bones = [part for part in parts if part not in ("skin", hull)]
-    for inner, outer in [(hull, "skin"), *((bone, outer) for bone in bones for outer in ("skin", hull))]:
+    pairs = [(hull, "skin"), *((bone, outer) for bone in bones for outer in ("skin", hull))]
+    for inner, outer in (pair for pair in pairs if pair[0] != pair[1]):
         inside, around = parts[inner], parts[outer].exterior
         problem, remedy = "", f"bring the {inner} inside the {outer}"
         if not parts[outer].contains_properly(inside):

@@ -5,9 +5,9 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline, splev, splprep
-from shapely import LinearRing, LineString, Point, Polygon
+from shapely import GeometryCollection, LinearRing, LineString, MultiPoint, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from legfem.common.drawing import Pictured, svg
@@ -15,10 +15,14 @@ from legfem.common.resources import resource
 from legfem.common.units import FloatArray, frozen_array
 
 LAYERS = ("skin", "fascia")
-"""Parts that every section has; its bones have names of their own."""
+"""Parts that every limb with muscle has; its bones have names of their own."""
+MUSCLE, BONES = "muscle", "bones"
+"""What a limb may lack."""
 LIMBS = resource("bones", dict[str, tuple[str, ...]])
 """Bones that a section goes through, by limb, in the order that sections have them in."""
 CALF = "calf"
+_ON_PLATE_MM = 1.0
+"""From the plate's face, within which skin rests on it."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -39,9 +43,11 @@ class LegSection(Pictured):
     muscles : mapping of str to (n, 2) array
         Name to outline of each muscle that is known by itself; what they leave is deep tissue all the same.
     fascia_thickness : float
-        Thickness of the fascia, mm.
+        Thickness of the fascia, mm; 0 of a limb without muscle, which is one tissue from the skin to the bones.
     groups : mapping of str to tuple of str
         Name to the muscles of each group that is taken as one.
+    support : (2, 2) array, optional
+        Two points of a plate's face, mm: skin that lies on it, or beyond it as seen from the middle, is held.
     """
 
     skin: FloatArray
@@ -50,6 +56,7 @@ class LegSection(Pictured):
     fascia_thickness: float
     muscles: Mapping[str, FloatArray] = field(default_factory=dict)
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    support: FloatArray | None = None
 
     def __post_init__(self) -> None:
         """Copy the contours, drop a repeated end point and turn them counter-clockwise."""
@@ -66,12 +73,36 @@ class LegSection(Pictured):
         """Return the section of contours (n, 2), mm, by name; the others than `LAYERS` and muscles are bones."""
         bones = {name: xy for name, xy in contours.items() if name not in (*LAYERS, *muscles)}
         named = {name: contours[name] for name in muscles}
-        return cls(contours["skin"], contours["fascia"], bones, fascia_thickness, named)
+        fascia = contours["fascia"] if fascia_thickness else contours["skin"]
+        return cls(contours["skin"], fascia, bones, fascia_thickness, named)
 
     @property
     def parts(self) -> tuple[str, ...]:
         """Names of all contours: `LAYERS`, muscles, and the bones in their order."""
-        return (*LAYERS, *self.muscles, *self.bones)
+        return (*self.layers, *self.muscles, *self.bones)
+
+    @property
+    def layers(self) -> tuple[str, ...]:
+        """Those of `LAYERS` that there are."""
+        return LAYERS[:1] if MUSCLE in self.lacks else LAYERS
+
+    @property
+    def lacks(self) -> tuple[str, ...]:
+        """What of `MUSCLE` and `BONES` there is none of; without muscle the fascia is the skin."""
+        return tuple(what for what, there in ((MUSCLE, self.fascia_thickness), (BONES, self.bones)) if not there)
+
+    def rests(self, points: FloatArray) -> NDArray[np.bool_]:
+        """Return which points (n, 2) of the skin lie on the plate, or beyond it."""
+        start, end = np.full((2, 2), np.nan) if self.support is None else self.support
+        square = across(end - start) / np.linalg.norm(end - start)
+        side = np.sign((self.skin.mean(axis=0) - start) @ square)
+        return np.asarray(side * ((points - start) @ square) < _ON_PLATE_MM)
+
+    @property
+    def held(self) -> BaseGeometry:
+        """The bones, and the skin on the plate."""
+        resting = self.skin[self.rests(self.skin)]
+        return GeometryCollection([*(self.polygon(bone).exterior for bone in self.bones), MultiPoint(resting)])
 
     @property
     def limb(self) -> str:
@@ -105,7 +136,7 @@ def girth(section: LegSection) -> float:
 
 
 def fat_thickness(section: LegSection, point: FloatArray, direction: FloatArray | None = None) -> float:
-    """Return the thickness of the fat, skin to the fascia's outer face, in mm.
+    """Return the thickness of the fat, skin to the fascia's outer face, in mm; of a pad, to the bone.
 
     Parameters
     ----------
@@ -128,6 +159,8 @@ def fat_thickness(section: LegSection, point: FloatArray, direction: FloatArray 
     if direction is None:
         on_skin = skin.interpolate(skin.project(Point(at)))
         return float(on_skin.distance(fascia))
+    if MUSCLE in section.lacks:
+        return depth_to_bone(section, at, direction)
     unit = np.asarray(direction, dtype=np.float64)
     unit = unit / np.linalg.norm(unit)
     return first_crossing(fascia, at, unit) - first_crossing(skin, at, unit)
@@ -144,9 +177,10 @@ def layer_thicknesses(section: LegSection, point: FloatArray, direction: FloatAr
         If the line misses the skin or the fascia.
     """
     deep = section.polygon("fascia").buffer(-section.fascia_thickness)
-    found = {"fat_thickness": fat_thickness(section, point, direction)}
+    found = {} if MUSCLE in section.lacks else {"fat_thickness": fat_thickness(section, point, direction)}
     if (met := way_to_bone(section, point, direction)) < np.inf:
-        found["muscle_thickness"] = met - first_crossing(deep.boundary, point, direction)
+        if found:
+            found["muscle_thickness"] = met - first_crossing(deep.boundary, point, direction)
         found["tissue_thickness"] = met - first_crossing(section.polygon("skin").boundary, point, direction)
     return found
 
@@ -161,7 +195,7 @@ def way_to_bone(section: LegSection, point: FloatArray, direction: FloatArray, g
 
 
 def depth_to_bone(section: LegSection, point: FloatArray, direction: FloatArray) -> float:
-    """Return the shortest distance to a bone from where a line of travel meets the skin, mm.
+    """Return the distance to a bone, or to skin on the plate, from where a line of travel meets the skin, mm.
 
     Raises
     ------
@@ -170,7 +204,7 @@ def depth_to_bone(section: LegSection, point: FloatArray, direction: FloatArray)
     """
     at, unit = np.asarray(point), np.asarray(direction) / np.linalg.norm(direction)
     touched = at + first_crossing(section.polygon("skin").exterior, at, unit) * unit
-    return min(float(section.polygon(bone).distance(Point(touched))) for bone in section.bones)
+    return float(section.held.distance(Point(touched)))
 
 
 def across(direction: FloatArray) -> FloatArray:

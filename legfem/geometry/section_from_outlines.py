@@ -77,9 +77,9 @@ def polygons_of(loops: Loops, path: Path, where: str, elsewhere: Collection[str]
     named: Loops = {}
     for part, own in loops.items():
         named.setdefault(part_named(part, path), []).extend(own)
-    bones = bones_of([*named, *(part_named(part, path) for part in elsewhere)])
-    outlines: dict[str, Polygon] = {}
-    for part in ("skin", MUSCLE_HULL, *bones):
+    every = {*named, *(part_named(part, path) for part in elsewhere)}
+    bones, outlines = bones_of(every), dict[str, Polygon]()
+    for part in ("skin", *({MUSCLE_HULL} & every), *bones):
         if part not in named:
             raise InputError(path, part, f"missing at {where}", "choose another level or add the outline")
         pieces = [_polygon(path, part, points) for points in named[part]]
@@ -134,22 +134,26 @@ def section_from_outlines(outlines: Mapping[str, Polygon], fascia_thickness: flo
         If the outlines don't allow a section with the usual clearances.
     """
     room = Clearances()
-    if not fascia_thickness > 0:
-        raise InputError(
-            source, "fascia_thickness_mm", f"{fascia_thickness:g} is not positive", "give it in mm (0.2-1.0 is usual)"
-        )
+    if not fascia_thickness >= 0:
+        remedy = "give it in mm (0.2-1.0 is usual), 0 without muscle"
+        raise InputError(source, "fascia_thickness_mm", f"{fascia_thickness:g} is negative", remedy)
     bones = bones_of(outlines)
-    parts = {part: outlines[part] for part in ("skin", MUSCLE_HULL, *bones)}
-    parts = nested_outlines(parts, fascia_thickness, source, room)
-    section = LegSection(
-        skin=_ring(parts["skin"]),
-        fascia=_ring(parts["muscle_hull"]),
-        bones={bone: _ring(parts[bone]) for bone in bones},
-        fascia_thickness=fascia_thickness,
-    )
+    hull = outlines.get(MUSCLE_HULL) if fascia_thickness else hull_of_bones(outlines)
+    if hull is None:
+        remedy = "add it; fascia_thickness_mm = 0 (--fascia-thickness) says that there is no muscle"
+        raise InputError(source, MUSCLE_HULL, "the part is missing", remedy)
+    parts = {"skin": outlines["skin"], MUSCLE_HULL: hull, **{bone: outlines[bone] for bone in bones}}
+    rings = {part: _ring(one) for part, one in nested_outlines(parts, fascia_thickness, source, room).items()}
+    section = LegSection.of_parts({"fascia": rings.pop(MUSCLE_HULL), **rings}, fascia_thickness)
     check_section(section, source)
-    _check_clearances(section, room.bone_to_fascia, room.fat(fascia_thickness), source)
+    if fascia_thickness:
+        _check_clearances(section, room.bone_to_fascia, room.fat(fascia_thickness), source)
     return section
+
+
+def hull_of_bones(outlines: Mapping[str, Polygon]) -> Polygon:
+    """Return what stands for the hull of muscles where there are none: what the bones are within."""
+    return union_all([outlines[bone] for bone in bones_of(outlines)]).convex_hull.buffer(1.0)
 
 
 def nested_outlines(

@@ -88,6 +88,7 @@ def _resampled(array: NDArray[np.integer], affine: FloatArray, source: str) -> t
 BACKGROUND, SUPERFICIAL, DEEP, BONE = 0, 1, 2, 3
 TISSUES = {"superficial": SUPERFICIAL, "deep": DEEP, "bone": BONE}
 _UNSAID = 255
+_SEGMENT = "segment it, or say which label it has"
 _SQUARE = 1e-3  # of a direction's cosine
 
 
@@ -128,10 +129,10 @@ class LabelVolume:
             raise InputError(self.source, "spacing", "is not positive", "correct the header")
         last = BONE + max(1, len(self.bones))
         present = np.bincount(self.labels.ravel(), minlength=last)
-        for name, label in TISSUES.items():
+        for name, label in {"superficial": SUPERFICIAL, "bone": BONE}.items():
             if not present[label : last if label == BONE else label + 1].any():
                 skin = "segment fat and skin: without them the leg's surface isn't known"
-                remedy = skin if label == SUPERFICIAL else "segment it, or say which label it has"
+                remedy = skin if label == SUPERFICIAL else _SEGMENT
                 raise InputError(self.source, "labels", f"no voxel is labelled {label} ({name})", remedy)
 
     @property
@@ -173,8 +174,8 @@ def volume_of_array(
     refused = partial(InputError, source, "labels")
     meaning = TISSUES if meaning is None else meaning
     parts = {name: part_named(name, f"{source}: labels") for name in meaning}
-    if unsaid := unsaid_tissues(meaning, source):
-        raise refused(f"{next(iter(unsaid))} has no label given", "give one")
+    for unsaid in (name for name in unsaid_tissues(meaning, source) if name != "deep"):
+        raise refused(f"{unsaid} has no label given", "give one")
     of_bones = [name for name, part in parts.items() if _label_of(part) == BONE]
     there = [parts[name] for name in of_bones if np.isin(array, meaning[name]).any()]
     bones = tuple(bones_of(there)) if there != ["bone"] else ()
@@ -245,13 +246,13 @@ def _along_axes(array: NDArray[np.integer], affine: FloatArray, source: str) -> 
 _IN_PLANE: NDArray[np.bool_] = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], bool)[:, :, None]
 
 
-def check_anatomy(volume: LabelVolume) -> None:
-    """Check that the fat is outermost and the bones are less than the muscle.
+def check_anatomy(volume: LabelVolume, muscle: bool = True) -> None:
+    """Check that the fat is outermost and the bones are less than the muscle, if there is to be any.
 
     Raises
     ------
     InputError
-        If another label than the fat's touches the air most, or there is more bone than muscle.
+        If another label than the fat's touches the air most, there is no muscle, or more bone than muscle.
     """
     refused = partial(InputError, volume.source, "labels")
     tissues = np.minimum(volume.labels, BONE)
@@ -263,7 +264,9 @@ def check_anatomy(volume: LabelVolume) -> None:
         problem = f"what is labelled {outermost} lies outermost, where fat is"
         raise refused(problem, f"exchange superficial and {outermost} under [labels]")
     bone, deep = (int((tissues == label).sum()) for label in (BONE, DEEP))
-    if bone > deep:
+    if muscle and not deep:
+        raise refused(f"no voxel is labelled {DEEP} (deep)", _SEGMENT)
+    if muscle and bone > deep:
         raise refused(
             f"there is more bone ({bone} voxels) than muscle ({deep})", "exchange deep and bone under [labels]"
         )

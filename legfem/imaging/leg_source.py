@@ -16,7 +16,7 @@ from legfem.geometry.contours import MUSCLE_HULL, read_loops
 from legfem.geometry.leg_shape import HULL, LegShape
 from legfem.geometry.motion import CuttingPlane
 from legfem.geometry.section import CALF, LIMBS
-from legfem.geometry.section_from_outlines import Clearances, polygons_of
+from legfem.geometry.section_from_outlines import Clearances, hull_of_bones, polygons_of
 from legfem.imaging.label_volume import LabelVolume, check_anatomy, cropped, unsaid_tissues, with_bones_between
 from legfem.imaging.outlines import OutlineSettings, not_closed, read_shape, shape_of_outlines, shape_of_volume
 from legfem.imaging.shape_schema import Labels, ShapeEntry, existing
@@ -72,6 +72,8 @@ class LegSource:
     """Surfaces by part, as `legfem.imaging.surfaces.read_surfaces` returns them."""
     levels: tuple[float, float] = (-np.inf, np.inf)
     """Levels between which it is read and checked, mm."""
+    muscle: bool = True
+    """Whether a volume has to show any."""
 
     @classmethod
     def opened(
@@ -147,7 +149,7 @@ class LegSource:
             Between the parts.
         """
         if self.volume is not None:
-            check_anatomy(self.volume)
+            check_anatomy(self.volume, self.muscle)
             return shape_of_volume(self.volume, settings, room)
         if self.contours is not None:
             return read_shape(self.contours, self.levels)
@@ -206,8 +208,11 @@ def _outlines_of_contours(path: Path, plane: CuttingPlane) -> dict[str, Polygon]
         problem = f"there is no level {level:g} mm, only {levels[0]:g} mm"
         raise InputError(path, "level", problem, "choose that level, or give contours at several")
     outlines = [polygons_of(here, path, f"level {at:g} mm", parts) for at, here in zip(levels, loops, strict=True)]
+    has_muscle = MUSCLE_HULL in outlines[0]
     try:
-        shape = shape_of_outlines(levels, outlines, _FINE.n_points)
+        with_hull = [{MUSCLE_HULL: hull_of_bones(here), **here} for here in outlines]
+        shape = shape_of_outlines(levels, with_hull, _FINE.n_points)
     except ValueError as error:
         raise not_closed(path, error) from None
-    return outlines_of_shape(shape, plane, str(path))
+    found = outlines_of_shape(shape, plane, str(path))
+    return {part: one for part, one in found.items() if has_muscle or part != MUSCLE_HULL}

@@ -41,10 +41,9 @@ def read_surfaces(paths: Mapping[str, Sequence[Path]]) -> dict[str, list[Any]]:
     files: dict[str, list[Path]] = {}
     for name, own in paths.items():
         files.setdefault(part_named(name, "surfaces"), []).extend(own)
-    for part in (SKIN, MUSCLE_HULL):
-        if part not in files:
-            raise InputError("surfaces", part, "the part is missing", "give its file")
-    if BONE in files or len(files) == 2:
+    if SKIN not in files:
+        raise InputError("surfaces", SKIN, "the part is missing", "give its file")
+    if BONE in files or not files.keys() - {SKIN, MUSCLE_HULL}:
         raise InputError("surfaces", BONE, "no bone is named", "give each by its name: tibia, femur, radius, ...")
     surfaces = {part: [read_surface(file) for file in own] for part, own in files.items()}
     # Before anything else: levels in mm don't meet a leg in metres.

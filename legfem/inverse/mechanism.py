@@ -132,6 +132,10 @@ class Mechanism:
     """Whether a refit of the stiffness takes up nearly all that it does, so that even recordings of it hardly tell."""
     scaled: ClassVar[tuple[str, ...]] = ()
     """Full names of the assumed numbers that its strength multiplies."""
+    needs: ClassVar[str] = ""
+    """What a limb must have for it: ``muscle``, ``bones``."""
+    of_pad: ClassVar[str] = ""
+    """Its statement in a limb without muscle, where it isn't the same."""
     alters_nuisances: ClassVar[bool] = False
     """Whether outlines, aim, direction and what is assumed that are off do something else beside it than without it."""
 

@@ -89,6 +89,12 @@ class AskedParameters:
             free[name] = replace(one, prior=known or one.prior)
         return tuple(free.values())
 
+    def renamed(self, tissue: str, known: str) -> "AskedParameters":
+        """Return the same where a tissue is called by the name that the model has for it."""
+        words = (self.identify, self.priors, self.fixed)
+        identify, priors, fixed = ([re.sub(rf"^\s*{tissue}\.", f"{known}.", one) for one in each] for each in words)
+        return replace(self, identify=identify, priors=priors, fixed=fixed)
+
     @property
     def names(self) -> set[str]:
         """Full names of all that is asked for, held or given a prior."""

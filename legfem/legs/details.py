@@ -17,6 +17,7 @@ from legfem.experiments.leg_3d import LegIndentation3D
 from legfem.fem.fields import FieldReader
 from legfem.fem.spaces import BodySurface, surface_of
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape, TriangleSurface
+from legfem.geometry.section import MUSCLE
 from legfem.inverse.answer import Answer
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values, with_units
 from legfem.inverse.document import members_of
@@ -163,7 +164,8 @@ class LegDetails(KindDetails):
     def answer(self, fit: Fit["LegDetails"]) -> Answer:
         """Return what the leg's fit says, with the muscle's C10 where that was given."""
         held = None if DEEP_C10 in fit.estimates else {**fit.assumed, **fit.values}[DEEP_C10]
-        return answer_of(fit, C10_given=held)
+        tissue = "pad" if MUSCLE in self.subject.section.lacks else MUSCLE
+        return answer_of(fit, C10_given=held, tissue=tissue)
 
     def members(self, fit: Any) -> dict[str, Any]:
         """Model, solves in 3D, fibres, and what the sites' instruments err by."""

@@ -117,7 +117,8 @@ class Diagnoser:
             Mechanisms that are tabulated; all that the recordings can show without it.
         """
         if asked is None:
-            asked, _ = shown_mechanisms(self.mechanisms_of(subject), observed, WITHOUT_ENDS)
+            ruled_out = {**WITHOUT_ENDS, **_absent(subject)}
+            asked, _ = shown_mechanisms(self.mechanisms_of(subject), observed, ruled_out)
         asked = sorted(asked, key=lambda one: (*FIRST, one.name).index(one.name))
         fine, coarse = self._responses(subject, observed)
         stiffening = STIFFENING[subject.tissues["deep"].law]
@@ -233,18 +234,25 @@ class Diagnoser:
 
 def ruled_out_of(subject: Subject, ends: TabulatedCorrection | None) -> dict[str, str]:
     """Return the mechanisms that can't be what was left out of a subject's model, and why."""
+    absent = _absent(subject)
     if ends is None:
         if not (subject.plane_strain and subject.plane_strain_stated):
-            return dict(WITHOUT_ENDS)
+            return {**WITHOUT_ENDS, **absent}
         why = "the folder says that the recordings are of plane strain, which has no ends"
-        return dict.fromkeys((EndEffects.name, MuscleFibres.name), why)
+        return dict.fromkeys((EndEffects.name, MuscleFibres.name), why) | absent
     found = {EndEffects.name: "the base model has the cylinder's ends, with the errors of that correction"}
     why_not = why_without_fibres(subject)
     if why_not is None and subject.fibres is not None:
         why_not = f"the base model has fibres of a ratio of {subject.fibres}, with its errors"
     if why_not is not None:
         found[MuscleFibres.name] = why_not
-    return found
+    return found | absent
+
+
+def _absent(subject: Subject) -> dict[str, str]:
+    """Return the mechanisms of what a subject's limb lacks, and why there are none."""
+    section = subject.section
+    return {one.name: f"the limb has no {one.needs}" for one in mechanisms_of(section) if one.needs in section.lacks}
 
 
 def accuracy_of(subject: Subject) -> ShapeAccuracy:

@@ -16,6 +16,7 @@ from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, fibres
 from legfem.experiments.plane_strain import LateralPlacement, PlaneStrainIndentation, PlaneStrainSettings, Tissues
 from legfem.geometry.indenter import Site
 from legfem.geometry.motion import without_layer
+from legfem.geometry.section import MUSCLE
 from legfem.inverse.accuracy import MATERIAL_LOG_SD
 from legfem.inverse.observations import Observations
 from legfem.inverse.responses import SolvedResponses
@@ -54,7 +55,7 @@ class LegVariants(Picklable):
     @property
     def assumed(self) -> tuple[str, ...]:
         """Full names of the numbers that are assumed, and may be somewhat off."""
-        return tuple(MATERIAL_LOG_SD)
+        return tuple(name for name in MATERIAL_LOG_SD if name in self.base.model.parameters)
 
     @property
     def geometric(self) -> tuple[str, ...]:
@@ -156,7 +157,7 @@ def solved_responses(
     def responses(settings: PlaneStrainSettings) -> SolvedResponses:
         # Muscles are deep tissue, and known by name to what acts in them.
         test = replace(plane_strain_test(subject.with_muscles(()), settings), section=subject.section)
-        test = replace(test, motions=errors_of_geometry(subject.section.bones))
+        test = replace(test, motions=errors_of_geometry(subject.section.bones, subject.section.layers))
         variants = LegVariants(replace(test, sights=(*subject.sights, *planned)))
         depends_on = {**test.fingerprint(), "model": "plane strain with mechanisms", "depth_mm": depth}
         return SolvedResponses(variants, depth, folder, depends_on)
@@ -172,7 +173,9 @@ def tissues_of(subject: Subject) -> Tissues:
     given = subject.tissues
     deep = given["deep"]
     law = _polynomial(deep, 1e-3 if deep.C10 is None else deep.C10)
-    return Tissues(law, _law(given["superficial"]), _law(given["fascia"]), dict.fromkeys(subject.muscles, law))
+    muscles, alone = dict.fromkeys(subject.muscles, law), MUSCLE in subject.section.lacks
+    fat, fascia = (law if alone else _law(given[name]) for name in ("superficial", "fascia"))
+    return Tissues(law, fat, fascia, muscles, alone)
 
 
 def _law(given: TissueParameters) -> Hyperelastic:

@@ -7,7 +7,7 @@ import tempfile
 from collections.abc import Sequence
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -29,6 +29,10 @@ _DEEP = {
     "neo-hookean": 'law = "neo-hookean"\nD1_per_MPa = 28.0',
     "reduced-polynomial": 'law = "reduced-polynomial"\nD1_per_MPa = 28.0\nD2_per_MPa = 28.0',
 }
+_OUTER = "".join(
+    f'[tissues.{name}]\nlaw = "neo-hookean"\nC10_kPa = {kPa}\nD1_per_MPa = 22.5\n\n'
+    for name, kPa in (("superficial", 2.0), ("fascia", 100.0))
+)
 _PAPER_INSTRUMENT = """\
 force_accuracy_percent = 0.25
 force_range_N = 100.0
@@ -90,15 +94,9 @@ def write_subject_folder(
     direction_deg: float,
     origin: str = "measured",
     recordings: Sequence[Recording] = (),
-    starts_at_contact: bool = False,
-    plane_strain: bool | None = None,
-    instrument: Instrument | None = None,
-    deep_law: str = "reduced-polynomial",
+    **stated: Any,
 ) -> Path:
-    """Write ``subject.toml``, ``contours.csv`` and the recordings, all or nothing.
-
-    The instruments are the first paper's where none is given. ``plane_strain`` says whether
-    simulated recordings know no ends of the cylinder, and may stay open.
+    """Write ``subject.toml``, ``contours.csv`` and the recordings, all or nothing; ``stated`` is as of `subject_text`.
 
     Raises
     ------
@@ -110,18 +108,8 @@ def write_subject_folder(
 
     out = Path(out)
     check_new_folder(out)
-    text = subject_text(
-        plain_id(out.resolve().name),
-        title,
-        origin,
-        section.fascia_thickness,
-        aim,
-        direction_deg,
-        starts_at_contact,
-        instrument,
-        deep_law,
-        plane_strain,
-    ) + _regions(section)
+    name, thickness = plain_id(out.resolve().name), section.fascia_thickness
+    text = subject_text(name, title, origin, thickness, aim, direction_deg, **stated) + _regions(section)
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         scratch = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
@@ -155,7 +143,11 @@ def subject_text(
     deep_law: str = "reduced-polynomial",
     plane_strain: bool | None = None,
 ) -> str:
-    """Return the text of a ``subject.toml``; lengths in mm, the tissues are the first paper's."""
+    """Return the text of a ``subject.toml``; lengths in mm, the tissues are the first paper's.
+
+    So are the instruments where none is given. ``plane_strain`` says whether simulated recordings know no ends of the
+    cylinder, and may stay open.
+    """
     return _TEMPLATE.format(
         id=_toml_string(name),
         title=_toml_string(title),
@@ -166,7 +158,9 @@ def subject_text(
         direction=float(direction_deg),
         starts_at_contact=str(starts_at_contact).lower(),
         ends="" if plane_strain is None else f"plane_strain = {str(plane_strain).lower()}\n",
+        pressed="deep" if fascia_thickness else "pad",
         deep=_DEEP[deep_law],
+        outer=_OUTER if fascia_thickness else "",
         instrument=_PAPER_INSTRUMENT
         if instrument is None
         else f"force_sd_N = {instrument.force_sd}\ndisplacement_sd_mm = {instrument.displacement_sd}",

@@ -17,8 +17,6 @@ from legfem.inverse.readings import INSTRUMENT
 from legfem.legs.finite_element_models import plane_strain_test
 from legfem.legs.subject import Subject
 
-_TISSUES = ("deep", "superficial", "fascia")
-
 
 @dataclass(eq=False)
 class PlaneStrainForward:
@@ -68,7 +66,7 @@ class PlaneStrainForward:
 
 def values_of(tissues: Tissues) -> dict[str, float]:
     """Return the tissues' values by full name (MPa, 1/MPa)."""
-    laws = {**{tissue: getattr(tissues, tissue) for tissue in _TISSUES}, **tissues.muscles}
+    laws = {"deep": tissues.deep, **tissues.laws}
     return {f"{tissue}.{key}": value for tissue, law in laws.items() for key, value in law.parameters.items()}
 
 

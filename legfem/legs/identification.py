@@ -278,6 +278,8 @@ def searches_in_3d(leg: SitedLeg, names: Collection[str], in_3d: bool) -> bool:
     if not in_3d:
         check_in_plane(names)
         return False
+    if lacks := leg.sites[0].section.lacks:
+        raise InputError(Argument("model"), "3d", f"the limb has no {' and no '.join(lacks)}", "leave it out")
     return len(leg.sites) > 1 or DEEP_RATIO in names or not leg.sites[0].indenter.lies_along
 
 

@@ -170,8 +170,8 @@ def _tissues(given: SubjectFile, moduli: Sequence[ShearModulus]) -> dict[str, Ti
     """Return the tissues' laws; what was measured of fat takes the place of what was assumed."""
     measured: dict[str, float] = {one.tissue: one.C10 for one in moduli if one.tissue == "superficial"}
     found = {}
-    for name in ("deep", "superficial", "fascia"):
-        entry: TissueEntry = getattr(given.tissues, name)
+    entry: TissueEntry
+    for name, entry in ((name, one) for name, one in given.tissues if one is not None):
         C10, C20 = (None if kPa is None else kpa_to_mpa(kPa) for kPa in (entry.C10_kPa, entry.C20_kPa))
         found[name] = TissueParameters(entry.law, measured.get(name, C10), C20, entry.D1_per_MPa, entry.D2_per_MPa)
     return found

@@ -47,7 +47,7 @@ class ShapeAccuracy(Accuracy):
         Of its direction (degrees).
     rig_sd
         Of what the rig yields (mm/N).
-    bones
+    bones, layers
         Names of those whose outlines may be off.
     """
 
@@ -57,6 +57,7 @@ class ShapeAccuracy(Accuracy):
     contact_sd: float | None = None
     rig_sd: float = RIG_SD_MM_PER_N
     bones: tuple[str, ...] = field(kw_only=True)
+    layers: tuple[str, ...] = LAYERS
 
     @property
     def shape_errors(self) -> tuple[ShapeError, ...]:
@@ -68,18 +69,18 @@ class ShapeAccuracy(Accuracy):
             turned = {"direction": self.direction_sd / DIRECTION_SD_DEG}
             found.append(ShapeError("direction", turned, Cause("direction", GEOMETRY_DOF)))
         if self.contour_sd > 0:
-            found += _outlines_off(self.bones, self.contour_sd / CONTOUR_SD_MM)
+            found += _outlines_off(self.bones, self.layers, self.contour_sd / CONTOUR_SD_MM)
         return tuple(found)
 
 
-def _outlines_off(bones: Sequence[str], factor: float) -> Iterator[ShapeError]:
+def _outlines_off(bones: Sequence[str], layers: Sequence[str], factor: float) -> Iterator[ShapeError]:
     """Yield how the bones and the modes of the outlines' errors are off, correlated along their arcs."""
     for bone in bones:
         for way in _BONES_WAYS:
             yield ShapeError(f"{bone} {way}", {f"{bone} {way}": factor}, _CAUSE)
     apart = np.subtract.outer(_HATS, _HATS)
     values, modes = np.linalg.eigh(np.exp(-0.5 * (apart / CONTOUR_ARC_MM) ** 2))
-    for part in LAYERS:
+    for part in layers:
         for k, j in enumerate(np.argsort(-values)):
             if values[j] > 1e-3:
                 weights = factor * math.sqrt(values[j]) * modes[:, j]
@@ -109,13 +110,15 @@ def accuracy_of_shape(subject: Subject) -> ShapeAccuracy:
     if subject.origin != "measured" and not given.stated:
         given = replace(DRAWN, contact_sd=given.contact_sd, rig_sd=given.rig_sd)
     stated = {name: sd for name, sd in asdict(given).items() if sd is not None}
-    return ShapeAccuracy(**stated, bones=tuple(subject.section.bones))
+    return ShapeAccuracy(**stated, bones=tuple(subject.section.bones), layers=subject.section.layers)
 
 
-def errors_of_geometry(bones: Iterable[str]) -> dict[str, MeshMotion | LateralPlacement]:
+def errors_of_geometry(
+    bones: Iterable[str], layers: Iterable[str] = LAYERS
+) -> dict[str, MeshMotion | LateralPlacement]:
     """Return errors of outlines of layers and bones, aim and direction by name, by which forces are differentiated."""
     found: dict[str, MeshMotion | LateralPlacement] = {
-        _hat(outline, arc): MeshMotion(outline, arc) for outline in LAYERS for arc in _HATS
+        _hat(outline, arc): MeshMotion(outline, arc) for outline in layers for arc in _HATS
     }
     found |= {f"{bone} {way}": MeshMotion(bone, turned=turned) for bone in bones for way, turned in _BONES_WAYS.items()}
     aside = {"aim": LateralPlacement(offset_mm=AIM_SD_MM), "direction": LateralPlacement(tilt_deg=DIRECTION_SD_DEG)}

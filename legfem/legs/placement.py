@@ -170,7 +170,12 @@ def placed(directory: Path, toml: Path, given: SubjectFile) -> Placement:
             path = existing(directory, entry.contours, toml, "section.contours")
             section = read_contours(path, thickness, {name: one.kind for name, one in given.regions.items()})
             groups = {name.lower(): tuple(map(str.lower, muscles)) for name, muscles in given.groups.items()}
-            section = replace(section, groups=groups)
+            support = None if entry.support_mm is None else np.array(entry.support_mm)
+            section = replace(section, groups=groups, support=support)
+            if section.held.is_empty:
+                problem = "there is no bone, and nothing says what else holds the limb"
+                remedy = "add the outline of a bone, or the face of a plate that it lies on: support_mm under [section]"
+                raise InputError(path, "part", problem, remedy)
         else:
             section = _typical(toml, entry)
         aim = np.array(indenter.aim_mm)
@@ -178,7 +183,7 @@ def placed(directory: Path, toml: Path, given: SubjectFile) -> Placement:
     # Readers of scans are slow to import, and most folders have none.
     from legfem.imaging.leg_source import LegSource
 
-    source = LegSource.opened(directory, toml, "section", entry, given.labels)
+    source = replace(LegSource.opened(directory, toml, "section", entry, given.labels), muscle=thickness > 0)
     turn, residual = indenter.axis_deg or 0.0, None
     if indenter.position_mm is None:
         assert entry.level_mm is not None and indenter.aim_mm is not None and indenter.direction_deg is not None

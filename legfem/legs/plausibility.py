@@ -18,7 +18,7 @@ from shapely import Point
 from legfem.common.errors import Doubt
 from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.data.ranges import RANGES, c10_of, doubts_about_size
-from legfem.geometry.section import CALF, LIMBS, first_crossing, girth, way_to_bone
+from legfem.geometry.section import CALF, LIMBS, MUSCLE, first_crossing, girth, way_to_bone
 from legfem.inverse.catalogue import key_of
 from legfem.inverse.elastography import doubts_about_elastography
 from legfem.inverse.estimates import Estimate
@@ -49,10 +49,10 @@ def doubts_about(subject: Subject) -> tuple[Doubt, ...]:
     InputError
         For what can't be; names file, field and remedy.
     """
-    toml = subject.directory / "subject.toml"
+    toml, thickness = subject.directory / "subject.toml", subject.section.fascia_thickness
     found = [
         *_bones(toml, subject),
-        *RANGES["fascia_thickness"].doubts(toml, "section.fascia_thickness_mm", subject.section.fascia_thickness),
+        *(RANGES["fascia_thickness"].doubts(toml, "section.fascia_thickness_mm", thickness) if thickness else ()),
         *_stretched(toml, subject),
         *(d for part in subject.section.parts for d in _spike(toml, part, subject.section.contour(part))),
         *_landmarks(toml, subject),
@@ -242,7 +242,7 @@ def _doubts_beside_people(subject: Subject, parameters: Mapping[str, Estimate]) 
     What the recordings leave open of it counts as people's spread does.
     """
     site = SHIN if subject.section.limb == CALF and _at_shin(subject) else subject.people
-    for name in TISSUES:
+    for name in () if MUSCLE in subject.section.lacks else TISSUES:
         if name not in parameters or key_of(name) in subject.confirmed:
             continue
         one = parameters[name]

@@ -141,7 +141,7 @@ def _motion(trial: Segmentation, room: float) -> Iterator[Doubt]:
 
 
 def _force(subject: Subject) -> Iterator[Doubt]:
-    if not subject.indenter.lies_along:  # the envelopes are of sections
+    if not subject.indenter.lies_along or subject.section.lacks:  # the envelopes are of sections with fat and bone
         return
     loadings = [trial.loading for trial in subject.trials]
     depth = min(loading.depth for loading in loadings)

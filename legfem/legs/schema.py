@@ -6,7 +6,7 @@ from itertools import chain
 from pathlib import Path, PurePath
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AliasChoices, BaseModel, ConfigDict, Field, model_validator
 
 from legfem.common import input_files
 from legfem.common.errors import MISSING, Argument, Command, InputError, Remedy
@@ -18,6 +18,7 @@ from legfem.geometry.section import LIMBS
 from legfem.imaging.shape_schema import Labels, ShapeEntry
 from legfem.inverse.elastography import ElastographyEntry, StatedRatio, elastography_troubles
 
+FlatPoint = Annotated[list[input_files.Finite], Field(min_length=2, max_length=2)]
 Vector = Annotated[list[input_files.Finite], Field(min_length=3, max_length=3)]
 
 
@@ -33,7 +34,7 @@ class IndenterEntry(input_files.FileTable):
     """A punch is a cylinder that is pressed with its flat end."""
     axis_deg: input_files.Finite | None = None
     """Angle by which the cylinder is turned about its travel: 0 lies along the leg, 90 across it."""
-    aim_mm: Annotated[list[input_files.Finite], Field(min_length=2, max_length=2)] | None = None
+    aim_mm: FlatPoint | None = None
     """x and y of a point on the line of travel, in the section's plane."""
     direction_deg: Annotated[float, Field(ge=-360.0, le=360.0, allow_inf_nan=False)] | None = None
     """Direction of travel in the section's plane, counter-clockwise from +x: 90 is towards +y."""
@@ -92,8 +93,10 @@ class SectionEntry(ShapeEntry):
         **ShapeEntry.sources,
         "girth_mm": "girth_mm with fat_mm (a typical calf of that size)",
     }
-    fascia_thickness_mm: input_files.Positive
-    """Thickness of the fascia around the muscle; 0.6 mm is usual."""
+    fascia_thickness_mm: input_files.NotNegative
+    """Thickness of the fascia around the muscle; 0.6 mm is usual, 0 of a limb without muscle."""
+    support_mm: Annotated[list[FlatPoint], Field(min_length=2, max_length=2)] | None = None
+    """Two points of the face of a plate that the limb lies on: skin there is held."""
     girth_mm: Annotated[float, Field(ge=200.0, le=600.0, allow_inf_nan=False)] | None = None
     """Girth of the calf where it is pressed, by a tape; no outlines are needed then."""
     fat_mm: Annotated[float, Field(ge=2.0, le=60.0, allow_inf_nan=False)] | None = None
@@ -105,8 +108,10 @@ class SectionEntry(ShapeEntry):
     """Length of the leg in a 3D model, with the cylinder at its middle; 120 mm without it."""
 
     def troubles(self) -> Iterator[input_files.Trouble]:
-        """Yield one of a typical calf's sizes without the other, beside a shape's troubles."""
+        """Yield one of a typical calf's sizes alone, and a plate of no length, beside a shape's troubles."""
         yield from super().troubles()
+        if self.support_mm is not None and self.support_mm[0] == self.support_mm[1]:
+            yield "support_mm", "is one point twice", "give two points of the plate's face"
         if (self.girth_mm is None) != (self.fat_mm is None):
             missing = "fat_mm" if self.fat_mm is None else "girth_mm"
             yield missing, MISSING, "a typical calf takes both girth_mm and fat_mm"
@@ -170,9 +175,10 @@ class DeepTissueEntry(TissueEntry):
 class TissuesEntry(input_files.FileTable):
     """``[tissues]``."""
 
-    deep: DeepTissueEntry
-    superficial: GivenTissueEntry
-    fascia: GivenTissueEntry
+    deep: Annotated[DeepTissueEntry, Field(validation_alias=AliasChoices("deep", "pad"))]
+    """What is identified; called ``pad`` where it is the only tissue, of a limb without muscle."""
+    superficial: GivenTissueEntry | None = None
+    fascia: GivenTissueEntry | None = None
 
 
 class MeasuredEntry(input_files.FileTable):
@@ -226,6 +232,11 @@ class SubjectFile(input_files.NamedFile):
     def troubles(self) -> Iterator[input_files.Trouble]:
         """Yield what is said twice, groups of what is no muscle, and other than one plane."""
         yield from elastography_troubles(self.elastography, self.tissues.deep.fibre_ratio is not None)
+        without = "is given where fascia_thickness_mm = 0 says that there is no muscle", "leave it out"
+        told = (MISSING, "give it") if self.section.fascia_thickness_mm else without
+        for name in ("superficial", "fascia"):
+            if bool(getattr(self.tissues, name)) == (told is without):
+                yield f"tissues.{name}", *told
         effects = [entry.effect for entry in self.measured]
         for number, effect in enumerate(effects):
             if effect in effects[:number]:
@@ -273,8 +284,10 @@ class SubjectFile(input_files.NamedFile):
         if self.regions and (self.is_cut or self.section.contours is None):
             remedy = "give contours without level_mm, or leave them out"
             yield "regions", "are of use with outlines of one section alone", remedy
+        if self.section.support_mm and (self.is_cut or self.section.contours is None):
+            yield "section.support_mm", "is of use with outlines of one section alone", "give contours without level_mm"
         for table, name in (*(("regions", one) for one in self.regions), *(("groups", one) for one in self.groups)):
-            if name.lower() in ("skin", *TissuesEntry.model_fields, "instrument"):
+            if name.lower() in ("skin", "pad", *TissuesEntry.model_fields, "instrument"):
                 yield f"{table}.{name}", "is what every leg has", "give it another name"
         if not self.is_cut and self.section.contours is None and self.section.girth_mm is None:
             remedy = "give it, or position_mm and direction of the indenter"

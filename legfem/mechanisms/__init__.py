@@ -21,7 +21,7 @@ import numpy as np
 from legfem.common.registry import registered
 from legfem.common.resources import resource
 from legfem.common.units import FloatArray
-from legfem.geometry.section import LegSection
+from legfem.geometry.section import MUSCLE, LegSection
 from legfem.inverse.mechanism import Mechanism, Occurrence, Solution, Stiffness, TissueMechanism, Values, shape
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Prior
@@ -50,7 +50,10 @@ def mechanisms() -> tuple[Mechanism, ...]:
 
 def mechanisms_of(section: LegSection | None) -> Sequence[Mechanism]:
     """Return the mechanisms of a limb: of its own bones, and of muscles by name. Of none those that know no limb."""
-    return mechanisms() if section is None else [own for one in mechanisms() for own in one.in_limb(section)]
+    if section is None:
+        return mechanisms()
+    found = [own for one in mechanisms() for own in one.in_limb(section)]
+    return [one.restated(statement=one.of_pad) if one.of_pad and MUSCLE in section.lacks else one for one in found]
 
 
 def mechanism_named(name: str, section: LegSection | None = None) -> Mechanism:
@@ -67,7 +70,8 @@ def mechanism_named(name: str, section: LegSection | None = None) -> Mechanism:
 def shown_in(variant: str, section: LegSection | None = None) -> list[TissueMechanism]:
     """Return the mechanisms that a variant of a body's model, or of a limb's, shows; none of the plain one."""
     every = (one for one in mechanisms_of(section) if isinstance(one, TissueMechanism))
-    return [one for one in every if one.variant == variant]
+    lacks = () if section is None else section.lacks
+    return [one for one in every if one.variant == variant and one.needs not in lacks]
 
 
 MOMENTS = 12

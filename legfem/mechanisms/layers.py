@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 from legfem.common.units import kpa_to_mpa
+from legfem.geometry.section import MUSCLE
 from legfem.inverse.advice import LabStep, either, recorded
 from legfem.inverse.mechanism import IndentedLeg, Solution, TissueMechanism, Values, factor, strength
 
@@ -15,6 +16,7 @@ class SuperficialStiffness(TissueMechanism):
     """The fat's stiffness, over the one given."""
 
     name = "superficial-stiffness"
+    needs = MUSCLE
     statement = "the superficial tissue (fat) is stiffer or softer than assumed"
     parameters = (factor("factor", "on C10", (0.1, 9.0), 0.9, "reported stiffness of fat differs tenfold"),)
     scaled = ("superficial.C10",)
@@ -31,6 +33,7 @@ class FatStiffening(TissueMechanism):
     """A second and a third coefficient of the fat's energy, where the model has one."""
 
     name = "superficial-stiffening"
+    needs = MUSCLE
     statement = "the superficial tissue (fat) stiffens as it is squeezed"
     parameters = (strength("coefficient", "kPa", "of the fat's energy's third power", 3.0, (0.0, 60.0)),)
     steps = (replace(FAT_IMAGED, words=f"{FAT_IMAGED.words}, at several depths"),)
@@ -67,6 +70,7 @@ class FatSliding(TissueMechanism):
     """
 
     name = "fat-sliding"
+    needs = MUSCLE
     statement = "the fat slides along the fascia: the two are not grown together"
     parameters = (strength("sliding", "-", "share of the way from grown together to free", 0.6, (0.0, 1.0)),)
     would_be = "fat that slides along the fascia, {} of the way to free"
@@ -96,6 +100,7 @@ class FasciaStiffness(TissueMechanism):
     """The fascia's stiffness times thickness, over the one given."""
 
     name = "fascia-stiffness"
+    needs = MUSCLE
     statement = "the fascia is stiffer, softer, thicker or thinner than assumed"
     parameters = (
         factor(
@@ -119,6 +124,7 @@ class FasciaPrestress(TissueMechanism):
     """Tension of the fascia in the imaged state."""
 
     name = "prestress"
+    needs = MUSCLE
     statement = "the fascia was under tension before the test"
     parameters = (strength("tension", "kPa", "tension of the fascia at rest", 100.0, (0.0, 500.0)),)
     would_be = "a fascia under a tension of {}"

@@ -12,7 +12,7 @@ from shapely import union_all
 
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.geometry.indenter import Site
-from legfem.geometry.section import LegSection, across, first_crossing
+from legfem.geometry.section import MUSCLE, LegSection, across, first_crossing
 from legfem.inverse.advice import DEEPER, LabStep, either, recorded
 from legfem.inverse.correction import read_fibres
 from legfem.inverse.elastography import HIGHEST_RATIO
@@ -41,6 +41,7 @@ class Compressibility(TissueMechanism):
 
     name = "compressibility"
     statement = "the muscle is more (or less) compressible than assumed"
+    of_pad = "the tissue is more (or less) compressible than assumed"
     parameters = (
         factor(
             "factor", "D1 over the assumed one", (0.1, 60.0), 1.3, "reported bulk moduli of muscle differ a hundredfold"
@@ -60,6 +61,7 @@ class StrainStiffening(TissueMechanism):
 
     name = "strain-stiffening"
     statement = "the deep tissue stiffens with strain more than the law used can describe"
+    of_pad = "the tissue stiffens with strain more than the law used can describe"
     parameters = (strength("coefficient", "kPa", "coefficient of the energy's next power of strain", 1.5, (0.0, 20.0)),)
     steps = (DEEPER, LabStep("press with a smaller indenter: larger strains"))
     next_experiment = either(*steps)
@@ -90,6 +92,7 @@ class MuscleContraction(Mechanism):
     """
 
     name = "muscle-contraction"
+    needs = MUSCLE
     statement = "the muscle tensed during the test and became stiffer"
     parameters = (
         strength("stiffening", "-", "rise of the deep stiffness over itself", 0.2, (0.0, 3.0)),
@@ -136,6 +139,7 @@ class MuscleFibres(Mechanism):
     """
 
     name = "muscle-fibres"
+    needs = MUSCLE
     statement = "muscle is fibrous along the leg: its fibres bend at the cylinder's ends, and resist"
     parameters = (
         factor(
@@ -235,6 +239,7 @@ class UnevenMuscle(TissueMechanism):
     """
 
     name = "uneven-muscle"
+    needs = MUSCLE
     statement = "a region of the muscle is stiffer or softer than the rest of it"
     parameters = (
         factor(

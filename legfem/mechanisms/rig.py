@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.geometry.section import LegSection
+from legfem.geometry.section import BONES, LegSection
 from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.mechanism import (
     IndentedLeg,
@@ -85,6 +85,7 @@ class SupportCompliance(TissueMechanism):
     bones: tuple[str, ...] = ()
 
     name = "support-compliance"
+    needs = BONES
     statement = "the leg's support or the rig gave way: bones and frame moved with the force"
     parameters = (
         strength("compliance", "mm/N", "displacement per force", 0.2, (0.0, 2.0)),

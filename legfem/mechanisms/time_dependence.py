@@ -10,7 +10,7 @@ from scipy.stats import norm
 
 from legfem.common.units import FloatArray
 from legfem.data.phases import HOLD, UNLOADING
-from legfem.geometry.section import LegSection
+from legfem.geometry.section import MUSCLE, LegSection
 from legfem.inverse.advice import HALF_DEPTH, HOLD_A_MINUTE, HOLD_MINUTES, TWO_RATES, left
 from legfem.inverse.mechanism import (
     IndentedLeg,
@@ -137,6 +137,7 @@ class TissueRelaxation(TissueMechanism):
 
     name = "viscoelasticity"
     statement = "the deep tissue relaxes: its force depends on the rate and fades while held"
+    of_pad = "the tissue relaxes: its force depends on the rate and fades while held"
     parameters = (*SPECTRUM, SLOW)
     kin = RELAXES
     next_experiment = f"{HOLD_A_MINUTE.words}, and {TWO_RATES.words}"
@@ -196,7 +197,7 @@ class TissueRelaxation(TissueMechanism):
 
     def in_limb(self, section: LegSection) -> Sequence[Mechanism]:
         """Return the same of a limb."""
-        return (replace(self, beside_another=True),)
+        return (replace(self, beside_another=MUSCLE not in section.lacks),)
 
     def shares(self, values: Values) -> FloatArray:
         """Return every branch's ratio; the last one bears what is slow."""
@@ -218,6 +219,8 @@ class SuperficialViscoelasticity(TissueRelaxation):
     """The same of the fat."""
 
     name = "superficial-viscoelasticity"
+    needs = MUSCLE
+    of_pad = ""
     statement = "the superficial tissue (fat) relaxes while it is held"
     region = "superficial"
 

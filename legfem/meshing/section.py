@@ -5,9 +5,9 @@ it. The fascia is one layer of elements across its thickness, with nodes of its 
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import chain, compress, pairwise
 from typing import Any
 
 import gmsh
@@ -21,7 +21,7 @@ from shapely.geometry.base import BaseGeometry
 
 from legfem.common.units import FloatArray
 from legfem.geometry.indenter import first_touch
-from legfem.geometry.section import ClosedCurve, LegSection, across, smooth_closed_curve
+from legfem.geometry.section import LAYERS, MUSCLE, ClosedCurve, LegSection, across, smooth_closed_curve
 from legfem.meshing import gmsh_mesh
 from legfem.meshing.grid import ElementSizes, TaggedMesh
 
@@ -83,8 +83,7 @@ class MeshMotion:
         """
         at = shapely.points(points)
         skin, fascia = (section.polygon(part).exterior for part in ("skin", "fascia"))
-        bones = shapely.union_all([section.polygon(part).exterior for part in section.bones])
-        to_skin, to_fascia, to_bones = (shapely.distance(at, line) for line in (skin, fascia, bones))
+        to_skin, to_fascia, to_bones = (shapely.distance(at, line) for line in (skin, fascia, section.held))
         inside = shapely.contains_properly(section.polygon("fascia"), at)
         if self.outline in section.bones:
             near, *others = (
@@ -94,7 +93,9 @@ class MeshMotion:
             share = np.where(inside, _share(np.minimum.reduce([to_fascia, *others]), near), 0.0)
             angle = np.radians(self.turned)
             return share[:, None] * self.size * (np.cos(angle) * travel + np.sin(angle) * across(travel))
-        if self.outline == "skin":
+        if MUSCLE in section.lacks:
+            share = _share(to_bones, to_skin)
+        elif self.outline == "skin":
             share = np.where(inside, 0.0, _share(to_fascia, to_skin))
         else:
             # The layer moves as one.
@@ -133,6 +134,8 @@ UNDER_FAT = 17
 """Facets of the fat on the fascia, where the mesh is split between them."""
 OUTER_FASCIA = 18
 """Facets of the fascia under the fat, likewise."""
+PLATE = 20
+"""Facets of the skin that a plate holds."""
 REGIONS = {"superficial": SUPERFICIAL, "fascia": FASCIA, "deep": DEEP}
 
 
@@ -140,8 +143,9 @@ _FIRST_MUSCLE = 21
 
 
 def section_regions(section: LegSection) -> dict[str, int]:
-    """Return the cell tags of a section's tissues by name: `REGIONS`, and its muscles."""
-    return {**REGIONS, **{muscle: tag for tag, muscle in enumerate(section.muscles, _FIRST_MUSCLE)}}
+    """Return the cell tags of a section's tissues by name: `REGIONS`, and its muscles; without muscle, all is deep."""
+    layers = {"deep": DEEP} if MUSCLE in section.lacks else REGIONS
+    return {**layers, **{muscle: tag for tag, muscle in enumerate(section.muscles, _FIRST_MUSCLE)}}
 
 
 def bone_regions(section: LegSection) -> dict[str, int]:
@@ -232,7 +236,8 @@ def mesh_section(
 
         def build() -> tuple[FloatArray, Covered, gmsh_mesh.MeshQuality]:
             outline, muscles = _build(model, section, skin, cKDTree(reached), settings, bones, split)
-            return outline, muscles, gmsh_mesh.sound(gmsh_mesh.element_quality(model, REGIONS), "contours", _REMEDY)
+            quality = gmsh_mesh.element_quality(model, REGIONS if section.layers == LAYERS else {"deep": DEEP})
+            return outline, muscles, gmsh_mesh.sound(quality, "contours", _REMEDY)
 
         outline, muscles, quality = gmsh_mesh.on_first_rank(comm, build)
         touch = first_touch(outline, radius, aim, direction)
@@ -292,11 +297,12 @@ def _build(
     def bone_size(length: float) -> Any:
         return lambda points: np.minimum(size(points), max(contact, length / 30))
 
-    outer, tangent = _place(smooth_closed_curve(section.fascia), layer_size)
-    inward = np.column_stack([-tangent[:, 1], tangent[:, 0]])
-    inner = outer + section.fascia_thickness * inward
     corners, _ = _place(skin, size)
-    loops = {"skin": corners, "outer": outer, "inner": inner}
+    loops, around, layered = {"skin": corners}, "skin", section.layers == LAYERS
+    if layered:
+        outer, tangent = _place(smooth_closed_curve(section.fascia), layer_size)
+        loops |= {"outer": outer, "inner": outer + section.fascia_thickness * across(tangent)}
+        around = "inner"
     if split:
         loops["under fat"] = outer
     for bone, outline in section.bones.items():
@@ -308,35 +314,33 @@ def _build(
     lines = {
         name: [geometry.addLine(a, b) for a, b in zip(p, p[1:] + p[:1], strict=True)] for name, p in points.items()
     }
-    rungs = [geometry.addLine(a, b) for a, b in zip(points["outer"], points["inner"], strict=True)]
-    for line in [*rungs, *(line for loop in lines.values() for line in loop)]:
+    surfaces = {SUPERFICIAL: [], FASCIA: _fascia(geometry, points, lines)} if layered else {}
+    for line in (line for loop in lines.values() for line in loop):
         geometry.mesh.setTransfiniteCurve(line, 2)
-    layer = []
-    for k, (above, below) in enumerate(zip(lines["outer"], lines["inner"], strict=True)):
-        following = rungs[(k + 1) % len(rungs)]
-        loop = geometry.addCurveLoop([above, following, -below, -rungs[k]])
-        layer.append(geometry.addPlaneSurface([loop]))
-        geometry.mesh.setTransfiniteSurface(layer[-1], "AlternateLeft" if k % 2 else "Right")
     closed = {name: geometry.addCurveLoop(loop) for name, loop in lines.items()}
-    fat = geometry.addPlaneSurface([closed["skin"], closed["under fat" if split else "outer"]])
-    deep = geometry.addPlaneSurface([closed["inner"], *(closed[bone] for bone in section.bones)])
+    if layered:
+        surfaces[SUPERFICIAL] = [geometry.addPlaneSurface([closed["skin"], closed["under fat" if split else "outer"]])]
+    deep = geometry.addPlaneSurface([closed[around], *(closed[bone] for bone in section.bones)])
     insides = {n: geometry.addPlaneSurface([closed[n]]) for n in section.bones} if bones else {}
-    within = shapely.Polygon(inner, [loops[bone] for bone in section.bones])
+    within = shapely.Polygon(loops[around], [loops[bone] for bone in section.bones])
     muscles = _covered(section, within)
     borders = [line for ring in _borders(within, muscles) for line in _border(model, ring, layer_size)]
     geometry.synchronize()
     if borders:
         model.mesh.embed(1, borders, 2, deep)
 
-    for surfaces, tag in (([fat], SUPERFICIAL), (layer, FASCIA), ([deep], DEEP)):
-        model.addPhysicalGroup(2, surfaces, tag)
+    for tag, drawn in {**surfaces, DEEP: [deep]}.items():
+        model.addPhysicalGroup(2, drawn, tag)
     for bone, surface in insides.items():
         model.addPhysicalGroup(2, [surface], bone_regions(section)[bone])
-    model.addPhysicalGroup(1, lines["skin"], SKIN)
-    model.addPhysicalGroup(1, [line for bone in section.bones for line in lines[bone]], BONE)
+    rests = section.rests(0.5 * (corners + np.roll(corners, -1, axis=0)))
+    facets: dict[int, Iterable[int]] = {SKIN: compress(lines["skin"], ~rests), PLATE: compress(lines["skin"], rests)}
+    facets[BONE] = chain.from_iterable(lines[bone] for bone in section.bones)
     if split:
-        model.addPhysicalGroup(1, lines["under fat"], UNDER_FAT)
-        model.addPhysicalGroup(1, lines["outer"], OUTER_FASCIA)
+        facets |= {UNDER_FAT: lines["under fat"], OUTER_FASCIA: lines["outer"]}
+    for tag, own in ((tag, list(own)) for tag, own in facets.items()):
+        if own:
+            model.addPhysicalGroup(1, own, tag)
 
     near = [line for line, xy in zip(lines["skin"], corners, strict=True) if reached.query(xy)[0] < contact]
     field = model.mesh.field
@@ -348,6 +352,20 @@ def _build(
     gmsh.option.setNumber("Mesh.Algorithm", 6)
     gmsh_mesh.generate(model, 2)
     return corners, muscles
+
+
+def _fascia(geometry: Any, points: Mapping[str, list[int]], lines: Mapping[str, list[int]]) -> list[int]:
+    """Draw the fascia's layer, an element across; return its surfaces."""
+    rungs = [geometry.addLine(a, b) for a, b in zip(points["outer"], points["inner"], strict=True)]
+    for line in [*rungs, *lines["outer"], *lines["inner"]]:
+        geometry.mesh.setTransfiniteCurve(line, 2)
+    layer = []
+    for k, (above, below) in enumerate(zip(lines["outer"], lines["inner"], strict=True)):
+        following = rungs[(k + 1) % len(rungs)]
+        loop = geometry.addCurveLoop([above, following, -below, -rungs[k]])
+        layer.append(geometry.addPlaneSurface([loop]))
+        geometry.mesh.setTransfiniteSurface(layer[-1], "AlternateLeft" if k % 2 else "Right")
+    return layer
 
 
 _SLIVER_MM = 0.8

@@ -50,7 +50,7 @@ def _of_leg(answer: Answer) -> str:
 
 def _of_muscle(answer: Answer) -> str:
     if DEEP_C10 in answer.values:
-        return _stiffness("Muscle", answer.values[DEEP_C10])
+        return _stiffness(capital(answer.parameters["tissue"]), answer.values[DEEP_C10])
     each = (f"{words_of(name)} {known_text(one, '95 % ')}" for name, one in answer.values.items() if one.asked)
     return f"{'; '.join(each)}, with C10 of the muscle as given, {held_text(DEEP_C10, answer.parameters['C10_given'])}"
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from legfem.common.numbers import number, percent, share
+from legfem.geometry.section import MUSCLE
 from legfem.inverse.averaging import TIMES, left_open
 from legfem.inverse.catalogue import DEEP_C10, symbol_of
 from legfem.inverse.fit import Fit, KindDetails, r_squared
@@ -100,7 +101,7 @@ def diagnosis_web_page(
         f"Can the stiffness of {'subject' if leg else 'specimen'} ‘{subject.id}’ be trusted?",
         subject.title,
         subject.origin,
-        diagnosis_headline.headline(found, plan, "deep" if leg else "", notices),
+        diagnosis_headline.headline(found, plan, "deep" if leg and MUSCLE not in leg.section.lacks else "", notices),
         list(map(sentence_of, notices)),
         list(tables.known_of(found, subject)),
         [

@@ -56,14 +56,14 @@ def known_text(known: Value, named: str = "") -> str:
     return f"{ends}{unit}" if known.at_bound else f"{value}{unit} ({ends})"
 
 
-def words_of(name: str) -> str:
-    """Return a parameter's full name in words."""
+def words_of(name: str, regions: Mapping[str, str] = REGION_NAMES) -> str:
+    """Return a parameter's full name in words, by those for a leg's tissues."""
     tissue, _, field = name.rpartition(".")
-    if tissue not in REGION_NAMES and field in UNITS:
+    if tissue not in regions and field in UNITS:
         return f"{field} of the {tissue.replace('_', ' ')}"
-    if tissue not in REGION_NAMES:
+    if tissue not in regions:
         return parameter_of(name, {name: 1.0}).statement
-    return f"{field} of the {REGION_NAMES[tissue]}"
+    return f"{field} of the {regions[tissue]}"
 
 
 def estimated(what: str, found: Estimate, data: int | str, isotropic: bool) -> Known:

@@ -16,7 +16,6 @@ from legfem.geometry.slices import CONTOURS, SliceSet
 from legfem.legs.plausibility import room_before
 from legfem.legs.subject import Subject
 from legfem.report import style
-from legfem.report.words import REGION_NAMES
 
 if TYPE_CHECKING:
     from legfem.stockings.leg import StockingLeg
@@ -41,10 +40,9 @@ def placement_figure(subject: Subject, scanned: Mapping[str, Polygon] | None = N
     axes = figure.subplots()
     fascia = section.polygon("fascia")
     inner = np.asarray(fascia.buffer(-section.fascia_thickness).exterior.coords)
-    for name, ring in (("superficial", section.skin), ("fascia", section.fascia), ("deep", inner)):
-        axes.fill(
-            *ring.T, facecolor=style.REGION_COLOURS[name], edgecolor="black", linewidth=0.6, label=REGION_NAMES[name]
-        )
+    rings = {"superficial": section.skin, "fascia": section.fascia, "deep": inner}
+    for name, (words, colour) in style.regions(section).items():
+        axes.fill(*rings[name].T, facecolor=colour, edgecolor="black", linewidth=0.6, label=words)
     for muscle, contour in section.muscles.items():
         axes.plot(*np.vstack([contour, contour[:1]]).T, color="black", linewidth=0.6)
         axes.annotate(muscle, contour.mean(axis=0), ha="center", va="center", fontsize=7)

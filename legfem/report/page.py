@@ -13,7 +13,7 @@ from legfem.inverse.answer import Tone
 from legfem.report.curves import Block as Block  # blocks of other files are made there
 from legfem.report.folder import ReportFile
 from legfem.report.style import BONE_COLOUR, REGION_COLOURS
-from legfem.report.words import ORIGINS, REGION_NAMES, WORDS, DataKind
+from legfem.report.words import ORIGINS, WORDS, DataKind
 
 PAGE = "report.html"
 TESTED = "What was tested"
@@ -190,16 +190,14 @@ class PressedSection(Block):
     """Names of what it is coloured by."""
     rows: list[list[str]]
     """Displacement, force and greatest measures of every state."""
+    tissues: list[tuple[str, str]]
+    """Names and colours."""
     header: ClassVar[list[str]] = [
         "displacement (mm)",
         "force (N)",
-        "highest pressure in muscle and fat (kPa)",
+        "highest pressure in soft tissue (kPa)",
         "greatest movement (mm)",
-        "greatest stretch of muscle and fat",
-    ]
-    tissues: ClassVar[list[tuple[str, str]]] = [
-        *((REGION_NAMES[name], REGION_COLOURS[name]) for name in REGION_NAMES),
-        ("bone (fixed)", BONE_COLOUR),
+        "greatest stretch of soft tissue",
     ]
 
 

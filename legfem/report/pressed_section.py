@@ -16,12 +16,12 @@ from legfem.experiments.indentation import is_due
 from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.fem.fields import FieldReader, LegFields
 from legfem.geometry.indenter import first_touch
-from legfem.geometry.section import LegSection
+from legfem.geometry.section import LAYERS, LegSection
 from legfem.legs.subject import Subject
 from legfem.meshing.section import REGIONS
 from legfem.report.curves import packed
 from legfem.report.page import PressedSection, StillSection
-from legfem.report.style import BONE_COLOUR, REGION_COLOURS, part_colour
+from legfem.report.style import BONE_COLOUR, part_colour, regions
 
 # Corners of a second-order cell in the order of its outline, among DOLFINx' nodes.
 _CORNERS = {6: [0, 1, 2], 9: [0, 1, 3, 2]}
@@ -30,7 +30,6 @@ _CORNERS = {6: [0, 1, 2], 9: [0, 1, 3, 2]}
 _MOVE, _SHARE = 1 / 200, 1 / 50_000
 """mm, and share of a measure's range, a count: what whole numbers of 16 bits hold of them."""
 _MARGIN = 12.0
-_COLOURS = {REGIONS[name]: REGION_COLOURS[name] for name in ("superficial", "fascia")}
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +124,8 @@ def pressed_section(film: Film, displacement: FloatArray, force: FloatArray, wha
     ]
     measures = [_measure(*named, values, tissue) for named, values in zip(_MEASURES, measured, strict=True)]
     section, radius = film.experiment.section, film.experiment.indenter.radius
+    names = regions(section)
+    colours = {REGIONS[name]: colour for name, (_, colour) in names.items()}
     content = {
         "displacement": depths,
         "force": forces,
@@ -137,13 +138,14 @@ def pressed_section(film: Film, displacement: FloatArray, force: FloatArray, wha
         "mm_a_count": _MOVE,
         "measures": measures,
         "share_a_count": _SHARE,
-        "tissue": [_COLOURS.get(int(tag), REGION_COLOURS["deep"]) for tag in first.region],
+        "tissue": [colours.get(int(tag), names["deep"][1]) for tag in first.region],
         "bones": [outline.round(2).tolist() for outline in section.bones.values()],
         "skin": section.skin.round(2).tolist(),
         "bone": BONE_COLOUR,
         "frame": _frame(section, radius, *centres),
     }
-    return PressedSection(what, content, depths[-1], [name for name, *_ in _MEASURES], rows)
+    tissues = [*names.values(), ("bone (fixed)", BONE_COLOUR)]
+    return PressedSection(what, content, depths[-1], [name for name, *_ in _MEASURES], rows, tissues)
 
 
 _MEASURES = (("pressure", "kPa", 0), ("movement", "mm", 1), ("stretch", "", 2))
@@ -183,9 +185,10 @@ def still_section(subject: Subject) -> StillSection:
         (part, part_colour(section, part), " ".join(f"{x:.1f},{-y:.1f}" for x, y in section.contour(part)))
         for part in section.parts
     ]
+    layers = " Fat is light, muscle dark, the fascia the line between them." if section.layers == LAYERS else ""
     return StillSection(
         "Section of the leg as it was given, with the cylinder where it first touches the skin and "
-        "the way it is pressed. Fat is light, muscle dark, the fascia the line between them.",
+        f"the way it is pressed.{layers}",
         f"{left:.1f} {-bottom - height:.1f} {width:.1f} {height:.1f}",
         outlines,
         (float(centre[0]), float(-centre[1]), float(indenter.radius)),

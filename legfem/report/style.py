@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from legfem.geometry.section import LegSection
 from legfem.report.folder import ReportFile
+from legfem.report.words import region_words
 
 _log = logging.getLogger(__name__)
 
@@ -23,6 +24,12 @@ DATA_COLOUR = "#111111"
 FAINT = "#8C8C8C"
 LOCATED_COLOUR = "#F0E442"
 """Where a model is wrong."""
+
+
+def regions(section: LegSection) -> dict[str, tuple[str, str]]:
+    """Return the words for each of a section's tissues, and its colour; that of one alone is fat's."""
+    words = region_words(section)
+    return {name: (one, REGION_COLOURS[name if len(words) > 1 else "superficial"]) for name, one in words.items()}
 
 
 def part_colour(section: LegSection, part: str) -> str:

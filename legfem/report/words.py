@@ -15,6 +15,7 @@ from legfem.common.numbers import number
 from legfem.common.resources import resource
 from legfem.common.units import FloatArray
 from legfem.geometry.leg_shape import LegShape
+from legfem.geometry.section import MUSCLE, LegSection
 
 
 class DataKind(NamedTuple):
@@ -34,6 +35,13 @@ WORDS = resource("words", dict[str, Any])
 ORIGINS = {origin: DataKind(*told) for origin, told in WORDS["origins"].items()}
 LAW_NAMES: Mapping[str, str] = WORDS["laws"]
 REGION_NAMES: Mapping[str, str] = WORDS["regions"]
+
+
+def region_words(section: LegSection) -> Mapping[str, str]:
+    """Return words for each of a section's tissues, by its name in the model; without muscle there is one."""
+    return {"deep": WORDS["pad"]} if MUSCLE in section.lacks else REGION_NAMES
+
+
 NOT_TESTED: Mapping[str, Sequence[str]] = WORDS["not_tested"]
 """What could not be tested, by the page."""
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from legfem.common.command_line import CheckedCommand
-from studies.cases import bars, benchmark, layers, peers, reach, sealed_command, sites
+from studies.cases import bars, benchmark, layers, limbs, peers, reach, sealed_command, sites
 from studies.cases.machine import Kind, command_of
 from studies.command_line import new_app
 
@@ -15,6 +15,7 @@ KINDS: dict[str, Kind[Path, Any, Any]] = {
     "calf-layers": layers.CALVES,
     "sites": sites.KIND,
     "bars": bars.KIND,
+    "limbs": limbs.KIND,
     "reach": reach.KIND,
 }
 app = new_app()

@@ -32,9 +32,15 @@ def write_case(lab: Lab, case: SealedCase, folder: Path) -> bool:
     leg = lab.subject(case, programme, (*LATERAL, *THICKNESSES, *RISES))
     if leg is None:
         return False
-    touches = programme == "holds"
     given = leg.section, folder, f"case {case.number}", leg.indenter.aim, leg.indenter.direction_deg, "simulated"
-    write_subject_folder(*given, leg.recordings, touches, True, INSTRUMENT, case.law)
+    write_subject_folder(
+        *given,
+        leg.recordings,
+        starts_at_contact=programme == "holds",
+        plane_strain=True,
+        instrument=INSTRUMENT,
+        deep_law=case.law,
+    )
     return True
 
 

@@ -106,8 +106,8 @@ def _tissues(leg: DrawnLeg) -> Tissues:
     )
 
 
-def _section(generator: np.random.Generator, girth: float, fat: float, fascia: float) -> LegSection | None:
-    """Return contours drawn, or None where they cross."""
+def drawn_layers(generator: np.random.Generator, girth: float, fat: float) -> tuple[FloatArray, FloatArray]:
+    """Return outlines of skin and fascia of a drawn shape; girth and mean fat in mm."""
 
     def even(low: float, high: float) -> float:
         return float(generator.uniform(low, high))
@@ -118,7 +118,16 @@ def _section(generator: np.random.Generator, girth: float, fat: float, fascia: f
     outline = reach[:, None] * unit
     skin = outline * girth / np.linalg.norm(outline - np.roll(outline, 1, axis=0), axis=1).sum()
     uneven = even(0.0, 0.4) * np.cos(angle - even(0, 2 * np.pi))
-    hull = skin - (fat * (1 + uneven))[:, None] * outward_normals(skin)
+    return skin, skin - (fat * (1 + uneven))[:, None] * outward_normals(skin)
+
+
+def _section(generator: np.random.Generator, girth: float, fat: float, fascia: float) -> LegSection | None:
+    """Return contours drawn, or None where they cross."""
+
+    def even(low: float, high: float) -> float:
+        return float(generator.uniform(low, high))
+
+    skin, hull = drawn_layers(generator, girth, fat)
     room = float(np.linalg.norm(hull - hull.mean(axis=0), axis=1).min())
     middle = hull.mean(axis=0)
 

@@ -247,9 +247,9 @@ class OtherCode(OtherPressing):
         self.start = np.asarray(first_touch(subject.section.skin, indenter.radius, indenter.aim, travel))
         at_skin = self.start + self.radius * travel
         self.mesh = mesh_leg(subject.section, at_skin, finer)
-        fat = subject.tissues["superficial"].C10
-        assert fat is not None
-        modulus = 2 * max(fat * case.factors.get("superficial", 1.0), kpa_to_mpa(case.c10))
+        outer = [tissue.C10 or 0.0 for name, tissue in subject.tissues.items() if name == "superficial"]
+        fat = max(outer, default=0.0) * case.factors.get("superficial", 1.0)
+        modulus = 2 * max(fat, kpa_to_mpa(case.c10))
         self.face: SlidingFace | None = None
         if case.sliding is not None:
             self.mesh, self.face = parted(self.mesh, _BETWEEN * modulus / self.radius, kpa_to_mpa(case.sliding))
@@ -328,7 +328,7 @@ class OtherCode(OtherPressing):
             met = shapely.get_coordinates(line.intersection(shapely.MultiLineString(list(bent))))
             return float(((met - start) @ self.travel).min()) if len(met) else np.nan
 
-        skin, outer, inner, bone = map(place, self._outlines)
+        skin, outer, inner, bone = (place(edges) if len(edges) else np.nan for edges in self._outlines)
         edges = self._outlines[0]
         rises = {
             f"skin_rise_{'left' if side > 0 else 'right'}_{abs(side):g}": place(edges, self.mesh.points, side)
@@ -375,7 +375,8 @@ class OtherCode(OtherPressing):
     @cached_property
     def _outlines(self) -> list[Ints]:
         """Edges of skin, the fascia's two faces and the bones, (n, 3) each: ends and middle."""
-        fat, fascia, deep = (_edges(self.mesh.cells[name]) for name in ("superficial", "fascia", "deep"))
+        none = np.zeros((0, 6), dtype=int)
+        fat, fascia, deep = (_edges(self.mesh.cells.get(name, none)) for name in ("superficial", "fascia", "deep"))
         on_bone = np.isin(deep, np.concatenate(list(self.mesh.bones.values()))).all(axis=1)
         return [self.mesh.skin, _shared(fat, fascia), _shared(deep, fascia), deep[on_bone]]
 

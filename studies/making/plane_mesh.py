@@ -12,7 +12,7 @@ import shapely
 from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
-from legfem.geometry.section import LegSection
+from legfem.geometry.section import MUSCLE, LegSection
 
 type Ints = NDArray[np.int_]
 
@@ -33,7 +33,7 @@ class TriangleMesh:
     skin: Ints
     """(k, 3): end points and middle of every edge."""
     bones: Mapping[str, Ints]
-    """Points of every bone."""
+    """Points of every bone, and of the skin on a plate."""
 
     @cached_property
     def skin_weights(self) -> FloatArray:
@@ -48,21 +48,18 @@ def mesh_leg(section: LegSection, touch: FloatArray, finer: float = 1.0) -> Tria
     import gmsh
 
     inner = shapely.Polygon(section.fascia).buffer(-section.fascia_thickness)
-    loops = {
-        "skin": section.skin,
-        "fascia": section.fascia,
-        "inner": np.array(inner.exterior.coords)[:-1],
-        **section.bones,
-    }
+    loops = {"skin": section.skin, "fascia": section.fascia, "inner": np.array(inner.exterior.coords)[:-1]}
+    nested = {"superficial": ("skin", "fascia"), "fascia": ("fascia", "inner"), "deep": ("inner", *section.bones)}
+    if MUSCLE in section.lacks:
+        loops, nested = {"skin": section.skin}, {"deep": ("skin", *section.bones)}
+    loops |= section.bones
     gmsh.initialize(interruptible=False)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.model.add("leg")
         lines = {name: _loop(gmsh, _resampled(points, 1.0)) for name, points in loops.items()}
         surfaces = {
-            "superficial": gmsh.model.occ.addPlaneSurface([lines["skin"], lines["fascia"]]),
-            "fascia": gmsh.model.occ.addPlaneSurface([lines["fascia"], lines["inner"]]),
-            "deep": gmsh.model.occ.addPlaneSurface([lines["inner"], *(lines[b] for b in section.bones)]),
+            name: gmsh.model.occ.addPlaneSurface([lines[part] for part in parts]) for name, parts in nested.items()
         }
         gmsh.model.occ.synchronize()
         _sizes(gmsh, touch, section, finer)
@@ -132,7 +129,9 @@ def _tidied(points: FloatArray, cells: Mapping[str, Ints], section: LegSection) 
     apart = {name: shapely.distance(middle, section.polygon(name).exterior) for name in ("skin", *section.bones)}
     nearest = np.argmin(np.array(list(apart.values())), axis=0)
     bones = {bone: np.unique(outer[nearest == k + 1]) for k, bone in enumerate(section.bones)}
-    return TriangleMesh(points, turned, outer[nearest == 0], bones)
+    rests = section.rests(points[outer[:, 2]]) & (nearest == 0)
+    plate = {"plate": np.unique(outer[rests])} if rests.any() else {}
+    return TriangleMesh(points, turned, outer[(nearest == 0) & ~rests], {**bones, **plate})
 
 
 def distances_from_edges(at: FloatArray, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -10,7 +10,7 @@ from legfem.common.errors import UnsolvedError
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.geometry.indenter import Indenter
-from legfem.geometry.section import LegSection
+from legfem.geometry.section import MUSCLE, LegSection
 from legfem.legs.finite_element_models import plane_strain_test
 from legfem.legs.subject import Subject, TissueParameters
 from legfem.solve.path import ForceCurve
@@ -32,11 +32,10 @@ def stated_leg(
 ) -> Subject:
     """Return a leg in plane strain without recordings, pressed by a cylinder; all tissues but its fat are as usual."""
     second = 28.0 if law == "reduced-polynomial" else None
-    tissues = {
-        "deep": TissueParameters(law, None, None, 28.0, second),
-        "superficial": TissueParameters("neo-hookean", kpa_to_mpa(fat_kpa), None, 22.5, None),
-        "fascia": TissueParameters("neo-hookean", kpa_to_mpa(100.0), None, 22.5, None),
-    }
+    tissues = {"deep": TissueParameters(law, None, None, 28.0, second)}
+    if MUSCLE not in section.lacks:
+        tissues["superficial"] = TissueParameters("neo-hookean", kpa_to_mpa(fat_kpa), None, 22.5, None)
+        tissues["fascia"] = TissueParameters("neo-hookean", kpa_to_mpa(100.0), None, 22.5, None)
     return Subject(
         id=name,
         title=f"{name}, simulated",

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import combinations
 from types import MappingProxyType
 
 import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.geometry.indenter import Indenter
-from legfem.geometry.section import LegSection, minimal_fat_thickness
+from legfem.geometry.section import MUSCLE, LegSection, minimal_fat_thickness
 from legfem.legs.subject import LegAccuracy, Subject
 from studies.making.recording import LabErrors
 
@@ -49,7 +50,7 @@ def misstated(subject: Subject, sizes: Misstated, generator: np.random.Generator
     aim = indenter.aim + sizes.aim * generator.uniform(-1, 1) * across
     turned = indenter.direction_deg + sizes.direction * generator.uniform(-1, 1)
     tissues = dict(subject.tissues)
-    for name in ("superficial", "fascia"):
+    for name in (one for one in ("superficial", "fascia") if one in tissues):
         factor = sizes.factor ** generator.uniform(-1, 1)
         stiffness = tissues[name].C10
         assert stiffness is not None
@@ -78,13 +79,15 @@ def outlines_off(section: LegSection, size: float, generator: np.random.Generato
     if size == 0:
         return section
     for _ in range(_ATTEMPTS):
-        parts = {name: _off(section.contour(name), size, generator) for name in ("skin", "fascia")}
+        parts = {name: _off(section.contour(name), size, generator) for name in section.layers}
         for bone in section.bones:
             parts[bone] = section.contour(bone) + size * generator.normal(size=2)
-        moved = LegSection.of_parts(parts, section.fascia_thickness)
+        moved = replace(LegSection.of_parts(parts, section.fascia_thickness), support=section.support)
         inside = all(moved.polygon("fascia").buffer(-2.0).contains(moved.polygon(bone)) for bone in section.bones)
-        apart = moved.polygon("tibia").distance(moved.polygon("fibula")) > 1.0
-        if inside and apart and minimal_fat_thickness(moved) > LEAST_FAT_MM:
+        apart = all(
+            moved.polygon(one).distance(moved.polygon(other)) > 1.0 for one, other in combinations(moved.bones, 2)
+        )
+        if inside and apart and (MUSCLE in moved.lacks or minimal_fat_thickness(moved) > LEAST_FAT_MM):
             return moved
     raise ValueError(f"no outlines off by {size:g} mm leave {LEAST_FAT_MM:g} mm of fat")
 

@@ -136,7 +136,7 @@ class LayerThicknesses(base.ChannelFile):
                 (low, low_rates), (high, high_rates) = (seen.move((0.0, height), 1) for height in heights)
                 found[name] = heights[1] - heights[0] + high - low, high_rates - low_rates
             return found
-        for name, between in _BETWEEN.items():
+        for name, between in ((n, b) for n, b in _BETWEEN.items() if {*b} <= {*seen.lines}):
             (above, rising), (below, sinking) = (seen.lines[outline].place for outline in between)
             if np.isfinite(below - above):
                 found[name] = below - above, sinking - rising

@@ -27,7 +27,7 @@ from legfem.report.leg_figure import SECTION_SHOWS, placement_figure
 from legfem.report.plan import options_of
 from legfem.report.pressed_section import still_section
 from legfem.report.style import DATA_COLOUR, FAINT, picture
-from legfem.report.words import BEYOND_A_FIT, LAW_NAMES, NOT_TESTED
+from legfem.report.words import BEYOND_A_FIT, LAW_NAMES, NOT_TESTED, REGION_NAMES, region_words
 
 type LegFit = Fit[LegDetails]
 
@@ -44,11 +44,13 @@ class LegReport(ReportKind):
         """Return the title."""
         leg, several = chosen.details.leg, len(chosen.tests) > 1
         where = f", from {len(leg.sites)} sites together" if several else ""
-        return f"How stiff is the deep tissue (muscle) of {'leg' if several else 'subject'} {leg.id}{where}?"
+        tissue = region_words(leg.sites[0].section)["deep"]
+        return f"How stiff is the {tissue} of {'leg' if several else 'subject'} {leg.id}{where}?"
 
     def answers(self, chosen: LegFit) -> list[tuple[str, str]]:
         """Return what is wrong, how sure it is, what C10 is and what to do."""
         answer, law = chosen.answer, LAW_NAMES[chosen.law]
+        regions = region_words(chosen.details.subject.section)
         if answer.finding is Finding.TESTS_DISAGREE:
             wrong = _agreement(chosen)
         elif answer.finding is Finding.MISFIT:
@@ -58,7 +60,7 @@ class LegReport(ReportKind):
             wrong = "None in the recordings, of which all phases were checked."
             if chosen.weighting == "paper":
                 wrong = "None in the loading part of the recordings, which is all that was checked."
-            if _suspect(chosen).indenter.lies_along:
+            if _suspect(chosen).indenter.lies_along and regions == REGION_NAMES:
                 wrong += f" {BEYOND_A_FIT}"
         no_number, found = answer.tone == "wrong", chosen.estimates.get(DEEP_C10)
         c10, beside_others = "", list[tuple[str, str]]()
@@ -66,18 +68,20 @@ class LegReport(ReportKind):
             c10 = estimates.held_text(DEEP_C10, answer.parameters["C10_given"])
         elif c10 := estimates.known_text(value_of(found)):
             known = found.one_number and not no_number
+            known = known and regions == REGION_NAMES
             beside_others = estimates.high_or_low("deep", found.shown.value, None, chosen.notices) if known else []
         values = "; ".join(
-            f"{estimates.words_of(name)} {estimates.known_text(value_of(one), '95 % ')}"
+            f"{estimates.words_of(name, regions)} {estimates.known_text(value_of(one), '95 % ')}"
             + (f", {estimates.moduli_of(one)}" if name == DEEP_C10 and one.one_number else "")
             for name, one in chosen.asked.items()
         )
+        outer = "the assumed stiffness of fat or fascia, " if regions == REGION_NAMES else ""
         effect = (
             f"{c10} is the best fit, but don't rely on it: its interval does not include the effect that is missing."
             if no_number and (found is None or found.one_number)
             else f"C10 was given as {c10}, and all that was found rests on it."
             if found is None
-            else f"C10 is {c10}. If the assumed stiffness of fat or fascia, the units or the sizes are wrong, C10 "
+            else f"C10 is {c10}. If {outer}the units or the sizes are wrong, C10 "
             "changes: the table of numbers and “What could not be tested” say by how much."
         )
         return [

@@ -7,7 +7,7 @@ import numpy as np
 
 from legfem.common.numbers import fit_probability
 from legfem.common.units import mpa_to_kpa
-from legfem.geometry.section import girth
+from legfem.geometry.section import MUSCLE, girth
 from legfem.inverse.catalogue import symbol_of
 from legfem.inverse.fit import Fit
 from legfem.inverse.intervals import NUMERICAL_ERROR
@@ -19,7 +19,7 @@ from legfem.mechanics.materials import Hyperelastic
 from legfem.report.estimates import estimated, held_of, held_text, how_found, wave_rows, words_of
 from legfem.report.further_channels import channel_name
 from legfem.report.page import Block, Known, Prose, Provenance, WebTable
-from legfem.report.words import LAW_NAMES, WORDS
+from legfem.report.words import LAW_NAMES, WORDS, region_words
 
 type LegFit = Fit[LegDetails]
 
@@ -31,9 +31,10 @@ def known_of(fits: Sequence[LegFit]) -> Iterator[Known]:
     """What was found with each law, what was held, and what was measured at each site."""
     first = fits[0]
     details, subject = first.details, first.details.subject
+    regions = region_words(subject.section)
     trials = sum(curve_of(one).n_trials for one in first.tests)
     yield from (
-        estimated(f"{words_of(name)}, {LAW_NAMES[fit.law]} law", found, trials, subject.fibres is None)
+        estimated(f"{words_of(name, regions)}, {LAW_NAMES[fit.law]} law", found, trials, subject.fibres is None)
         for fit in reversed(fits)
         for name, found in fit.estimates.items()
     )
@@ -49,8 +50,9 @@ def known_of(fits: Sequence[LegFit]) -> Iterator[Known]:
             if math.isfinite(estimate.moves.get(name, math.nan))
         )
         remark = f"if it were 10 % higher: {moved}" if moved else ""
-        yield Known(words_of(name), held_text(name, value), "assumed", source, remark=remark)
-    yield Known("thickness of the fascia", f"{subject.section.fascia_thickness:g} mm", "assumed", "subject.toml")
+        yield Known(words_of(name, regions), held_text(name, value), "assumed", source, remark=remark)
+    if thickness := subject.section.fascia_thickness:
+        yield Known("thickness of the fascia", f"{thickness:g} mm", "assumed", "subject.toml")
     yield from (
         Known(f"{symbol_of(name)} of each site", f"± {sd:.3g} (sd)", "prior", "--prior")
         for name, sd in details.own_errors.items()
@@ -161,7 +163,7 @@ def _procedure(fit: LegFit) -> str:
     searcher = "A genetic algorithm (pygad)" if minimiser is None else f"A search of the user's ({minimiser})"
     deep = all(name.startswith("deep.") for name in fit.estimates)
     weights = WORDS["weightings"][fit.weighting]
-    sought = "the deep tissue's parameters" if deep else ", ".join(fit.estimates)
+    sought = "the tissue's parameters" if deep else ", ".join(fit.estimates)
     return (
         f"The recordings ({trials} trial{'s' * (trials > 1)}) are of {pressed}. At stations along {weighed} every "
         f"trial they are compared with the model. {together}{_model(fit)} {searcher} searched for {sought} "
@@ -211,7 +213,8 @@ def _statistics(fit: LegFit) -> dict[str, str]:
 
 def _tissues(fits: Sequence[LegFit]) -> WebTable:
     rows: list[dict[str, str]] = []
-    groups = fits[0].details.subject.section.groups
+    section = fits[0].details.subject.section
+    groups, words = section.groups, region_words(section) if MUSCLE in section.lacks else {}
     for name in fits[0].details.subject.tissues:
         for fit in fits:
             if (found := _tissue(name, fit)) is None:
@@ -219,7 +222,7 @@ def _tissues(fits: Sequence[LegFit]) -> WebTable:
             tissue, known = found
             law = fit.details.subject.tissues[name].law if name in ("superficial", "fascia") else fit.law
             row = {
-                "tissue": f"{name}: {', '.join(groups[name])}" if name in groups else name,
+                "tissue": f"{name}: {', '.join(groups[name])}" if name in groups else words.get(name, name),
                 "law": LAW_NAMES[law],
                 "C10 (kPa)": f"{mpa_to_kpa(tissue.C10):.3g}",
                 "C10 is": known,

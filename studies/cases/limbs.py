@@ -1,0 +1,155 @@
+"""Limbs that are no calf: shapes, stiffness and a lab's errors drawn, pressed by another code, and identified."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import count
+from pathlib import Path
+
+import numpy as np
+
+from legfem.common.documents import markdown_table
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray
+from legfem.geometry.contours import check_section
+from legfem.geometry.section import LegSection, across, depth_to_bone
+from legfem.inverse.catalogue import DEEP_C10
+from legfem.inverse.settings import SearchRequest
+from legfem.legs.identification import fit_leg
+from legfem.legs.placement import bone_outline
+from studies.cases.machine import Kind
+from studies.cases.outcomes import Interval, Rate
+from studies.cases.reach import drawn_layers
+from studies.making.plane_leg import OtherCase
+from studies.making.pressed_legs import stated_leg, true_force
+from studies.making.recording import Course, record
+from studies.making.stated import drawn_errors, drawn_misstatement, misstated
+
+type Ends = tuple[float, float]
+"""Between which something is drawn evenly."""
+
+
+@dataclass(frozen=True)
+class Limb:
+    """What a limb's numbers are drawn from; its bones by their radius and distance over the room, and their angle.
+
+    Without fat it is a pad alone; without bones it lies on a plate that faces the cylinder.
+    """
+
+    girth_mm: Ends
+    fat_mm: Ends
+    bones: Mapping[str, tuple[Ends, Ends, Ends]] = field(default_factory=dict)
+    c10_kPa: Ends = (0.4, 4.0)
+    """Evenly in its logarithm."""
+    travel: Ends = (0, 360)
+
+
+LIMBS = {
+    "thigh": Limb((420, 620), (6, 25), {"femur": ((0.15, 0.22), (0.0, 0.25), (-90, 270))}),
+    "forearm": Limb(
+        (200, 280),
+        (2.5, 8),
+        {"radius": ((0.13, 0.18), (0.4, 0.55), (155, 205)), "ulna": ((0.13, 0.18), (0.4, 0.55), (-25, 25))},
+    ),
+    "residual limb": Limb(
+        (260, 380),
+        (4, 14),
+        {"tibia": ((0.2, 0.3), (0.2, 0.4), (70, 110)), "fibula": ((0.1, 0.16), (0.45, 0.65), (-25, 25))},
+    ),
+    "heel pad": Limb((190, 250), (0, 0), {"calcaneus": ((0.45, 0.55), (0.05, 0.2), (60, 120))}, (1.0, 10.0), (65, 115)),
+    "soft end": Limb((220, 340), (4, 12)),
+}
+DEEPEST_MM, LEAST_MM, OF_WAY = 12.0, 4.0, 0.5
+"""Greatest and least depth, and greatest share of the way to the bone."""
+FASCIA_MM, FAT_KPA, RATE_MM_PER_S, TRIALS = (0.4, 1.0), 2.0, 0.5, 3
+
+
+@dataclass(frozen=True)
+class Plant:
+    """What is planted; its shape and errors are drawn with the same seed."""
+
+    limb: str
+    number: int
+    seed: int
+
+
+@dataclass(frozen=True)
+class FoundLimb:
+    """What was found of one limb."""
+
+    plant: Plant
+    c10_kPa: float
+    found: Interval
+    fits: bool
+    depth_mm: float
+
+
+def plants(number: int, seed: int) -> list[Plant]:
+    """Return as many plants of each limb."""
+    return [Plant(limb, k, seed) for k in range(number) for limb in LIMBS]
+
+
+def _section(limb: Limb, travel: FloatArray, generator: np.random.Generator) -> LegSection:
+    even = generator.uniform
+    skin, hull = drawn_layers(generator, even(*limb.girth_mm), even(*limb.fat_mm))
+    middle, bones = hull.mean(axis=0), dict[str, FloatArray]()
+    room = float(np.linalg.norm(hull - middle, axis=1).min())
+    for name, (size, far, way) in limb.bones.items():
+        angle = np.radians(even(*way))
+        x, y = middle + even(*far) * room * np.array([np.cos(angle), np.sin(angle)])
+        bones[name] = bone_outline(even(*size) * room, (float(x), float(y)), even(0.0, 0.3), 3, even(0, 2 * np.pi))
+    fascia = even(*FASCIA_MM) if limb.fat_mm[1] else 0.0
+    section = LegSection.of_parts({"skin": skin, "fascia": hull, **bones}, fascia)
+    if bones:
+        return section
+    face = middle + 0.9 * float(((skin - middle) @ travel).max()) * travel
+    return replace(section, support=np.array([face, face + across(travel)]))
+
+
+def identified(folder: Path, plant: Plant) -> FoundLimb:
+    """Draw a limb that can be pressed, record it by another code, and identify it from what a lab states of it."""
+    limb, generator = LIMBS[plant.limb], np.random.default_rng([plant.seed, plant.number, *plant.limb.encode()])
+    for _ in count():
+        direction = generator.uniform(*limb.travel)
+        travel = np.array([np.cos(np.radians(direction)), np.sin(np.radians(direction))])
+        section = _section(limb, travel, generator)
+        usual = stated_leg(plant.limb, section, section.skin.mean(axis=0), direction, FAT_KPA)
+        try:
+            check_section(section, "drawn limb")
+            drawn = misstated(usual, drawn_misstatement(generator), generator)
+        except (InputError, ValueError):
+            continue
+        way = depth_to_bone(section, usual.indenter.aim, usual.indenter.direction)
+        if (depth := min(DEEPEST_MM, OF_WAY * way)) >= LEAST_MM:
+            break
+    c10 = float(np.exp(generator.uniform(*np.log(limb.c10_kPa))))
+    curve = true_force(replace(usual, tissues=drawn.tissues), OtherCase(c10), depth, LEAST_MM)
+    at = RATE_MM_PER_S * np.arange(0.0, curve.depth / RATE_MM_PER_S + 1e-9, 0.1)
+    course = Course(at / RATE_MM_PER_S, at, curve(at))
+    trials = record([course] * TRIALS, drawn_errors(generator), generator)
+    stated = replace(drawn, tissues=usual.tissues, recordings=tuple(trials))
+    kept = SearchRequest(out=folder / "solves" / f"{plant.limb}-{plant.number}")
+    (fit,) = fit_leg(stated, ("neo-hookean",), kept)
+    return FoundLimb(plant, c10, Interval.of(fit.estimates[DEEP_C10]), fit.goodness.fits, curve.depth)
+
+
+def page(found: Sequence[FoundLimb]) -> str:
+    """Return how many of each limb were held."""
+    rows = []
+    for limb in LIMBS:
+        if own := [one for one in found if one.plant.limb == limb]:
+            off = [one.found.value / one.c10_kPa - 1 for one in own]
+            held = Rate(sum(one.found.covers(one.c10_kPa) for one in own), len(own))
+            width = np.median([one.found.high / one.found.low for one in own])
+            most = f"{100 * np.median(np.abs(off)):.0f} (at most {100 * max(map(abs, off)):.0f})"
+            rows.append([limb, str(held), most, f"{width:.2f}", f"{sum(one.fits for one in own)}/{len(own)}"])
+    head = ["limb", "95 % interval holds C10", "off by (%), median", "high over low end, median", "law said to fit"]
+    return f"{markdown_table(head, rows)}\nSimulated data.\n"
+
+
+def _line(plant: Plant, one: FoundLimb) -> str:
+    return f"{plant.limb} {plant.number}: C10 {one.c10_kPa:.3g}, found {one.found.ends(one.c10_kPa)} kPa"
+
+
+KIND = Kind("limbs that are no calf, so many of each", 20, plants, identified, FoundLimb, _line, page)
