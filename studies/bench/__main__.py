@@ -11,20 +11,16 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from legfem.common.command_line import command_context, leave_to_first_rank, study_context
+from legfem.common.command_line import command_context, leave_to_first_rank
 from legfem.common.documents import write_document
 from legfem.common.errors import InputError
-from legfem.common.progress import progress_on
 from studies.bench.work import ASKED, COMPARED, TASKS, done_apart
-from studies.cases.reach import KIND, ReachTask
-from studies.command_line import DONE_IS_KEPT, Jobs, Out, Seed, new_app
+from studies.command_line import new_app
 from studies.counting import Work
 
 KEPT = Path(__file__).parent / "kept.json"
 GROWTH = 0.05
 """Of a count, above which the command fails."""
-RADII_MM = 7.5, 20.0
-"""Of drawn legs' cylinders."""
 
 app = new_app()
 
@@ -56,9 +52,8 @@ def work_table(works: Mapping[str, Work], kept: Mapping[str, Mapping[str, int]],
     return table
 
 
-@app.callback(invoke_without_command=True)
+@app.command()
 def bench(
-    context: typer.Context,
     tasks: Annotated[
         list[str] | None, typer.Option("--task", help=f"Of {', '.join(TASKS)}; several may be given.")
     ] = None,
@@ -68,8 +63,6 @@ def bench(
 
     Example: python -m studies.bench --task curve --task identify
     """
-    if context.invoked_subcommand:
-        return
     leave_to_first_rank()
     with command_context():
         names = tasks or [name for name in TASKS if name not in ASKED]
@@ -85,22 +78,6 @@ def bench(
         elif lines := grown(works, kept):
             print("counts have grown:", *lines, sep="\n")
             raise typer.Exit(1)
-
-
-@app.command()
-def legs(
-    number: Annotated[int, typer.Option("--legs", min=1, help="How many are drawn.")] = 200,
-    seed: Seed = 1,
-    out: Out = None,
-    jobs: Jobs = None,
-) -> None:
-    """Press drawn legs, with cylinders of 15 to 40 mm, to 30 mm or near the bone, and print what they take.
-
-    Example: python -m studies.bench legs --legs 60
-    """
-    with study_context("bench-legs", out, jobs, DONE_IS_KEPT) as (folder, processes), progress_on() as progress:
-        tasks = [ReachTask(k, seed, False, RADII_MM) for k in range(number)]
-        KIND.count(tasks, folder, folder, processes, progress)
 
 
 if __name__ == "__main__":

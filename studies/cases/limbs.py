@@ -17,10 +17,9 @@ from legfem.geometry.section import LegSection, across, depth_to_bone
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.settings import SearchRequest
 from legfem.legs.identification import fit_leg
-from legfem.legs.placement import bone_outline
 from studies.cases.machine import Kind
 from studies.cases.outcomes import Interval, Rate
-from studies.cases.reach import drawn_layers
+from studies.cases.reach import bone_within, drawn_layers
 from studies.making.plane_leg import OtherCase
 from studies.making.pressed_legs import stated_leg, true_force
 from studies.making.recording import Course, record
@@ -93,16 +92,15 @@ def plants(number: int, seed: int) -> list[Plant]:
 def _section(limb: Limb, travel: FloatArray, generator: np.random.Generator) -> LegSection:
     even = generator.uniform
     skin, hull = drawn_layers(generator, even(*limb.girth_mm), even(*limb.fat_mm))
-    middle, bones = hull.mean(axis=0), dict[str, FloatArray]()
-    room = float(np.linalg.norm(hull - middle, axis=1).min())
+    bones = dict[str, FloatArray]()
     for name, (size, far, way) in limb.bones.items():
-        angle = np.radians(even(*way))
-        x, y = middle + even(*far) * room * np.array([np.cos(angle), np.sin(angle)])
-        bones[name] = bone_outline(even(*size) * room, (float(x), float(y)), even(0.0, 0.3), 3, even(0, 2 * np.pi))
+        at = np.radians(even(*way)), even(*far)
+        bones[name] = bone_within(hull, even(*size), even(0.0, 0.3), 3, *at, even(0, 2 * np.pi))
     fascia = even(*FASCIA_MM) if limb.fat_mm[1] else 0.0
     section = LegSection.of_parts({"skin": skin, "fascia": hull, **bones}, fascia)
     if bones:
         return section
+    middle = hull.mean(axis=0)
     face = middle + 0.9 * float(((skin - middle) @ travel).max()) * travel
     return replace(section, support=np.array([face, face + across(travel)]))
 

@@ -22,11 +22,11 @@ from legfem.solve.newton import RELAXED
 from legfem.solve.path import ForceCurve
 from studies.cases.machine import Kind
 from studies.cases.outcomes import Rate
-from studies.counting import counted
+from studies.counting import Work, counted
 
-LENGTH_MM, DEEPEST_MM, SHARE = 50.0, 30.0, 0.8
-USUAL = 15.0, 15.0
-"""Least and greatest radius of the cylinder, mm."""
+LENGTH_MM, RADII_MM = 50.0, (7.5, 20.0)
+"""Of the cylinder."""
+DEEPEST_MM, SHARE = 30.0, 0.8
 _TRIES = 400
 
 
@@ -53,16 +53,14 @@ class DrawnLeg:
     """Of the cylinder."""
 
 
-def drawn_leg(number: int, seed: int, radii: tuple[float, float] = USUAL) -> tuple[DrawnLeg, PlaneStrainIndentation]:
+def drawn_leg(number: int, seed: int) -> tuple[DrawnLeg, PlaneStrainIndentation]:
     """Draw a leg with its test: girth 250-450 mm, fat 1-25 mm, C10 0.05-10 kPa and so on.
 
     Stiffness and the fascia's thickness are uniform in their logarithms, all else evenly. A third
     of the legs are neo-Hookean. Where no bones fit the hull, all is drawn again.
     """
     generator = np.random.default_rng([seed, number])
-
-    def even(low: float, high: float) -> float:
-        return float(generator.uniform(low, high))
+    even = generator.uniform
 
     def logarithmic(low: float, high: float) -> float:
         return math.exp(even(math.log(low), math.log(high)))
@@ -76,23 +74,10 @@ def drawn_leg(number: int, seed: int, radii: tuple[float, float] = USUAL) -> tup
         if section is None:
             continue
         centre = section.skin.mean(axis=0) + generator.normal(0.0, 4.0, 2)
-        indenter = Indenter(even(*radii), LENGTH_MM, centre, direction)
-        to_bone = depth_to_bone(section, centre, indenter.direction)
-        leg = DrawnLeg(
-            number,
-            seed,
-            girth,
-            fat,
-            fascia,
-            C10,
-            C20,
-            *outer,
-            D1,
-            outer_D1,
-            direction,
-            min(DEEPEST_MM, SHARE * to_bone),
-            indenter.radius,
-        )
+        indenter = Indenter(even(*RADII_MM), LENGTH_MM, centre, direction)
+        depth = min(DEEPEST_MM, SHARE * depth_to_bone(section, centre, indenter.direction))
+        stiffness = C10, C20, *outer, D1, outer_D1
+        leg = DrawnLeg(number, seed, girth, fat, fascia, *stiffness, direction, depth, indenter.radius)
         return leg, PlaneStrainIndentation(section, indenter, _tissues(leg))
     raise InputError("--seed", f"{seed}", f"leg {number} can't be drawn", "give another seed")
 
@@ -108,38 +93,35 @@ def _tissues(leg: DrawnLeg) -> Tissues:
 
 def drawn_layers(generator: np.random.Generator, girth: float, fat: float) -> tuple[FloatArray, FloatArray]:
     """Return outlines of skin and fascia of a drawn shape; girth and mean fat in mm."""
-
-    def even(low: float, high: float) -> float:
-        return float(generator.uniform(low, high))
-
+    even = generator.uniform
     angle = 2 * np.pi * np.arange(240) / 240
     unit = np.column_stack([np.cos(angle), np.sin(angle)])
-    reach = oval(angle, even(0.85, 1.15), even(0.0, 0.08), even(-0.04, 0.04))
-    outline = reach[:, None] * unit
+    outline = oval(angle, even(0.85, 1.15), even(0.0, 0.08), even(-0.04, 0.04))[:, None] * unit
     skin = outline * girth / np.linalg.norm(outline - np.roll(outline, 1, axis=0), axis=1).sum()
     uneven = even(0.0, 0.4) * np.cos(angle - even(0, 2 * np.pi))
     return skin, skin - (fat * (1 + uneven))[:, None] * outward_normals(skin)
 
 
+def bone_within(
+    hull: FloatArray, share: float, lobe: float, lobes: int, way: float, far: float, turn: float
+) -> FloatArray:
+    """Return a bone's outline at an angle within a hull; its radius and distance are shares of the room in there."""
+    middle = hull.mean(axis=0)
+    room = float(np.linalg.norm(hull - middle, axis=1).min())
+    x, y = middle + far * room * np.array([np.cos(way), np.sin(way)])
+    return bone_outline(share * room, (float(x), float(y)), lobe, lobes, turn)
+
+
 def _section(generator: np.random.Generator, girth: float, fat: float, fascia: float) -> LegSection | None:
     """Return contours drawn, or None where they cross."""
-
-    def even(low: float, high: float) -> float:
-        return float(generator.uniform(low, high))
-
+    even = generator.uniform
     skin, hull = drawn_layers(generator, girth, fat)
-    room = float(np.linalg.norm(hull - hull.mean(axis=0), axis=1).min())
-    middle = hull.mean(axis=0)
-
-    def bone(share: float, lobe: float, lobes: int, way: float, far: float) -> FloatArray:
-        towards = np.array([np.cos(way), np.sin(way)])
-        x, y = middle + far * room * towards
-        return bone_outline(share * room, (float(x), float(y)), lobe, lobes, even(0, 2 * np.pi))
-
     front = np.pi / 2 + even(-0.5, 0.5)
-    tibia = bone(even(0.22, 0.34), even(0.0, 0.3), 3, front, even(0.2, 0.55))
+    shape = even(0.22, 0.34), even(0.0, 0.3), 3
+    tibia = bone_within(hull, *shape, front, even(0.2, 0.55), even(0, 2 * np.pi))
     side = 1 if generator.random() < 0.5 else -1
-    fibula = bone(even(0.1, 0.17), 0.1, 2, front + side * even(1.2, 2.0), even(0.4, 0.7))
+    shape = even(0.1, 0.17), 0.1, 2
+    fibula = bone_within(hull, *shape, front + side * even(1.2, 2.0), even(0.4, 0.7), even(0, 2 * np.pi))
     section = LegSection(skin, hull, {"tibia": tibia, "fibula": fibula}, fascia)
     try:
         check_section(section, "drawn leg")
@@ -148,10 +130,12 @@ def _section(generator: np.random.Generator, girth: float, fat: float, fascia: f
     return section
 
 
-WORK = "steps", "factorisations", "iterations", "residuals", "seconds"
+COUNTED = "factorisations", "iterations", "residuals"
+NO_WORK = Work(dict.fromkeys(COUNTED, 0), 0.0, {})
 FROM_MM = 1.0
 """Where curves are compared from: below, forces are small and the contact's first nodes close."""
-FINER_STEPS = 40
+FINER_STEPS, EVERY = 40, 10
+"""Finer steps to the depth, and of how many legs one is pressed by them, too."""
 
 
 @dataclass(frozen=True)
@@ -160,9 +144,6 @@ class ReachTask:
 
     number: int
     seed: int
-    compare: bool
-    """Whether the curve is compared with one of finer steps."""
-    radii: tuple[float, float] = USUAL
 
 
 @dataclass(frozen=True)
@@ -178,11 +159,7 @@ class Reached:
     jumps: int
     """Steps at which the body crept to another equilibrium."""
     steps: int
-    factorisations: int = 0
-    iterations: int = 0
-    residuals: int = 0
-    seconds: float = 0.0
-    """Of a processor."""
+    work: Work = NO_WORK
     between: float | None = None
     """Greatest difference of the curve from that of finer steps, relative to the latter."""
     at_steps: float | None = None
@@ -191,32 +168,20 @@ class Reached:
 
 def press_drawn(folder: Path, task: ReachTask) -> Reached:
     """Press one leg to its depth."""
-    leg, test = drawn_leg(task.number, task.seed, task.radii)
+    leg, test = drawn_leg(task.number, task.seed)
     try:
         solved, work = counted(lambda: test.solve({}, leg.depth_mm))
     except InputError as error:
         return Reached(None, False, 0.0, str(error), 0, 0, 0)
     report = solved.report
     between = at_steps = None
-    if task.compare and report.complete and not report.earlier_attempts:
-        finer = _finer_curve(test, leg.depth_mm)
-        if finer is not None:
-            between, at_steps = differences(solved.curve, finer)
-    return Reached(
-        leg,
-        report.complete,
-        report.reached,
-        report.reason,
-        1 + len(report.earlier_attempts),
-        sum(step.converged and step.reason == RELAXED for step in report.steps),
-        sum(step.converged for step in report.steps),
-        work.counts["factorisations"],
-        work.counts["iterations"],
-        work.counts["residuals"],
-        work.seconds,
-        between,
-        at_steps,
-    )
+    compared = task.number % EVERY == 0 and report.complete and not report.earlier_attempts
+    if compared and (finer := _finer_curve(test, leg.depth_mm)):
+        between, at_steps = differences(solved.curve, finer)
+    gone = [step for step in report.steps if step.converged]
+    jumps, attempts = sum(step.reason == RELAXED for step in gone), 1 + len(report.earlier_attempts)
+    ended = report.complete, report.reached, report.reason, attempts, jumps, len(gone)
+    return Reached(leg, *ended, work, between, at_steps)
 
 
 def differences(curve: ForceCurve, finer: ForceCurve) -> tuple[float, float]:
@@ -240,12 +205,12 @@ def _finer_curve(test: PlaneStrainIndentation, depth: float) -> ForceCurve | Non
 
 def tasks(number: int, seed: int) -> list[ReachTask]:
     """Return legs to press, every tenth with finer steps too."""
-    return [ReachTask(k, seed, k % 10 == 0) for k in range(number)]
+    return [ReachTask(k, seed) for k in range(number)]
 
 
 def _line(task: ReachTask, outcome: Reached) -> str:
     end = "reached" if outcome.complete else f"{outcome.reached_mm:.1f} mm"
-    return f"leg {task.number}: {end} ({outcome.seconds:.0f} s)"
+    return f"leg {task.number}: {end} ({outcome.work.seconds:.0f} s)"
 
 
 WITHIN = 0.003
@@ -253,9 +218,8 @@ WITHIN = 0.003
 
 def page(outcomes: Sequence[Reached]) -> str:
     """Return what was reached, what not and why, and how good the curves are."""
-    compared = [outcome for outcome in outcomes if outcome.between is not None]
-    between = [outcome.between for outcome in compared if outcome.between is not None]
-    at_steps = [outcome.at_steps for outcome in compared if outcome.at_steps is not None]
+    between = [outcome.between for outcome in outcomes if outcome.between is not None]
+    at_steps = [outcome.at_steps for outcome in outcomes if outcome.at_steps is not None]
     reached = [outcome for outcome in outcomes if outcome.complete]
     rows = [
         ["reached their depth", str(Rate(len(reached), len(outcomes)))],
@@ -263,7 +227,7 @@ def page(outcomes: Sequence[Reached]) -> str:
         ["of them with a jump to another equilibrium", f"{sum(o.jumps > 0 for o in reached)}"],
         [
             "curve within 0.3 % of finer steps, of those compared",
-            str(Rate(sum(error <= WITHIN for error in between), len(between))),
+            f"{Rate(sum(e <= WITHIN for e in between), len(between))}",
         ],
         ["greatest difference", _percent(between)],
         ["greatest difference at the curve's own steps", _percent(at_steps)],
@@ -274,17 +238,14 @@ def page(outcomes: Sequence[Reached]) -> str:
         for o in outcomes
         if not o.complete
     ]
-    if stopped:
-        heads = ["leg that stops short", "at (mm)", "what it is", "why"]
-        text += "\n" + markdown_table(heads, stopped)
-    return text
+    heads = ["leg that stops short", "at (mm)", "what it is", "why"]
+    return text + ("\n" + markdown_table(heads, stopped) if stopped else "")
 
 
 def _work_table(outcomes: Sequence[Reached]) -> str:
-    rows = [
-        [name, *(f"{np.quantile([getattr(one, name) for one in outcomes], share):.3g}" for share in (0.5, 0.9, 1.0))]
-        for name in WORK
-    ]
+    took = {"steps": [one.steps for one in outcomes], "seconds": [one.work.seconds for one in outcomes]}
+    took |= {name: [one.work.counts[name] for one in outcomes] for name in COUNTED}
+    rows = [[name, *(f"{np.quantile(own, share):.3g}" for share in (0.5, 0.9, 1.0))] for name, own in took.items()]
     return markdown_table(["of a leg", "median", "90 % have at most", "most"], rows)
 
 
@@ -303,5 +264,5 @@ def _described(outcome: Reached) -> str:
 
 
 KIND = Kind(
-    "random legs pressed to 30 mm, or to 80 % of the way to the bone", 500, tasks, press_drawn, Reached, _line, page
+    "random legs pressed to 30 mm, or to 80 % of the way to the bone", 200, tasks, press_drawn, Reached, _line, page
 )
