@@ -114,13 +114,9 @@ def loading_doubts(
         yield Doubt(source, "time_s", "goes up by exactly 1 from row to row, as a count of samples", remedy)
     way = cut_off(displacement, force)
     if way > least_level * float(displacement.max()):
-        yield Doubt(
-            source,
-            "force_N",
-            f"stays at {force.max():.3g} N for the last {way:.2g} mm of loading, as a load cell or an amplifier at "
-            "its limit does",
-            "use a larger range, or remove what lies beyond",
-        )
+        problem = f"stays at {force.max():.3g} N for the last {way:.2g} mm of loading"
+        problem += ", as a load cell or an amplifier at its limit does"
+        yield Doubt(source, "force_N", problem, "use a larger range, or remove what lies beyond")
 
 
 def _refuse_jump(trial: Segmentation) -> None:
@@ -157,13 +153,9 @@ def _gap_doubts(trial: Segmentation) -> Iterator[Doubt]:
     gaps = np.flatnonzero((steps > _TIMES_STEP * float(np.median(steps))) & (way > _GAP * float(d[-1] - d[0])))
     if len(gaps):
         k = int(gaps[0])
-        yield Doubt(
-            trial.source,
-            "time_s",
-            f"nothing was recorded between {time[k]:.4g} and {time[k + 1]:.4g} s of the loading, from {d[k]:.3g} to "
-            f"{d[k + 1]:.3g} mm",
-            "export the whole test, or keep the part before the gap",
-        )
+        problem = f"nothing was recorded between {time[k]:.4g} and {time[k + 1]:.4g} s of the loading"
+        problem += f", from {d[k]:.3g} to {d[k + 1]:.3g} mm"
+        yield Doubt(trial.source, "time_s", problem, "export the whole test, or keep the part before the gap")
 
 
 def _joined_doubts(trial: Segmentation) -> Iterator[Doubt]:

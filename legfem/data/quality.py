@@ -96,20 +96,12 @@ def quality_of(trial: Segmentation) -> Quality:
         judged.append(("C", f"the force drops suddenly at {drops[0]:.4g} s ({len(drops)} times)"))
     share = dropped / (len(recording) + dropped)
     judge(share, 0.0, _MANY_DROPPED, f"{dropped} samples dropped ({100 * share:.2g} %)")
-    judge(
-        found[0] / span,
-        _COARSE,
-        _VERY_COARSE,
-        f"the force comes in steps of {found[0]:.2g} N, {100 * found[0] / span:.2g} % of its range",
-    )
+    share, told = found[0] / span, f"steps of {found[0]:.2g} N"
+    judge(share, _COARSE, _VERY_COARSE, f"the force comes in {told}, {100 * share:.2g} % of its range")
     share, told = recording.step / float(np.ptp(recording.displacement)), f"steps of {recording.step:.2g} mm"
     judge(share, _COARSE, _VERY_COARSE, f"the displacement comes in {told}, {100 * share:.2g} % of its range")
-    judge(
-        force_noise / span,
-        _NOISY,
-        _VERY_NOISY,
-        f"the force's noise is {force_noise:.2g} N, {100 * force_noise / span:.2g} % of its range",
-    )
+    share, told = force_noise / span, f"{force_noise:.2g} N"
+    judge(share, _NOISY, _VERY_NOISY, f"the force's noise is {told}, {100 * share:.2g} % of its range")
     judge(-loading, -_FEW_SAMPLES, -_VERY_FEW_SAMPLES, f"only {loading} samples of loading")
     return Quality(
         trial,
@@ -164,12 +156,9 @@ def check_trial(trial: Segmentation) -> None:
     depth = float(smooth[trial.deepest]) - contact
     # Smoothing and contact are known to about the reading's noise: don't refuse for that.
     if depth < trial.scales.depth - 0.1 * way:
-        raise InputError(
-            source,
-            "displacement_mm",
-            f"{depth:.1f} mm of loading after contact are too short to identify from",
-            f"press at least {trial.scales.depth:g} mm beyond first touch",
-        )
+        problem = f"{depth:.1f} mm of loading after contact are too short to identify from"
+        remedy = f"press at least {trial.scales.depth:g} mm beyond first touch"
+        raise InputError(source, "displacement_mm", problem, remedy)
     samples = int(np.count_nonzero(smooth[: trial.deepest + 1] > contact))
     if samples < MINIMAL_SAMPLES:
         remedy = f"record at least {MINIMAL_SAMPLES}: sample faster or press more slowly"

@@ -139,7 +139,7 @@ class System:
         self._volume_ratio = self.body.history.expression(volume_ratio(self.body.domain.deformation_gradient))
         dofmap = spaces.space.dofmap
         self._owned = dofmap.index_map.size_local * dofmap.index_map_bs
-        self.evaluations, self.body_tangents = 0, 0
+        self.evaluations = 0
 
     @property
     def owned_supports(self) -> NDArray[np.int32]:
@@ -247,7 +247,6 @@ class System:
             matrix.zeroEntries()
             fem_petsc.assemble_matrix(matrix, self.body.tangent, bcs=self._boundary)
             matrix.assemble()
-            self.body_tangents += 1
             # What meets what on a face changes as it slides, and the matrix has entries more than one that was kept.
             if keep and not self.faces:
                 self._keep(matrix)

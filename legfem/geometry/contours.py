@@ -202,11 +202,9 @@ def _check_contour(path: Path, part: str, points: FloatArray) -> None:
     # The largest spacing counts too: contours drawn by hand are sparse where they are straight.
     allowed = max(OPEN_GAP_IN_SPACINGS * float(np.median(spacing)), 1.5 * float(spacing.max()))
     if gap > allowed:
-        raise refused(
-            f"the contour is open ({gap:.1f} mm from its last point to its first, points are "
-            f"{np.median(spacing):.1f} mm apart)",
-            "add the missing points; the last must stand next to the first",
-        )
+        apart = f"points are {np.median(spacing):.1f} mm apart"
+        problem = f"the contour is open ({gap:.1f} mm from its last point to its first, {apart})"
+        raise refused(problem, "add the missing points; the last must stand next to the first")
 
 
 def check_girth(around: float, source: str | Path) -> None:

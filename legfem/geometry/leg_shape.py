@@ -121,13 +121,8 @@ class LegShape:
         z = np.asarray(level, dtype=np.float64)
         slack = 1e-9 * self.length
         if z.size and (z.min() < self.levels[0] - slack or z.max() > self.levels[-1] + slack):
-            raise InputError(
-                "shape",
-                "level",
-                f"{z.min():g} to {z.max():g} mm is not within the segment, "
-                f"{self.levels[0]:g} to {self.levels[-1]:g} mm",
-                "choose levels within it",
-            )
+            within = f"is not within the segment, {self.levels[0]:g} to {self.levels[-1]:g} mm"
+            raise InputError("shape", "level", f"{z.min():g} to {z.max():g} mm {within}", "choose levels within it")
         z = np.clip(z, self.levels[0], self.levels[-1])
         return np.asarray(self._splines[part](z, nu=slope), dtype=np.float64)
 

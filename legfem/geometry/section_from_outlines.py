@@ -83,12 +83,15 @@ def polygons_of(loops: Loops, path: Path, where: str, elsewhere: Collection[str]
         if part not in named:
             raise InputError(path, part, f"missing at {where}", "choose another level or add the outline")
         pieces = [_polygon(path, part, points) for points in named[part]]
-        outlines[part] = (
-            joined(pieces, path, where) if part == MUSCLE_HULL else max(pieces, key=lambda piece: piece.area)
-        )
+        outlines[part] = outline_of(part, pieces, path, where)
     if not bones:
         raise InputError(path, "bones", f"there are none at {where}", "choose another level or add their outlines")
     return outlines
+
+
+def outline_of(part: str, pieces: Sequence[Polygon], source: str | Path, where: str) -> Polygon:
+    """Return a part's outline at a level: its largest piece, the muscles' `joined`."""
+    return joined(pieces, source, where) if part == MUSCLE_HULL else max(pieces, key=lambda piece: piece.area)
 
 
 def joined(pieces: Sequence[Polygon], source: str | Path, where: str, bridge: float = BRIDGE) -> Polygon:
@@ -262,13 +265,11 @@ def _polygon(path: Path, part: str, points: FloatArray) -> Polygon:
     outline = Polygon(points)
     # Points in no order cross each other at every turn, which takes minutes to part.
     if outline.length > _MOST_WINDING * outline.convex_hull.length:
-        raise InputError(
-            path,
-            part,
-            f"its points are in no order: the line through them is {outline.length:.0f} mm long, and goes round "
-            f"{outline.convex_hull.length:.0f} mm",
-            "give them one after the other along the outline (column i)",
+        line = (
+            f"the line through them is {outline.length:.0f} mm long, and goes round {outline.convex_hull.length:.0f} mm"
         )
+        remedy = "give them one after the other along the outline (column i)"
+        raise InputError(path, part, f"its points are in no order: {line}", remedy)
     return largest_polygon(make_valid(outline), path, part)
 
 

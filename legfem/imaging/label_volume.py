@@ -47,9 +47,8 @@ def _resampled(array: NDArray[np.integer], affine: FloatArray, source: str) -> t
     spacing = np.linalg.norm(affine[:3, :3], axis=0)
     cosines = affine[:3, :3] / spacing
     if np.abs(cosines.T @ cosines - np.eye(3)).max() > _SHEAR:
-        raise refused(
-            "the grid is sheared: its axes aren't square to each other", "resample the volume along the scanner's axes"
-        )
+        remedy = "resample the volume along the scanner's axes"
+        raise refused("the grid is sheared: its axes aren't square to each other", remedy)
     ends = np.array(np.meshgrid(*([0, n - 1] for n in array.shape), indexing="ij")).reshape(3, -1)
     corners = affine[:3, :3] @ ends + affine[:3, 3:]
     origin = corners.min(axis=1)
@@ -76,9 +75,8 @@ def _resampled(array: NDArray[np.integer], affine: FloatArray, source: str) -> t
     runs = [run for run in runs_of(whole) if whole[run[0]]]
     first, last = max(runs, key=lambda run: run[1] - run[0], default=(0, 0))
     if last - first < 2:
-        raise refused(
-            "the grid is oblique, and no level contains the leg's whole section", "scan or label more of the leg"
-        )
+        problem = "the grid is oblique, and no level contains the leg's whole section"
+        raise refused(problem, "scan or label more of the leg")
     straight = np.diag([*spacing, 1.0])
     straight[:3, 3] = origin
     straight[2, 3] += first * spacing[2]
@@ -127,13 +125,11 @@ class LabelVolume:
             raise InputError(self.source, "shape", f"is {self.labels.ndim}-dimensional", "give one volume")
         if not (self.spacing > 0).all():
             raise InputError(self.source, "spacing", "is not positive", "correct the header")
-        last = BONE + max(1, len(self.bones))
-        present = np.bincount(self.labels.ravel(), minlength=last)
-        for name, label in {"superficial": SUPERFICIAL, "bone": BONE}.items():
-            if not present[label : last if label == BONE else label + 1].any():
-                skin = "segment fat and skin: without them the leg's surface isn't known"
-                remedy = skin if label == SUPERFICIAL else _SEGMENT
-                raise InputError(self.source, "labels", f"no voxel is labelled {label} ({name})", remedy)
+        present = np.bincount(np.minimum(self.labels, BONE).ravel(), minlength=len(TISSUES) + 1)
+        skin = "segment fat and skin: without them the leg's surface isn't known"
+        for name, remedy in (("superficial", skin), ("bone", _SEGMENT)):
+            if not present[TISSUES[name]]:
+                raise InputError(self.source, "labels", f"no voxel is labelled {TISSUES[name]} ({name})", remedy)
 
     @property
     def affine(self) -> FloatArray:
@@ -213,12 +209,9 @@ def check_same_spacing(first: LabelVolume, second: LabelVolume) -> None:
         return
     if not np.allclose(first.spacing, second.spacing, rtol=1e-3):
         given = [" x ".join(f"{s:.4g}" for s in v.spacing) for v in (first, second)]
-        raise InputError(
-            second.source,
-            "spacing",
-            f"{given[1]} mm, but {given[0]} mm in {first.source}, and a header states no transform",
-            "save the volumes with their transforms, or correct the spacing",
-        )
+        problem = f"{given[1]} mm, but {given[0]} mm in {first.source}, and a header states no transform"
+        remedy = "save the volumes with their transforms, or correct the spacing"
+        raise InputError(second.source, "spacing", problem, remedy)
 
 
 def _along_axes(array: NDArray[np.integer], affine: FloatArray, source: str) -> tuple[NDArray[np.integer], FloatArray]:
@@ -267,9 +260,8 @@ def check_anatomy(volume: LabelVolume, muscle: bool = True) -> None:
     if muscle and not deep:
         raise refused(f"no voxel is labelled {DEEP} (deep)", _SEGMENT)
     if muscle and bone > deep:
-        raise refused(
-            f"there is more bone ({bone} voxels) than muscle ({deep})", "exchange deep and bone under [labels]"
-        )
+        problem = f"there is more bone ({bone} voxels) than muscle ({deep})"
+        raise refused(problem, "exchange deep and bone under [labels]")
 
 
 def cropped(volume: LabelVolume, low: float, high: float) -> LabelVolume:

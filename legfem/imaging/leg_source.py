@@ -20,7 +20,7 @@ from legfem.geometry.section_from_outlines import Clearances, hull_of_bones, pol
 from legfem.imaging.label_volume import LabelVolume, check_anatomy, cropped, unsaid_tissues, with_bones_between
 from legfem.imaging.outlines import OutlineSettings, not_closed, read_shape, shape_of_outlines, shape_of_volume
 from legfem.imaging.shape_schema import Labels, ShapeEntry, existing
-from legfem.imaging.surfaces import outlines_of_surfaces, read_surfaces, shape_of_surfaces
+from legfem.imaging.surfaces import ends_of, outlines_of_surfaces, read_surfaces, shape_of_surfaces
 
 _STEP = 0.25  # mm along the leg
 
@@ -124,15 +124,9 @@ class LegSource:
         """
         within, levels = self.between(low, high), None
         if self.surfaces is not None:
-            ends = np.array(
-                [
-                    [f(s.bounds[k, 2] for s in every) for f, k in ((min, 0), (max, 1))]
-                    for every in self.surfaces.values()
-                ]
-            )
+            lowest, highest = np.array([ends_of(every) for every in self.surfaces.values()]).T
             # A plane through a surface's very end cuts nothing.
-            first = max(low, float(ends[:, 0].max()) + 1.0)
-            last = min(high, float(ends[:, 1].min()) - 1.0)
+            first, last = max(low, float(lowest.max()) + 1.0), min(high, float(highest.min()) - 1.0)
             levels = np.linspace(first, last, max(2, 1 + round((last - first) / _APART)))
         return within.shape(OutlineSettings(), levels, Clearances())
 

@@ -16,7 +16,7 @@ from legfem.geometry.contours import MUSCLE_HULL, check_girth
 from legfem.geometry.leg_shape import SKIN, LegShape
 from legfem.geometry.motion import CuttingPlane
 from legfem.geometry.part_names import BONE, part_named
-from legfem.geometry.section_from_outlines import Clearances, joined
+from legfem.geometry.section_from_outlines import Clearances, outline_of
 from legfem.imaging.outlines import nested_shape
 from legfem.imaging.polydata_reader import read_polydata
 
@@ -116,14 +116,11 @@ def outlines_of_surfaces(
         for surface in every:
             _check_closed(surface, plane, source, part)
         pieces = [piece for surface in every for piece in _pieces(surface, plane)]
-        low, high = (f([s.bounds[k, 2] for s in every]) for f, k in ((min, 0), (max, 1)))
+        low, high = ends_of(every)
         if not pieces:
-            raise InputError(
-                source, part, f"no closed outline at {plane}", f"choose levels between {low:.1f} and {high:.1f} mm"
-            )
-        outlines[part] = (
-            joined(pieces, source, str(plane)) if part == MUSCLE_HULL else max(pieces, key=lambda piece: piece.area)
-        )
+            remedy = f"choose levels between {low:.1f} and {high:.1f} mm"
+            raise InputError(source, part, f"no closed outline at {plane}", remedy)
+        outlines[part] = outline_of(part, pieces, source, str(plane))
         if part == SKIN:
             _check_ends(outlines[part], plane, low, high, source)
     return outlines
@@ -153,6 +150,11 @@ def shape_of_surfaces(
     z = np.asarray(levels, dtype=np.float64)
     outlines = [outlines_of_surfaces(surfaces, CuttingPlane.at_level(at), source) for at in z]
     return nested_shape(z, outlines, source, clearances)
+
+
+def ends_of(surfaces: Sequence[Any]) -> tuple[float, float]:
+    """Return the levels between which the surfaces of a part lie, mm."""
+    return min(one.bounds[0, 2] for one in surfaces), max(one.bounds[1, 2] for one in surfaces)
 
 
 def _pieces(surface: Any, plane: CuttingPlane) -> list[Polygon]:

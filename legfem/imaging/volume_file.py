@@ -55,9 +55,8 @@ def read_volume(path: Path, meaning: Meaning | None = None, series: Path | None 
     if path.is_dir():
         reader = _read_series
     if reader is None:
-        raise InputError(
-            path, "file", "is of an unknown kind", f"give one of {', '.join(e for endings in readers for e in endings)}"
-        )
+        remedy = f"give one of {', '.join(e for endings in readers for e in endings)}"
+        raise InputError(path, "file", "is of an unknown kind", remedy)
     try:
         with _locale_kept():
             array, affine, named, transform = reader(path)
@@ -144,9 +143,8 @@ def _affine_of(series: Path, path: Path, shape: tuple[int, ...]) -> FloatArray:
     image = _series(series)
     if image.GetSize() != shape:
         sizes = [" x ".join(map(str, size)) for size in (shape, image.GetSize())]
-        raise InputError(
-            path, "shape", f"{sizes[0]} voxels, but {sizes[1]} in {series}", "give the series that was labelled"
-        )
+        problem = f"{sizes[0]} voxels, but {sizes[1]} in {series}"
+        raise InputError(path, "shape", problem, "give the series that was labelled")
     return _affine(image)
 
 

@@ -139,18 +139,11 @@ def _covariance(at: FloatArray, samples: FloatArray, lengths: FloatArray) -> Flo
 
 def _covariance_of_samples(samples: FloatArray, lengths: FloatArray) -> FloatArray:
     """Return the covariance of values and derivatives at samples (n, p) with each other."""
-    inverse = 1 / lengths**2
-    apart = samples[:, None, :] - samples[None, :, :]
-    n, p = samples.shape
-    blocks = [_covariance(samples, samples, lengths)]
-    k = blocks[0][:, :n]
-    for q in range(p):
-        line = [-apart[:, :, q] * inverse[q] * k]
-        for r in range(p):
-            kronecker = inverse[q] if q == r else 0.0
-            line.append((kronecker - apart[:, :, q] * apart[:, :, r] * inverse[q] * inverse[r]) * k)
-        blocks.append(np.hstack(line))
-    return np.vstack(blocks)
+    (n, p), values = samples.shape, _covariance(samples, samples, lengths)
+    apart = (samples[:, None, :] - samples) / lengths**2
+    slopes = (np.diag(1 / lengths**2) - apart[..., None] * apart[..., None, :]) * values[:, :n, None, None]
+    of_slopes = slopes.transpose(2, 0, 3, 1).reshape(n * p, n * p)
+    return np.vstack([values, np.hstack([values[:, n:].T, of_slopes])])
 
 
 # The solved curve is a spline through adaptive steps, so that it is smooth in the stiffness to some

@@ -270,12 +270,10 @@ class Library:
         courses = self.beside.courses(*at).T if self.beside.names else ()
         return {"force": self.curve(*at), **dict(zip(self.beside.names, courses, strict=True))}
 
-    def relative_change(
-        self, mechanism: TissueMechanism, values: Values, at: Stiffness, observed: Observations
-    ) -> FloatArray:
+    def relative_change(self, acting: Acting, at: Stiffness, observed: Observations) -> FloatArray:
         """Return what a mechanism adds to the elastic force, over that force; (n,)."""
         weights = self._to_stations(observed)
-        return self.force.changes_at(mechanism, values, at[0], observed, weights.__matmul__)[:, 0]
+        return self.force.changes_at(*acting, at[0], observed, weights.__matmul__)[:, 0]
 
     def _of(self, names: Sequence[str]) -> ChannelTables:
         """Return what is known of some of the channels, which is quicker to ask."""

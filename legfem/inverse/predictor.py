@@ -161,7 +161,7 @@ class Predictor:
             mine = own[mechanism.name]
             if not (mechanism.stands_for_C20 and self.law == "neo-hookean"):
                 if isinstance(mechanism, TissueMechanism):
-                    force = force * (1 + self.responses.relative_change(mechanism, mine, (c10, c20), observed))
+                    force = force * (1 + self.responses.relative_change((mechanism, mine), (c10, c20), observed))
                     tissue.append((mechanism, mine))
                 elif (change := mechanism.relative_change(mine, (c10, c20), observed)) is not None:
                     force, factors = force * (1 + change), factors * (1 + change)

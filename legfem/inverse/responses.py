@@ -187,10 +187,9 @@ class SolvedResponses:
         read = _in_series(self.grid, found["force"], compliance)
         return {"force": read(found["force"])[1:], **{name: read(found[name]) for name in channels_of(found)}}
 
-    def relative_change(
-        self, mechanism: TissueMechanism, values: Values, at: Stiffness, observed: Observations
-    ) -> FloatArray:
+    def relative_change(self, acting: Acting, at: Stiffness, observed: Observations) -> FloatArray:
         """Return what a mechanism adds to the elastic force, over that force; (n,)."""
+        mechanism, values = acting
         solution = mechanism.solution(values)
         if not mechanism.along_path:
             change = mechanism.share(values) * self.elastic_change(solution, at)["force"]

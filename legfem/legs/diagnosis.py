@@ -117,8 +117,7 @@ class Diagnoser:
             Mechanisms that are tabulated; all that the recordings can show without it.
         """
         if asked is None:
-            ruled_out = {**WITHOUT_ENDS, **_absent(subject)}
-            asked, _ = shown_mechanisms(self.mechanisms_of(subject), observed, ruled_out)
+            asked, _ = shown_mechanisms(self.mechanisms_of(subject), observed, ruled_out_of(subject, None))
         asked = sorted(asked, key=lambda one: (*FIRST, one.name).index(one.name))
         fine, coarse = self._responses(subject, observed)
         stiffening = STIFFENING[subject.tissues["deep"].law]
@@ -234,7 +233,8 @@ class Diagnoser:
 
 def ruled_out_of(subject: Subject, ends: TabulatedCorrection | None) -> dict[str, str]:
     """Return the mechanisms that can't be what was left out of a subject's model, and why."""
-    absent = _absent(subject)
+    limb, lacks = mechanisms_of(subject.section), subject.section.lacks
+    absent = {one.name: f"the limb has no {one.needs}" for one in limb if one.needs in lacks}
     if ends is None:
         if not (subject.plane_strain and subject.plane_strain_stated):
             return {**WITHOUT_ENDS, **absent}
@@ -247,12 +247,6 @@ def ruled_out_of(subject: Subject, ends: TabulatedCorrection | None) -> dict[str
     if why_not is not None:
         found[MuscleFibres.name] = why_not
     return found | absent
-
-
-def _absent(subject: Subject) -> dict[str, str]:
-    """Return the mechanisms of what a subject's limb lacks, and why there are none."""
-    section = subject.section
-    return {one.name: f"the limb has no {one.needs}" for one in mechanisms_of(section) if one.needs in section.lacks}
 
 
 def accuracy_of(subject: Subject) -> ShapeAccuracy:

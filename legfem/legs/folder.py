@@ -114,9 +114,8 @@ def write_subject_folder(
         out.parent.mkdir(parents=True, exist_ok=True)
         scratch = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
     except OSError as error:
-        raise InputError(
-            Argument("out"), str(out), f"can't be written ({error})", "give a folder that you may write to"
-        ) from None
+        problem, remedy = f"can't be written ({error})", "give a folder that you may write to"
+        raise InputError(Argument("out"), str(out), problem, remedy) from None
     try:
         (scratch / "recordings").mkdir()
         for recording in recordings:
@@ -148,6 +147,7 @@ def subject_text(
     So are the instruments where none is given. ``plane_strain`` says whether simulated recordings know no ends of the
     cylinder, and may stay open.
     """
+    own = instrument and f"force_sd_N = {instrument.force_sd}\ndisplacement_sd_mm = {instrument.displacement_sd}"
     return _TEMPLATE.format(
         id=_toml_string(name),
         title=_toml_string(title),
@@ -161,9 +161,7 @@ def subject_text(
         pressed="deep" if fascia_thickness else "pad",
         deep=_DEEP[deep_law],
         outer=_OUTER if fascia_thickness else "",
-        instrument=_PAPER_INSTRUMENT
-        if instrument is None
-        else f"force_sd_N = {instrument.force_sd}\ndisplacement_sd_mm = {instrument.displacement_sd}",
+        instrument=own or _PAPER_INSTRUMENT,
     )
 
 

@@ -17,6 +17,8 @@ from legfem.inverse.accuracy import GEOMETRY_DOF, Accuracy, Cause, ShapeError
 from legfem.legs.subject import TYPICAL_ACCURACY, LegAccuracy, Subject
 from legfem.meshing.section import MeshMotion
 
+type Motions = dict[str, MeshMotion | LateralPlacement]
+
 CONTOUR_SD_MM = 0.5
 """Of a segmented outline (MRI of 1 mm pixels: inter-observer distances of 0.3 to 0.8 mm)."""
 CONTOUR_ARC_MM = 20.0
@@ -84,10 +86,8 @@ def _outlines_off(bones: Sequence[str], layers: Sequence[str], factor: float) ->
         for k, j in enumerate(np.argsort(-values)):
             if values[j] > 1e-3:
                 weights = factor * math.sqrt(values[j]) * modes[:, j]
-                hats = (_hat(part, arc) for arc in _HATS)
-                yield ShapeError(
-                    f"outline of the {part}, mode {k + 1}", dict(zip(hats, map(float, weights), strict=True)), _CAUSE
-                )
+                hats = {_hat(part, arc): float(weight) for arc, weight in zip(_HATS, weights, strict=True)}
+                yield ShapeError(f"outline of the {part}, mode {k + 1}", hats, _CAUSE)
 
 
 def _hat(part: str, arc: float) -> str:
@@ -113,13 +113,9 @@ def accuracy_of_shape(subject: Subject) -> ShapeAccuracy:
     return ShapeAccuracy(**stated, bones=tuple(subject.section.bones), layers=subject.section.layers)
 
 
-def errors_of_geometry(
-    bones: Iterable[str], layers: Iterable[str] = LAYERS
-) -> dict[str, MeshMotion | LateralPlacement]:
+def errors_of_geometry(bones: Iterable[str], layers: Iterable[str] = LAYERS) -> Motions:
     """Return errors of outlines of layers and bones, aim and direction by name, by which forces are differentiated."""
-    found: dict[str, MeshMotion | LateralPlacement] = {
-        _hat(outline, arc): MeshMotion(outline, arc) for outline in layers for arc in _HATS
-    }
+    found: Motions = {_hat(outline, arc): MeshMotion(outline, arc) for outline in layers for arc in _HATS}
     found |= {f"{bone} {way}": MeshMotion(bone, turned=turned) for bone in bones for way, turned in _BONES_WAYS.items()}
     aside = {"aim": LateralPlacement(offset_mm=AIM_SD_MM), "direction": LateralPlacement(tilt_deg=DIRECTION_SD_DEG)}
     return found | aside

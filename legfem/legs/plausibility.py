@@ -15,7 +15,7 @@ import numpy as np
 from scipy.special import ndtri
 from shapely import Point
 
-from legfem.common.errors import Doubt
+from legfem.common.errors import Doubt, InputError
 from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.data.ranges import RANGES, c10_of, doubts_about_size
 from legfem.geometry.section import CALF, LIMBS, MUSCLE, first_crossing, girth, way_to_bone
@@ -105,13 +105,9 @@ def _stretched(toml: Path, subject: Subject) -> Iterator[Doubt]:
     narrow, wide = sorted(np.linalg.norm(np.diff(corners[:3], axis=0), axis=1))
     limb = subject.section.limb
     if wide > (_LONGEST_CALF if limb == CALF else _LONGEST) * narrow:
-        yield Doubt(
-            str(toml),
-            "section.contours",
-            f"the leg is {wide:.0f} mm one way and {narrow:.0f} mm the other, {wide / narrow:.2g} times: longer than "
-            f"any {limb or 'limb'} is wide",
-            "check the image's spacing along both axes",
-        )
+        size = f"{wide:.0f} mm one way and {narrow:.0f} mm the other, {wide / narrow:.2g} times"
+        problem = f"the leg is {size}: longer than any {limb or 'limb'} is wide"
+        yield Doubt(str(toml), "section.contours", problem, "check the image's spacing along both axes")
 
 
 def _spike(toml: Path, part: str, outline: FloatArray) -> Iterator[Doubt]:
@@ -134,12 +130,9 @@ def _spike(toml: Path, part: str, outline: FloatArray) -> Iterator[Doubt]:
 def _landmarks(toml: Path, subject: Subject) -> Iterator[Doubt]:
     apart = subject.landmark_residual
     if apart is not None and apart > _LANDMARKS_MM:
-        yield Doubt(
-            str(toml),
-            "indenter.landmarks",
-            f"registered landmarks lie {apart:.1f} mm apart in the mean",
-            f"measure them again, or give accuracy.aim_sd_mm = {apart:.1f}",
-        )
+        problem = f"registered landmarks lie {apart:.1f} mm apart in the mean"
+        remedy = f"measure them again, or give accuracy.aim_sd_mm = {apart:.1f}"
+        yield Doubt(str(toml), "indenter.landmarks", problem, remedy)
 
 
 def _indenter(toml: Path, subject: Subject) -> Iterator[Doubt]:
@@ -147,12 +140,8 @@ def _indenter(toml: Path, subject: Subject) -> Iterator[Doubt]:
     diameter = 2 * indenter.radius
     yield from RANGES["cylinder_diameter"].doubts(toml, "indenter.diameter_mm", diameter)
     if diameter > girth(subject.section) / math.pi:
-        raise Doubt(
-            str(toml),
-            "indenter.diameter_mm",
-            f"{diameter:g} mm are more than the leg's own",
-            "give the cylinder's diameter in mm",
-        ).error()
+        problem, remedy = f"{diameter:g} mm are more than the leg's own", "give the cylinder's diameter in mm"
+        raise InputError(toml, "indenter.diameter_mm", problem, remedy)
     yield from RANGES["cylinder_length"].doubts(toml, "indenter.length_mm", indenter.length)
     angle = indenter.direction_deg
     if abs(angle) < 2 * math.pi + 0.01 and angle != round(angle):
@@ -160,13 +149,9 @@ def _indenter(toml: Path, subject: Subject) -> Iterator[Doubt]:
         yield Doubt(str(toml), "indenter.direction_deg", f"{angle:g} looks like radians", remedy)
     slant = _slant_deg(subject)
     if slant > _GRAZING_DEG:
-        found = Doubt(
-            str(toml),
-            "indenter.aim_mm",
-            f"the cylinder meets the skin at {slant:.0f} degrees from its normal, at the leg's edge",
-            "check aim_mm and direction_deg (degrees from +x, counter-clockwise) with a picture",
-        )
-        yield from found.refused_if(slant > _MISSING_DEG)
+        problem = f"the cylinder meets the skin at {slant:.0f} degrees from its normal, at the leg's edge"
+        remedy = "check aim_mm and direction_deg (degrees from +x, counter-clockwise) with a picture"
+        yield from Doubt(str(toml), "indenter.aim_mm", problem, remedy).refused_if(slant > _MISSING_DEG)
 
 
 def _slant_deg(subject: Subject) -> float:

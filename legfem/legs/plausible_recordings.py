@@ -55,14 +55,9 @@ def features(
         math.log(girth(section) / 360.0),
         math.log(indenter.radius / 15.0),
     ]
-    return np.column_stack(
-        [
-            np.tile(same, (len(depth), 1)),
-            np.log(depth / 20.0),
-            -np.log(1 - 0.9 * share),
-            np.full(len(depth), math.log(fat_d1 / 22.5)),
-        ]
-    )
+    with_depth = np.log(depth / 20.0), -np.log(1 - 0.9 * share)
+    compressible = np.full(len(depth), math.log(fat_d1 / 22.5))
+    return np.column_stack([np.tile(same, (len(depth), 1)), *with_depth, compressible])
 
 
 _LITTLE_ROOM = 0.96
@@ -93,11 +88,9 @@ def doubts_about_recordings(subject: Subject, toml: Path, room: float) -> Iterat
     InputError
         For what can't be.
     """
-    if subject.instrument.stated:
-        yield from RANGES["force_sd"].doubts(toml, "instrument.force_sd_N", subject.instrument.force_sd)
-        yield from RANGES["displacement_sd"].doubts(
-            toml, "instrument.displacement_sd_mm", subject.instrument.displacement_sd
-        )
+    if (stated := subject.instrument).stated:
+        yield from RANGES["force_sd"].doubts(toml, "instrument.force_sd_N", stated.force_sd)
+        yield from RANGES["displacement_sd"].doubts(toml, "instrument.displacement_sd_mm", stated.displacement_sd)
     if not subject.recordings:
         return
     for k, recording in enumerate(subject.recordings):
@@ -125,18 +118,13 @@ def _motion(trial: Segmentation, room: float) -> Iterator[Doubt]:
     loading = trial.loading
     # A displacement that doesn't count from the skin has no speed either.
     if loading.depth > _LITTLE_ROOM * room:
-        found = Doubt(
-            trial.source,
-            "displacement_mm",
-            f"the cylinder goes {loading.depth:.1f} mm deep where there is room for {room:.1f} mm "
-            "before a bone or the leg's far side",
-            "check the unit, and aim_mm, direction_deg and diameter_mm in subject.toml",
-        )
-        yield from found.refused_if(loading.depth > room + 0.5)
+        there = f"there is room for {room:.1f} mm before a bone or the leg's far side"
+        problem = f"the cylinder goes {loading.depth:.1f} mm deep where {there}"
+        remedy = "check the unit, and aim_mm, direction_deg and diameter_mm in subject.toml"
+        yield from Doubt(trial.source, "displacement_mm", problem, remedy).refused_if(loading.depth > room + 0.5)
     yield from RANGES["speed"].doubts(trial.source, "time_s", loading.speed)
-    yield from loading_doubts(
-        trial.source, trial.recording.time[: len(loading.force)], loading.displacement, loading.force
-    )
+    time = trial.recording.time[: len(loading.force)]
+    yield from loading_doubts(trial.source, time, loading.displacement, loading.force)
     yield from pull_doubts(trial)
 
 

@@ -50,13 +50,8 @@ def placement_figure(subject: Subject, scanned: Mapping[str, Polygon] | None = N
         axes.fill(*contour.T, facecolor=style.BONE_COLOUR, edgecolor="black", linewidth=0.8)
         axes.annotate(bone, contour.mean(axis=0), ha="center", va="center", fontsize=8)
     for number, scan in enumerate((scanned or {}).values()):
-        axes.plot(
-            *np.asarray(scan.exterior.coords).T,
-            color=style.FAINT,
-            linestyle="--",
-            linewidth=1.0,
-            label="as scanned" if number == 0 else None,
-        )
+        label = "as scanned" if number == 0 else None
+        axes.plot(*np.asarray(scan.exterior.coords).T, color=style.FAINT, linestyle="--", linewidth=1.0, label=label)
     aim, direction = indenter.aim, indenter.direction
     way = first_crossing(section.polygon("skin").buffer(indenter.radius).exterior, aim, direction)
     room = room_before(subject)
@@ -84,10 +79,8 @@ def _tool(indenter: Indenter, middle: FloatArray) -> Patch:
     if indenter.lies_along or indenter.shape == "ball":
         return Circle(tuple(middle), indenter.radius, **colours)
     ahead, beside = indenter.direction, np.array([-1.0, 1.0]) * indenter.direction[::-1]
-    turn = np.radians(indenter.axis_deg)
-    half = indenter.radius
-    if indenter.shape == "cylinder":
-        half = max(half, 0.5 * indenter.length * abs(np.sin(turn)))
+    long = indenter.length * abs(np.sin(np.radians(indenter.axis_deg))) if indenter.shape == "cylinder" else 0.0
+    half = max(indenter.radius, 0.5 * long)
     corners = [(-1, -half), (1, -half), (1, half), (-1, half)]
     outline = [middle + along * indenter.radius * ahead + side * beside for along, side in corners]
     return Outline(outline, closed=True, **colours)

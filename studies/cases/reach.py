@@ -243,7 +243,10 @@ def page(outcomes: Sequence[Reached]) -> str:
 
 
 def _work_table(outcomes: Sequence[Reached]) -> str:
-    took = {"steps": [one.steps for one in outcomes], "seconds": [one.work.seconds for one in outcomes]}
+    took: dict[str, Sequence[float]] = {
+        "steps": [one.steps for one in outcomes],
+        "seconds": [one.work.seconds for one in outcomes],
+    }
     took |= {name: [one.work.counts[name] for one in outcomes] for name in COUNTED}
     rows = [[name, *(f"{np.quantile(own, share):.3g}" for share in (0.5, 0.9, 1.0))] for name, own in took.items()]
     return markdown_table(["of a leg", "median", "90 % have at most", "most"], rows)

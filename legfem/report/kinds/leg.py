@@ -67,8 +67,7 @@ class LegReport(ReportKind):
         if found is None:
             c10 = estimates.held_text(DEEP_C10, answer.parameters["C10_given"])
         elif c10 := estimates.known_text(value_of(found)):
-            known = found.one_number and not no_number
-            known = known and regions == REGION_NAMES
+            known = found.one_number and not no_number and regions == REGION_NAMES
             beside_others = estimates.high_or_low("deep", found.shown.value, None, chosen.notices) if known else []
         values = "; ".join(
             f"{estimates.words_of(name, regions)} {estimates.known_text(value_of(one), '95 % ')}"
