@@ -33,7 +33,7 @@ from legfem.meshing.section import SectionMeshSettings
 from legfem.solve.protocol import Protocol
 from legfem.solve.settings import StepSettings
 from studies.command_line import Jobs, new_app
-from studies.making.recording import InstrumentNoise, record_path
+from studies.making.recording import record_path
 
 DEFINITION = Path(__file__).parent / "frauziols" / "reconstruction.toml"
 PAPER_D = 28.0
@@ -133,7 +133,7 @@ def reconstruct(out: Path, definition: Reconstruction, progress: Progress, jobs:
 
 
 def _write(out: Path, definition: Reconstruction, test: PlaneStrainIndentation, solved: Solved) -> None:
-    noise = InstrumentNoise(Instrument(definition.force_sd_N, definition.displacement_sd_mm))
+    noise = Instrument(definition.force_sd_N, definition.displacement_sd_mm)
     generator = np.random.default_rng([definition.seed, int(out.name)])
     path, speed = solved.path, (definition.rate_mm_per_s, definition.sampling_hz)
     recordings = [

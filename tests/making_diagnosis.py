@@ -18,13 +18,13 @@ from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
 from legfem.inverse.map_fit import fit
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.predictor import Predictor
-from legfem.inverse.responses import Columns
+from legfem.inverse.responses import Acting, Columns
 from legfem.inverse.stations import Stations
 from legfem.inverse.trial_noise import Noise
 from legfem.legs.finite_element_models import LegVariants, plane_strain_test
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
-from legfem.mechanisms import Mechanism, Stiffness, TissueMechanism, Values, mechanism_named, mechanisms
+from legfem.mechanisms import Mechanism, Stiffness, mechanism_named, mechanisms
 from legfem.mechanisms.time_dependence import TIMES_S, TissueRelaxation
 from legfem.solve.protocol import Protocol
 
@@ -84,14 +84,12 @@ class ClosedForm:
         """Return the forces (m,) of a stiffness."""
         return {"force": force_at(*at, self.grid)}
 
-    def relative_change(
-        self, mechanism: TissueMechanism, values: Values, at: Stiffness, observed: Observations
-    ) -> FloatArray:
+    def relative_change(self, acting: Acting, at: Stiffness, observed: Observations) -> FloatArray:
         """Return shapes, nothing at their nulls.
 
         They differ from mechanism to mechanism, but for those of a stiffer and of a tense fascia.
         """
-        x = observed.displacement / 20
+        (mechanism, values), x = acting, observed.displacement / 20
         if isinstance(mechanism, TissueRelaxation):
             change = np.empty(len(x))
             for number, stations in enumerate(observed.protocols):

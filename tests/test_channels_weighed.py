@@ -31,7 +31,7 @@ from legfem.inverse.predictor import Predictor
 from legfem.inverse.responses import Acting
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
-from legfem.mechanisms import Stiffness, TissueMechanism, Values, mechanism_named
+from legfem.mechanisms import Stiffness, mechanism_named
 from legfem.mechanisms.muscle import NamedMuscle
 from legfem.report.curves import Curves
 from legfem.report.further_channels import (
@@ -61,12 +61,10 @@ def course_of(name: str, c10: float, c20: float, pressed: FloatArray) -> FloatAr
 class Seen(ClosedForm):
     """The closed form, whose channels are seen, too."""
 
-    def relative_change(
-        self, mechanism: TissueMechanism, values: Values, at: Stiffness, observed: Observations
-    ) -> FloatArray:
+    def relative_change(self, acting: Acting, at: Stiffness, observed: Observations) -> FloatArray:
         """Return what shows in the force: of a stiffer fat hardly anything."""
-        share = 0.1 if mechanism.name == "superficial-stiffness" else 1.0
-        return share * super().relative_change(mechanism, values, at, observed)
+        share = 0.1 if acting[0].name == "superficial-stiffness" else 1.0
+        return share * super().relative_change(acting, at, observed)
 
     def channel_curves(self, names: Sequence[str], c10: float, c20: float) -> FloatArray:
         """Return courses at zero and at the grid."""

@@ -66,7 +66,7 @@ def test_its_table_stands_in_for_solutions_between_the_strengths(solved):
     deep = (observed.displacement > 0.3 * DEPTH) & (observed.displacement < DEPTH)
     for stiffness in (0.02, 0.06, 0.2, 0.6, 2.0):
         values = {"stiffness": stiffness}
-        tabulated = library.relative_change(mechanism, values, at, observed)[deep]
-        true = solved.relative_change(mechanism, values, at, observed)[deep]
+        tabulated = library.relative_change((mechanism, values), at, observed)[deep]
+        true = solved.relative_change((mechanism, values), at, observed)[deep]
         assert np.all(true > 0.01)
         assert np.abs(tabulated - true).max() < NUMERICAL_ERROR, "over the force"

@@ -112,7 +112,7 @@ def responses_in(folder, variants):
 )
 def test_a_mechanism_of_the_tissue_vanishes_at_its_null(name, values, size, variants, observed, tmp_path):
     """Along a path other steps are taken than in a ramp: its numerical error stays, 0.2 %."""
-    change = responses_in(tmp_path, variants).relative_change(mechanism_named(name), values, SOFT, observed)
+    change = responses_in(tmp_path, variants).relative_change((mechanism_named(name), values), SOFT, observed)
     deep = observed.displacement > 0.3 * DEPTH
     assert np.abs(change[deep]).max() <= max(size, 1e-9)
 
@@ -172,8 +172,8 @@ def test_the_library_stands_in_for_solutions(variants, observed, tmp_path):
     ):
         mechanism = mechanism_named(name)
         values = {p.name: null_of(p) for p in mechanism.parameters} | values
-        emulated = library.relative_change(mechanism, values, SOFT, observed)
-        true = solved.relative_change(mechanism, values, SOFT, observed)
+        emulated = library.relative_change((mechanism, values), SOFT, observed)
+        true = solved.relative_change((mechanism, values), SOFT, observed)
         assert np.abs(emulated - true)[deep].max() < 0.12 * np.abs(true[deep]).max()
         given = (CHANNELS_SEEN, (mechanism, values), SOFT, observed, GridSpline(library.grid).at(observed.displacement))
         beside, exact = library.channel_changes(*given), solved.channel_changes(*given)

@@ -87,9 +87,9 @@ def test_a_fit_s_error_and_derivatives_are_those_of_the_prediction(dragged):
 class TwoMinima(ClosedForm):
     """A response that turns back: factors somewhat above one lower what large ones raise."""
 
-    def relative_change(self, mechanism, values, stiffness, observed):
+    def relative_change(self, acting, stiffness, observed):
         """Return it (n,)."""
-        log = np.log(values["factor"])
+        log = np.log(acting[1]["factor"])
         return 5e-3 * log**2 * (log - 1.5) * np.cos(0.12 * observed.displacement)
 
 

@@ -51,9 +51,10 @@ DRIFT = "force-drift.rate"
 class Hiding(ClosedForm):
     """Responses to a lump that are those to a stiffer muscle everywhere, so that C10 takes its place."""
 
-    def relative_change(self, mechanism, values, at, observed):
+    def relative_change(self, acting, at, observed):
+        mechanism, values = acting
         if mechanism.name != "uneven-muscle":
-            return super().relative_change(mechanism, values, at, observed)
+            return super().relative_change(acting, at, observed)
         c10, c20 = at
         more = 1 + 0.3 * np.log(values["factor"])
         d = np.maximum(observed.displacement, 1e-6)
@@ -64,8 +65,9 @@ class Hiding(ClosedForm):
 class Edged(Hiding):
     """The same with an edge: what the lump does waxes and wanes by some per cent of itself over the depth."""
 
-    def relative_change(self, mechanism, values, at, observed):
-        change = super().relative_change(mechanism, values, at, observed)
+    def relative_change(self, acting, at, observed):
+        mechanism, _ = acting
+        change = super().relative_change(acting, at, observed)
         waves = 0.06 * np.cos(observed.displacement / 4.0) if mechanism.name == "uneven-muscle" else 0.0
         return change * (1 + waves)
 

@@ -27,7 +27,7 @@ from legfem.inverse.outcome import Outcome
 from legfem.inverse.predictor import Predictor
 from legfem.inverse.responses import Acting, channels_of, derivative_of
 from legfem.legs.subject import LegAccuracy, Subject
-from legfem.mechanisms import Stiffness, TissueMechanism, Values
+from legfem.mechanisms import Stiffness
 from legfem.report.further_channels import channel_chapter
 from legfem.report.instrument_file import draw_look
 from legfem.report.kinds import page_of
@@ -166,12 +166,10 @@ def test_identification_takes_displacements_inside_as_they_come(subject, both):
 class SeenInside(ClosedForm):
     """The closed form: a stiffer fat hardly shows in the force, and moves what lies under it."""
 
-    def relative_change(
-        self, mechanism: TissueMechanism, values: Values, at: Stiffness, observed: Observations
-    ) -> FloatArray:
+    def relative_change(self, acting: Acting, at: Stiffness, observed: Observations) -> FloatArray:
         """Return what shows in the force."""
-        share = 0.05 if mechanism.name == "superficial-stiffness" else 1.0
-        return share * super().relative_change(mechanism, values, at, observed)
+        share = 0.05 if acting[0].name == "superficial-stiffness" else 1.0
+        return share * super().relative_change(acting, at, observed)
 
     def channel_curves(self, names: Sequence[str], c10: float, c20: float) -> FloatArray:
         """Return courses at zero and at the grid."""

@@ -41,9 +41,10 @@ class Screened(ClosedForm):
 
     detail: Detail = field(default_factory=Detail)
 
-    def relative_change(self, mechanism, values, at, observed):
+    def relative_change(self, acting, at, observed):
         """Return what is known of a mechanism."""
-        exact = super().relative_change(mechanism, values, at, observed)
+        mechanism, _ = acting
+        exact = super().relative_change(acting, at, observed)
         return exact if mechanism.name in self.detail.whole else exact * (0.9 - 0.5 * observed.displacement / 20)
 
     def knows_no_more(self, before, names):

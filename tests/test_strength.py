@@ -28,9 +28,10 @@ _DRAWS = 40
 class Tense(ClosedForm):
     """Responses to which a tension adds by a power of it: no line at any fit."""
 
-    def relative_change(self, mechanism, values, at, observed):
+    def relative_change(self, acting, at, observed):
+        mechanism, values = acting
         if mechanism.name != "prestress":
-            return super().relative_change(mechanism, values, at, observed)
+            return super().relative_change(acting, at, observed)
         return 0.1 * (values["tension"] / 100 + 1e-6) ** 0.7 / (1 + observed.displacement / 40)
 
 

@@ -100,8 +100,8 @@ def test_its_table_stands_in_for_solutions_between_the_strengths(solved):
     deep = (observed.displacement > 0.3 * DEPTH) & (observed.displacement < DEPTH)
     for compliance in (0.05, 0.2, 0.5, 1.2):
         values = {"compliance": compliance, "at_bones": 1.0}
-        tabulated = library.relative_change(SUPPORT, values, at, observed)[deep]
-        true = solved.relative_change(SUPPORT, values, at, observed)[deep]
+        tabulated = library.relative_change((SUPPORT, values), at, observed)[deep]
+        true = solved.relative_change((SUPPORT, values), at, observed)[deep]
         assert np.abs(tabulated - true).max() < NUMERICAL_ERROR, "over the force"
 
 
@@ -120,4 +120,4 @@ def test_where_springs_stop_the_frame_is_left(variants, solved, monkeypatch):
     library = build_library(shallow, observed, [SUPPORT], 1, Silent(), rounded(SOFT[0]), 0.8)
     assert library.missing == {}
     values = {"compliance": 0.3, "at_bones": 0.7}
-    assert not np.any(library.relative_change(SUPPORT, values, SOFT, observed))
+    assert not np.any(library.relative_change((SUPPORT, values), SOFT, observed))

@@ -91,7 +91,7 @@ def test_its_table_is_near_full_solutions_between_the_places(solved, mechanism):
     ):
         values = {"factor": factor, "depth": depth, "side": side, "radius": radius}
         tabulated = library.relative_change((mechanism, values), at, observed)[deep]
-        true = solved.relative_change(mechanism, values, at, observed)[deep]
+        true = solved.relative_change((mechanism, values), at, observed)[deep]
         assert np.abs(true).min() > 0.02
         np.testing.assert_allclose(tabulated, true, rtol=0.2)
 

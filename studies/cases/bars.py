@@ -171,24 +171,11 @@ def _table(found: Sequence[Outcome], name: Literal["C10", "ratio"]) -> str:
             half = [0.5 * one.interval.width / true for one, true in pairs]
             words = [one.word for one, _ in pairs]
             warned = sum(one.warned[setup.title] for one in chosen)
-            rows.append(
-                [
-                    setup.title if ratio is None else "",
-                    "all" if ratio is None else f"{ratio:g}",
-                    str(Rate(covers, len(pairs))),
-                    f"{np.median(half):.2f}",
-                    "/".join(str(words.count(word)) for word in VERDICTS),
-                    f"{warned}/{len(chosen)}",
-                ]
-            )
-    head = [
-        "bars",
-        "planted ratio",
-        f"{name}'s interval holds the truth",
-        "half its width",
-        "/".join(VERDICTS),
-        "warned",
-    ]
+            first = [setup.title, "all"] if ratio is None else ["", f"{ratio:g}"]
+            counts = "/".join(str(words.count(word)) for word in VERDICTS), f"{warned}/{len(chosen)}"
+            rows.append([*first, str(Rate(covers, len(pairs))), f"{np.median(half):.2f}", *counts])
+    held = f"{name}'s interval holds the truth"
+    head = ["bars", "planted ratio", held, "half its width", "/".join(VERDICTS), "warned"]
     return markdown_table(head, rows)
 
 
@@ -206,12 +193,5 @@ def _line(plant: Plant, one: Outcome) -> str:
     )
 
 
-KIND = Kind(
-    "planted fibrous tissues, from bars along the fibres, across, and both",
-    30,
-    plants,
-    identified,
-    Outcome,
-    _line,
-    page,
-)
+_TITLE = "planted fibrous tissues, from bars along the fibres, across, and both"
+KIND = Kind(_TITLE, 30, plants, identified, Outcome, _line, page)

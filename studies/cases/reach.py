@@ -150,8 +150,7 @@ class ReachTask:
 class Reached:
     """How far a leg could be pressed."""
 
-    leg: DrawnLeg | None
-    """None for one that can't be meshed."""
+    leg: DrawnLeg
     complete: bool
     reached_mm: float
     reason: str
@@ -172,7 +171,7 @@ def press_drawn(folder: Path, task: ReachTask) -> Reached:
     try:
         solved, work = counted(lambda: test.solve({}, leg.depth_mm))
     except InputError as error:
-        return Reached(None, False, 0.0, str(error), 0, 0, 0)
+        return Reached(leg, False, 0.0, str(error), 0, 0, 0)
     report = solved.report
     between = at_steps = None
     compared = task.number % EVERY == 0 and report.complete and not report.earlier_attempts
@@ -234,21 +233,18 @@ def page(outcomes: Sequence[Reached]) -> str:
     ]
     text = markdown_table(["simulated legs", ""], rows) + "\n" + _work_table(outcomes)
     stopped = [
-        [str(o.leg.number) if o.leg else "-", f"{o.reached_mm:.2f}", _described(o), o.reason]
-        for o in outcomes
-        if not o.complete
+        [str(o.leg.number), f"{o.reached_mm:.2f}", _described(o.leg), o.reason] for o in outcomes if not o.complete
     ]
     heads = ["leg that stops short", "at (mm)", "what it is", "why"]
     return text + ("\n" + markdown_table(heads, stopped) if stopped else "")
 
 
 def _work_table(outcomes: Sequence[Reached]) -> str:
-    took: dict[str, Sequence[float]] = {
-        "steps": [one.steps for one in outcomes],
-        "seconds": [one.work.seconds for one in outcomes],
-    }
-    took |= {name: [one.work.counts[name] for one in outcomes] for name in COUNTED}
-    rows = [[name, *(f"{np.quantile(own, share):.3g}" for share in (0.5, 0.9, 1.0))] for name, own in took.items()]
+    each = [{"steps": one.steps, **one.work.counts, "seconds": one.work.seconds} for one in outcomes]
+    rows = [
+        [name, *(f"{np.quantile([one[name] for one in each], share):.3g}" for share in (0.5, 0.9, 1.0))]
+        for name in ("steps", *COUNTED, "seconds")
+    ]
     return markdown_table(["of a leg", "median", "90 % have at most", "most"], rows)
 
 
@@ -256,10 +252,7 @@ def _percent(errors: Sequence[float]) -> str:
     return f"{100 * max(errors):.2f} %" if errors else "none compared"
 
 
-def _described(outcome: Reached) -> str:
-    leg = outcome.leg
-    if leg is None:
-        return "not meshed"
+def _described(leg: DrawnLeg) -> str:
     return (
         f"{leg.depth_mm:.1f} mm asked for, C10 {leg.C10_kPa:.2g}, C20 {leg.C20_kPa:.2g}, "
         f"fat {leg.fat_kPa:.2g}, fascia {leg.fascia_kPa:.2g} kPa of {leg.fascia_mm:.2g} mm"

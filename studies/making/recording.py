@@ -140,26 +140,8 @@ def flicker(count: int, generator: np.random.Generator) -> FloatArray:
     return np.asarray(np.cos(2 * np.pi * np.outer(at, waves) + phases) @ size)
 
 
-@dataclass(frozen=True)
-class InstrumentNoise:
-    """Errors of both channels: one part white, one that wanders along the path.
-
-    Each channel's variance is the instrument's; a data sheet's accuracy covers wander (hysteresis,
-    linearity) more than jitter.
-
-    Parameters
-    ----------
-    instrument : Instrument
-        Standard deviations of a reading.
-    slow_share : float
-        Share of the variance that wanders.
-    correlation_mm : float
-        Displacement over which the wander's correlation falls to 1/e.
-    """
-
-    instrument: Instrument
-    slow_share: float = 0.5
-    correlation_mm: float = 4.0
+_WANDERING, _CORRELATION_MM = 0.5, 4.0
+"""Of a path's variance, the share that wanders, and the displacement over which its correlation falls to 1/e."""
 
 
 def record_path(
@@ -167,11 +149,14 @@ def record_path(
     force: FloatArray,
     rate: float,
     sampling: float,
-    noise: InstrumentNoise,
+    noise: Instrument,
     generator: np.random.Generator,
     trial: str,
 ) -> Recording:
-    """Return the recording of a path walked at constant speed.
+    """Return the recording of a path walked at constant speed; errors are in part white, in part wander along it.
+
+    Each channel's variance is the instrument's; a data sheet's accuracy covers wander (hysteresis,
+    linearity) more than jitter.
 
     Parameters
     ----------
@@ -182,7 +167,7 @@ def record_path(
     sampling
         Hz.
     noise
-        Of the instruments.
+        Standard deviations of a reading.
     generator
         Of the noise.
     trial
@@ -191,18 +176,18 @@ def record_path(
     walked = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(displacement)))])
     time = np.arange(0.0, walked[-1] / rate + 0.5 / sampling, 1 / sampling)
     at = np.minimum(time * rate, walked[-1])
-    decay = np.exp(-rate / sampling / noise.correlation_mm)
+    decay = np.exp(-rate / sampling / _CORRELATION_MM)
 
     def error(sd: float) -> FloatArray:
-        white = generator.normal(size=time.size) * np.sqrt(1 - noise.slow_share)
+        white = generator.normal(size=time.size) * np.sqrt(1 - _WANDERING)
         drive = generator.normal(size=time.size) * np.sqrt(1 - decay**2)
         drive[0] = generator.normal()
-        wander = lfilter([1.0], [1.0, -decay], drive) * np.sqrt(noise.slow_share)
+        wander = lfilter([1.0], [1.0, -decay], drive) * np.sqrt(_WANDERING)
         return sd * (white + wander)
 
     return Recording(
         time=time,
-        displacement=np.interp(at, walked, displacement) + error(noise.instrument.displacement_sd),
-        force=np.interp(at, walked, force) + error(noise.instrument.force_sd),
+        displacement=np.interp(at, walked, displacement) + error(noise.displacement_sd),
+        force=np.interp(at, walked, force) + error(noise.force_sd),
         trial=trial,
     )

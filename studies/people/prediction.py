@@ -39,22 +39,20 @@ def least_share(layers: FloatArray, compliance: FloatArray) -> FloatArray:
 
 def left_out(rows: Indentations, compliance: FloatArray, fit: Fit) -> FloatArray:
     """Return the compliance (n,) of every person by springs fitted to the others at the site."""
-    layers = np.stack([rows.superficial, rows.deep], axis=1)
+    return _left_out(rows, compliance, np.stack([rows.superficial, rows.deep], axis=1), fit)
+
+
+def constant_left_out(rows: Indentations, compliance: FloatArray) -> FloatArray:
+    """Return the one number (n,) with the least relative error for the others at the site."""
+    return _left_out(rows, compliance, np.ones((len(rows), 1)), lambda _, others: np.array([least_share_value(others)]))
+
+
+def _left_out(rows: Indentations, compliance: FloatArray, layers: FloatArray, fit: Fit) -> FloatArray:
     predicted = np.empty(len(rows))
     for k in range(len(rows)):
         others = (rows.site == rows.site[k]) & (rows.person != rows.person[k])
         predicted[k] = layers[k] @ fit(layers[others], compliance[others])
     return predicted
-
-
-def constant_left_out(rows: Indentations, compliance: FloatArray) -> FloatArray:
-    """Return the one number (n,) with the least relative error for the others at the site."""
-    return np.array(
-        [
-            least_share_value(compliance[(rows.site == rows.site[k]) & (rows.person != rows.person[k])])
-            for k in range(len(rows))
-        ]
-    )
 
 
 def least_share_value(values: FloatArray) -> float:

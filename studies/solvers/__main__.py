@@ -14,15 +14,13 @@ from tempfile import TemporaryDirectory
 from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.table import Table
 
 from legfem.common.command_line import end_without_a_solution, study_context
-from legfem.common.documents import write_atomically, write_document
+from legfem.common.documents import markdown_table, write_document
 from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
 from legfem.jobs.store import Store
-from studies.command_line import DONE_IS_KEPT, Out, new_app
+from studies.command_line import DONE_IS_KEPT, Out, new_app, write_results
 from studies.solvers.case import SolverCase, SolverWork, run_apart
 
 Measured = dict[SolverCase, SolverWork | None]
@@ -65,11 +63,7 @@ def run(cases: Sequence[SolverCase], out: Path) -> bool:
             measured[case] = work
             progress.advance(f"{case.solver}, {case.cells}, {case.ranks} ranks, about {case.size}")
     found = [{"case": asdict(case), "work": asdict(work)} for case, work in measured.items() if work is not None]
-    path = write_document(out / "result.json", {"schema": 1, "cases": found})
-    console = Console(width=125, record=True)
-    console.print(solvers_table(measured))
-    write_atomically(out / "report.txt", console.export_text())
-    print(f"result: {path}\nreport: {out / 'report.txt'}")
+    write_results(out, {"cases": found}, solvers_table(measured))
     return bool(found)
 
 
@@ -87,18 +81,16 @@ def measured_apart(case: SolverCase) -> SolverWork | None:
         return None if status or not result.is_file() else SolverWork(**json.loads(result.read_text()))
 
 
-_COLUMNS = ("cells", "solver", "ranks", "unknowns", "non-\nzeros (M)", "tan-\ngents", "s a factor-\nisation or\nsolve")
-_MORE = ("iterations:\nmedian\n(most)", "s the\nstep", "by the\nclock", "peak\n(GiB)", "before\nsolving")
+_COLUMNS = ("cells", "solver", "ranks", "unknowns", "nonzeros (M)", "tangents", "s a factorisation or solve")
+_MORE = ("iterations: median (most)", "s the step", "by the clock", "peak (GiB)", "before solving")
 
 
-def solvers_table(measured: Measured) -> Table:
-    """Return a row a case."""
-    table = Table(title="One load step of the idealised leg; seconds of the processor")
-    for name in (*_COLUMNS, *_MORE):
-        table.add_column(name, justify="right")
+def solvers_table(measured: Measured) -> str:
+    """Return a row a case, in Markdown."""
+    rows = []
     for case, work in measured.items():
         if work is None:
-            table.add_row(case.cells, case.solver, str(case.ranks), f"about {case.size}", "ended")
+            rows.append([case.cells, case.solver, str(case.ranks), f"about {case.size}", "ended", *[""] * 7])
             continue
         iterates = case.solver == "iterative"
         counts = f"{median(work.iterations):.0f} ({max(work.iterations)})" if iterates else "-"
@@ -106,8 +98,9 @@ def solvers_table(measured: Measured) -> Table:
         sizes = f"{work.cells} {case.cells[:5]}.", case.solver, str(case.ranks), str(work.unknowns)
         seconds = f"{work.total_seconds:.1f}", f"{work.wall_seconds:.1f}"
         solves = f"{work.nonzeros / 1e6:.1f}", tangents, f"{work.linear_seconds:.2f}", counts
-        table.add_row(*sizes, *solves, *seconds, f"{work.peak_GiB:.2f}", f"{work.start_GiB:.2f}")
-    return table
+        rows.append([*sizes, *solves, *seconds, f"{work.peak_GiB:.2f}", f"{work.start_GiB:.2f}"])
+    table = markdown_table([*_COLUMNS, *_MORE], rows)
+    return f"{table}\nOne load step of the idealised leg, simulated; seconds of the processor.\n"
 
 
 app = new_app()

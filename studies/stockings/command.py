@@ -23,15 +23,8 @@ from studies.stockings.truth import NOISE, TRUTHS, Recovery, recover, true_leg, 
 
 def recovery_table(rows: Sequence[Recovery]) -> str:
     """Return planted and found stiffnesses, a row a leg and kind of segmentation."""
-    head = (
-        "leg",
-        "segmentation",
-        "planted (kPa): muscle, fat",
-        "muscle (kPa), 95 %",
-        "fat (kPa), 95 %",
-        "equilibria",
-        "rms (mm)",
-    )
+    found = (f"{tissue} (kPa), 95 %" for tissue in ("muscle", "fat"))
+    head = ("leg", "segmentation", "planted (kPa): muscle, fat", *found, "equilibria", "rms (mm)")
     return markdown_table(head, [_recovery(row) for row in sorted(rows, key=lambda r: (r.kind, r.leg))])
 
 
@@ -78,14 +71,8 @@ def _recovery(row: Recovery) -> tuple[str, ...]:
         f"{one.value:.2f} [{one.low:.2f}, {one.high:.2f}]{'' if held else ' (missed)'}"
         for one, held in zip(row.found, row.covered, strict=True)
     )
-    return (
-        row.leg,
-        row.kind,
-        f"{row.planted[0]:g}, {row.planted[1]:g}",
-        *estimates,
-        str(row.solves),
-        f"{row.rms_mm:.3f}",
-    )
+    planted = f"{row.planted[0]:g}, {row.planted[1]:g}"
+    return (row.leg, row.kind, planted, *estimates, str(row.solves), f"{row.rms_mm:.3f}")
 
 
 def _pressures(row: Pressures) -> tuple[str, ...]:
@@ -142,9 +129,7 @@ def identify(legs: Path, out: Path, cells: int, jobs: int) -> None:
             asked=lambda task: (task, cells, Contents(_folder(legs, *task))),
         )
     text = f"{recovery_summary(rows)}\n\n{recovery_table(rows)}\n"
-    write_document(out / "recovery.json", json_types([asdict(row) for row in rows]))
-    write_atomically(out / "recovery.md", text)
-    print(f"{text}report: {out / 'recovery.md'}")
+    _write(out / "recovery.json", [asdict(row) for row in rows], text)
 
 
 def claims(out: Path, cells: int, jobs: int) -> None:
@@ -163,11 +148,16 @@ def claims(out: Path, cells: int, jobs: int) -> None:
         )
     found = correlations(rows)
     text = f"{correlation_table(found)}\n\n{pressure_table(rows)}\n"
-    write_document(
-        out / "claims.json", json_types({"legs": [asdict(r) for r in rows], "claims": [asdict(c) for c in found]})
-    )
-    write_atomically(out / "claims.md", text)
-    print(f"{text}report: {out / 'claims.md'}")
+    document = {"legs": [asdict(row) for row in rows], "claims": [asdict(claim) for claim in found]}
+    _write(out / "claims.json", document, text)
+
+
+def _write(path: Path, document: object, text: str) -> None:
+    """Write numbers, and tables beside them, and print the latter."""
+    page = path.with_suffix(".md")
+    write_document(path, json_types(document))
+    write_atomically(page, text)
+    print(f"{text}report: {page}")
 
 
 def sizes(cells: int) -> None:
