@@ -24,7 +24,7 @@ def test_solvers_of_which_none_ends_exit_nonzero(tmp_path, monkeypatch):
     done = CliRunner().invoke(solvers_app, ["--size", "2000", "--out", str(tmp_path)])
     assert done.exit_code == 1
     assert "solvers: nothing was solved" in done.output
-    assert (tmp_path / "report.txt").is_file(), "what was tried is told all the same"
+    assert (tmp_path / "report.md").is_file(), "what was tried is told all the same"
 
 
 def test_people_for_whom_no_probe_is_solved_exit_nonzero(tmp_path, monkeypatch):
