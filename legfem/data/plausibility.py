@@ -166,13 +166,10 @@ def _joined_doubts(trial: Segmentation) -> Iterator[Doubt]:
     joins = [int(k) for k in np.flatnonzero(back) if (d[k + 1 :] > deep).any()]
     if joins:
         k = joins[0]
-        yield Doubt(
-            trial.source,
-            "displacement_mm",
-            f"goes from {d[k]:.3g} to {d[k + 1]:.3g} mm from one reading to the next, at {trial.recording.time[k]:.4g} "
-            f"s, and the force with it: {len(joins) + 1} presses are in one file",
-            "save each press in a file of its own",
-        )
+        at = f"at {trial.recording.time[k]:.4g} s, and the force with it"
+        problem = f"goes from {d[k]:.3g} to {d[k + 1]:.3g} mm from one reading to the next, {at}"
+        problem += f": {len(joins) + 1} presses are in one file"
+        yield Doubt(trial.source, "displacement_mm", problem, "save each press in a file of its own")
 
 
 def start_doubts(trial: Segmentation) -> Iterator[Doubt]:
@@ -277,12 +274,9 @@ def refuse_copies(other: Recording, recordings: Sequence[Recording]) -> None:
         pairs = [(one.force[:n], other.force[:n]), _at_times(one, other), _at_times(other, one)]
         if np.array_equal(one.force, other.force) or any(_share_noise(*pair) for pair in pairs):
             named = one.trial if one.trial != other.trial or one.source is None else "/".join(one.source.parts[-2:])
-            raise InputError(
-                str(other.source or other.trial),
-                "force_N",
-                f"is a copy of {named}: the two have the same noise, which no repeat has",
-                "remove one of them; with a copy the result looks more certain than it is",
-            )
+            problem = f"is a copy of {named}: the two have the same noise, which no repeat has"
+            remedy = "remove one of them; with a copy the result looks more certain than it is"
+            raise InputError(str(other.source or other.trial), "force_N", problem, remedy)
 
 
 def _at_times(one: Recording, other: Recording) -> tuple[FloatArray, FloatArray]:

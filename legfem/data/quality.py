@@ -147,9 +147,8 @@ def check_trial(trial: Segmentation) -> None:
     """
     source, recording, smooth = trial.source, trial.recording, trial.smooth
     if len(recording) < MINIMAL_SAMPLES:
-        raise InputError(
-            source, "rows", f"{len(recording)} samples are too few", f"record at least {MINIMAL_SAMPLES} during loading"
-        )
+        remedy = f"record at least {MINIMAL_SAMPLES} during loading"
+        raise InputError(source, "rows", f"{len(recording)} samples are too few", remedy)
     _check_motion(trial)
     check_touch(trial)
     contact, way = trial.detected.displacement, trial.scales.way
