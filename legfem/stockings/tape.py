@@ -95,26 +95,22 @@ class TapeDetails(KindDetails):
 
     def members(self, fit: Any) -> dict[str, Any]:
         """Return the fabric, pressures at makers' levels, and which fabric meets each class."""
+        stocking, load, shape = self.leg.stocking, self.load, self.leg.bare
         return {
-            "stocking": _stocking(self),
+            "stocking": {
+                "stiffness_N_per_mm": stocking.stiffness,
+                "bending_length_mm": stocking.bending_length,
+                "unstretched": {"levels_mm": stocking.levels.tolist(), "perimeters_mm": stocking.unstretched.tolist()},
+                "levels_mm": shape.levels.tolist(),
+                "perimeter_mm": load.perimeter.tolist(),
+                "strain": load.strain.tolist(),
+                "tension_N_per_mm": load.tension.tolist(),
+                "mean_pressure_kPa": mpa_to_kpa(load.pressure.mean(axis=1)).tolist(),
+                "share_of_skin_without_pressure": load.unloaded_skin.tolist(),
+            },
             "makers_levels": [{**vars(one), "verdict": one.verdict} for one in self.at_levels],
             "fabric_for_classes": [vars(one) for one in self.fabrics],
         }
 
 
 type TapeFit = Fit[TapeDetails]
-
-
-def _stocking(details: TapeDetails) -> dict[str, Any]:
-    stocking, load, shape = details.leg.stocking, details.load, details.leg.bare
-    return {
-        "stiffness_N_per_mm": stocking.stiffness,
-        "bending_length_mm": stocking.bending_length,
-        "unstretched": {"levels_mm": stocking.levels.tolist(), "perimeters_mm": stocking.unstretched.tolist()},
-        "levels_mm": shape.levels.tolist(),
-        "perimeter_mm": load.perimeter.tolist(),
-        "strain": load.strain.tolist(),
-        "tension_N_per_mm": load.tension.tolist(),
-        "mean_pressure_kPa": mpa_to_kpa(load.pressure.mean(axis=1)).tolist(),
-        "share_of_skin_without_pressure": load.unloaded_skin.tolist(),
-    }
