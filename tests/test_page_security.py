@@ -91,7 +91,7 @@ def page_saying(text: str) -> WebPage:
         Verbatim(text, text),
         Bars(text, (text, text), [LabelledBar(text, 1.0, text, (0.5, 1.5))]),
         Curves("curves", text, text, x, text, text, text, [Line(text, x, x)], x, text, [(0.1, 0.2)], text),
-        PressedSection(text, {text: [text]}, 1.0, [text], [[text] * 5]),
+        PressedSection(text, {text: [text]}, 1.0, [text], [[text] * 5], [(text, "red")]),
         StillSection(text, "0 0 1 1", [(text, "red", "0,0 1,1 1,0")], (0.0, 0.0, 1.0), (0.0, 0.0, 1.0, 1.0)),
         surface,
         TurnedLeg(text, {text: [text]}, Slider(text, (0.0, 1.0), text), View([text] * 8), [text], [text], [[text]]),
