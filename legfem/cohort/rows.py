@@ -252,11 +252,11 @@ def _columns(row: Row) -> Iterator[_Column]:
                 yield _Column(column(model, name, part, suffix), value, one.unit, meaning)
             known = f"how well the recordings determine {name}{under}"
             yield _Column(column(model, name, "identifiability"), one.verdict, "", known)
-    for of, fabric in ((one.compression_class, one) for one in row.fabrics):
-        for name, called_so in WAYS.items():
+    for fabric in row.fabrics:
+        of = fabric.compression_class
+        for name, (word, unit) in WAYS.items():
             for end, value in zip(("least", "greatest"), getattr(fabric, name), strict=True):
-                unit, meaning = called_so.partition("(")[2][:-1], f"{end} {called_so} for class {of} at B"
-                yield _Column(f"class_{of}_{end}_{name}", value, unit, meaning)
+                yield _Column(f"class_{of}_{end}_{name}", value, unit, f"{end} {word} ({unit}) for class {of} at B")
 
 
 def column(model: str, *parts: str) -> str:

@@ -170,8 +170,8 @@ def volume_of_array(
     refused = partial(InputError, source, "labels")
     meaning = TISSUES if meaning is None else meaning
     parts = {name: part_named(name, f"{source}: labels") for name in meaning}
-    for unsaid in (name for name in unsaid_tissues(meaning, source) if name != "deep"):
-        raise refused(f"{unsaid} has no label given", "give one")
+    if unsaid := [name for name in unsaid_tissues(meaning, source) if name != "deep"]:
+        raise refused(f"{unsaid[0]} has no label given", "give one")
     of_bones = [name for name, part in parts.items() if _label_of(part) == BONE]
     there = [parts[name] for name in of_bones if np.isin(array, meaning[name]).any()]
     bones = tuple(bones_of(there)) if there != ["bone"] else ()

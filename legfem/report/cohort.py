@@ -305,8 +305,8 @@ def _fabrics(rows: Sequence[Row]) -> Iterator[web.Chapter]:
     """Yield which fabric meets each class on each leg in a stocking, and the fewest that serve all."""
     spans: dict[str, dict[str, tuple[float, float]]] = {}
     for leg, one in ((row.name, one) for row in rows for one in row.fabrics):
-        for name, called_so in WAYS.items():
-            of = f"class {one.compression_class} ({span_of(one.limits_mmHg)} mmHg), {called_so}"
+        for name, (word, unit) in WAYS.items():
+            of = f"class {one.compression_class} ({span_of(one.limits_mmHg)} mmHg), {word} ({unit})"
             spans.setdefault(of, {})[leg] = getattr(one, name)
     if spans:
         lines = [[row.name, *(span_of(by.get(row.name)) for by in spans.values())] for row in rows if row.fabrics]

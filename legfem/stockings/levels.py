@@ -188,8 +188,8 @@ class FabricFor:
     unstretched_mm_at_B: tuple[float, float]
 
 
-WAYS = {"stiffness_N_per_mm": "stiffness (N/mm)", "unstretched_mm_at_B": "unstretched girth at B (mm)"}
-"""What a fabric is chosen by, and what people call it."""
+WAYS = {"stiffness_N_per_mm": ("stiffness", "N/mm"), "unstretched_mm_at_B": ("unstretched girth at B", "mm")}
+"""What a fabric is chosen by, what people call it, and its unit."""
 
 
 def fabrics_for_classes(
