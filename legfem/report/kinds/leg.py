@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from legfem.common.numbers import fit_probability
 from legfem.common.units import mpa_to_kpa
 from legfem.data.ranges import REACHED_MM
+from legfem.geometry.section import MUSCLE
 from legfem.inverse.answer import Finding
 from legfem.inverse.catalogue import DEEP_C10, symbol_of
 from legfem.inverse.fit import Fit, preferred, value_of
@@ -27,7 +28,7 @@ from legfem.report.leg_figure import SECTION_SHOWS, placement_figure
 from legfem.report.plan import options_of
 from legfem.report.pressed_section import still_section
 from legfem.report.style import DATA_COLOUR, FAINT, picture
-from legfem.report.words import BEYOND_A_FIT, LAW_NAMES, NOT_TESTED, REGION_NAMES, region_words
+from legfem.report.words import BEYOND_A_FIT, LAW_NAMES, NOT_TESTED, region_words
 
 type LegFit = Fit[LegDetails]
 
@@ -50,7 +51,8 @@ class LegReport(ReportKind):
     def answers(self, chosen: LegFit) -> list[tuple[str, str]]:
         """Return what is wrong, how sure it is, what C10 is and what to do."""
         answer, law = chosen.answer, LAW_NAMES[chosen.law]
-        regions = region_words(chosen.details.subject.section)
+        section = chosen.details.subject.section
+        regions, has_muscle = region_words(section), MUSCLE not in section.lacks
         if answer.finding is Finding.TESTS_DISAGREE:
             wrong = _agreement(chosen)
         elif answer.finding is Finding.MISFIT:
@@ -60,21 +62,21 @@ class LegReport(ReportKind):
             wrong = "None in the recordings, of which all phases were checked."
             if chosen.weighting == "paper":
                 wrong = "None in the loading part of the recordings, which is all that was checked."
-            if _suspect(chosen).indenter.lies_along and regions == REGION_NAMES:
+            if _suspect(chosen).indenter.lies_along and has_muscle:
                 wrong += f" {BEYOND_A_FIT}"
         no_number, found = answer.tone == "wrong", chosen.estimates.get(DEEP_C10)
         c10, beside_others = "", list[tuple[str, str]]()
         if found is None:
             c10 = estimates.held_text(DEEP_C10, answer.parameters["C10_given"])
         elif c10 := estimates.known_text(value_of(found)):
-            known = found.one_number and not no_number and regions == REGION_NAMES
+            known = found.one_number and not no_number and has_muscle
             beside_others = estimates.high_or_low("deep", found.shown.value, None, chosen.notices) if known else []
         values = "; ".join(
             f"{estimates.words_of(name, regions)} {estimates.known_text(value_of(one), '95 % ')}"
             + (f", {estimates.moduli_of(one)}" if name == DEEP_C10 and one.one_number else "")
             for name, one in chosen.asked.items()
         )
-        outer = "the assumed stiffness of fat or fascia, " if regions == REGION_NAMES else ""
+        outer = "the assumed stiffness of fat or fascia, " if has_muscle else ""
         effect = (
             f"{c10} is the best fit, but don't rely on it: its interval does not include the effect that is missing."
             if no_number and (found is None or found.one_number)
