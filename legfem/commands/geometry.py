@@ -12,6 +12,7 @@ import typer
 from legfem.commands.options import Site, SubjectDir
 from legfem.common.command_line import AsJson, CheckedCommand, Quiet, command_context
 from legfem.common.errors import InputError, log_doubts
+from legfem.geometry.part_names import plain_name
 from legfem.geometry.section import fat_thickness, girth
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ def convert(
     scan: Path | None = None,
     label: list[str] | None = None,
     surface: list[str] | None = None,
+    muscle: list[str] | None = None,
     level: float | None = None,
     out: Path | None = None,
     subject_dir: SubjectDir = None,
@@ -51,11 +53,13 @@ def convert(
     cross_sections
         CSV file: level_mm,part,loop,i,x_mm,y_mm.
     scan
-        Label volume (NIfTI, NRRD, DICOM-SEG, folder of a DICOM series).
+        Label volume (NIfTI, NRRD, DICOM-SEG, folder of a DICOM series or of masks).
     label
         PART=NUMBER of the scan; repeat it. superficial=1, deep=2, bone=3.
     surface
         PART=FILE (STL, PLY, OBJ, VTU, VTP); repeat it, for single muscles too.
+    muscle
+        One of the scan's or surfaces' with a C10 of its own; repeat it.
     level
         Level at which the section is cut (mm).
     out
@@ -89,7 +93,7 @@ def convert(
             if level is None or out is None:
                 raise InputError("--level, --out", "missing", "both are needed", "give them")
             point = None if aim is None else np.array(aim)
-            source, folder = _source(cross_sections, scan, label or (), surface or ()), out
+            source, folder = _source(cross_sections, scan, label or (), surface or (), muscle or ()), out
             source = replace(source, muscle=fascia_thickness > 0)
             folder_of_leg(source, level, folder, fascia_thickness, point, direction)
             scanned = source.outlines(CuttingPlane.at_level(level))
@@ -122,20 +126,20 @@ def convert(
 
 
 def _source(
-    cross_sections: Path | None, scan: Path | None, label: Sequence[str], surface: Sequence[str]
+    cross_sections: Path | None, scan: Path | None, label: Sequence[str], surface: Sequence[str], muscle: Sequence[str]
 ) -> "LegSource":
     from legfem.imaging.leg_source import LegSource
-    from legfem.imaging.surfaces import read_surfaces
-    from legfem.imaging.volume_file import read_volume
 
+    muscles = [plain_name(name) for name in muscle]
     if cross_sections is not None:
+        if muscle:
+            raise InputError("--muscle", muscle[0], "is taken from a scan or surfaces", "leave it out")
         return LegSource(str(cross_sections), contours=cross_sections)
     if scan is not None:
         meaning = {name: list(map(_label, given)) for name, given in _by_name(label).items()}
-        return LegSource(str(scan), volume=read_volume(scan, meaning or None))
+        return LegSource.of_scan(scan, meaning or None, muscles=muscles)
     files = {part: [Path(name) for name in names] for part, names in _by_name(surface).items()}
-    surfaces = read_surfaces(files)
-    return LegSource(str(next(iter(files.values()))[0].parent), surfaces=surfaces)
+    return LegSource.of_surfaces(str(next(iter(files.values()))[0].parent), files, muscles)
 
 
 def _by_name(options: Sequence[str]) -> dict[str, list[str]]:

@@ -242,7 +242,8 @@ def _check_muscles(section: LegSection, polygons: Mapping[str, Polygon], source:
     for number, muscle in enumerate(section.muscles):
         own = polygons[muscle]
         _check_valid(own, muscle, source)
-        others = (*section.bones, *list(section.muscles)[:number])
+        beside = (bone for bone in section.bones if not own.contains_properly(polygons[bone]))
+        others = (*beside, *list(section.muscles)[:number])
         laps = {f"overlaps the {other}": own.intersection(polygons[other]).area for other in others}
         for what, area in {"leaves the fascia": own.difference(polygons["fascia"]).area, **laps}.items():
             if area > _LAPS * own.area:

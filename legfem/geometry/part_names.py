@@ -19,6 +19,11 @@ _PARTS |= dict(zip(_BONES, _BONES, strict=True))
 _SIDE = re.compile(r"^(left|right)_|_(left|right)$")
 
 
+def plain_name(name: str) -> str:
+    """Return a part's name in small letters, with underscores and without its side."""
+    return _SIDE.sub("", re.sub(r"\W+", "_", name.strip().lower()))
+
+
 def part_named(name: str, source: str | Path) -> str:
     """Return which part something is: ``skin``, ``muscle_hull``, a bone's name, or ``bone`` for a calf's two.
 
@@ -35,7 +40,7 @@ def part_named(name: str, source: str | Path) -> str:
     InputError
         If nothing says what it is.
     """
-    plain = _SIDE.sub("", re.sub(r"\W+", "_", name.strip().lower()))
+    plain = plain_name(name)
     if plain in _PARTS:
         return _PARTS[plain]
     kind, _, own = plain.partition("_")
@@ -46,6 +51,20 @@ def part_named(name: str, source: str | Path) -> str:
     near = difflib.get_close_matches(plain, _PARTS, n=1)
     remedy = f"did you mean '{near[0]}'?" if near else f"call it bone_{plain} or muscle_{plain}, whichever it is"
     raise InputError(source, name, "is no part of a limb that has a name here", remedy)
+
+
+def muscle_named(name: str, given: Iterable[str], source: str | Path) -> str:
+    """Return what the muscle of a plain name is called among the parts that are given.
+
+    Raises
+    ------
+    InputError
+        If none of them is it.
+    """
+    muscles = {plain_name(part): part for part in given if part_named(part, source) == MUSCLE_HULL}
+    if name not in muscles:
+        raise InputError(source, name, "is no muscle here", f"give one of {', '.join(muscles)}")
+    return muscles[name]
 
 
 def bones_of(parts: Iterable[str]) -> list[str]:

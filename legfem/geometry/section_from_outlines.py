@@ -47,6 +47,8 @@ class Clearances:
     """Radius over which the fascia spans furrows of the hull, as a taut sheet does."""
     corner: float = 4.0
     """Least radius of the fascia's outward corners."""
+    eroded: float = 1.5
+    """By which labels of muscles may lie apart from what they are of, and the least radius of one."""
     spacing: float = 1.5
     """Between the contours' points."""
     smoothing: float = 0.1
@@ -115,7 +117,12 @@ def joined(pieces: Sequence[Polygon], source: str | Path, where: str, bridge: fl
     return largest_polygon(muscles, source, MUSCLE_HULL)
 
 
-def section_from_outlines(outlines: Mapping[str, Polygon], fascia_thickness: float, source: str | Path) -> LegSection:
+def section_from_outlines(
+    outlines: Mapping[str, Polygon],
+    fascia_thickness: float,
+    source: str | Path,
+    muscles: Mapping[str, Polygon] | None = None,
+) -> LegSection:
     """Make a section of outlines of skin, muscle hull and bones.
 
     The fascia's outer face is the hull joined with the bones and their clearance, its furrows
@@ -130,6 +137,9 @@ def section_from_outlines(outlines: Mapping[str, Polygon], fascia_thickness: flo
         mm.
     source : str or Path
         What errors name as the file.
+    muscles : mapping of Polygon, optional
+        Outlines of those in the hull that are regions of their own, mm: kept within the fascia and off the bones, and
+        grown to what was labelled as theirs before labels were eroded.
 
     Raises
     ------
@@ -147,11 +157,26 @@ def section_from_outlines(outlines: Mapping[str, Polygon], fascia_thickness: flo
         raise InputError(source, MUSCLE_HULL, "the part is missing", remedy)
     parts = {"skin": outlines["skin"], MUSCLE_HULL: hull, **{bone: outlines[bone] for bone in bones}}
     rings = {part: _ring(one) for part, one in nested_outlines(parts, fascia_thickness, source, room).items()}
-    section = LegSection.of_parts({"fascia": rings.pop(MUSCLE_HULL), **rings}, fascia_thickness)
+    within = Polygon(rings[MUSCLE_HULL]).buffer(-fascia_thickness)
+    left = within - union_all([Polygon(rings[bone]) for bone in bones])
+    own = _grown(muscles or {}, left, room, source)
+    section = LegSection.of_parts({"fascia": rings.pop(MUSCLE_HULL), **rings, **own}, fascia_thickness, own)
     check_section(section, source)
     if fascia_thickness:
         _check_clearances(section, room.bone_to_fascia, room.fat(fascia_thickness), source)
     return section
+
+
+def _grown(
+    muscles: Mapping[str, Polygon], left: Polygon, room: Clearances, source: str | Path
+) -> dict[str, FloatArray]:
+    found = {}
+    for name, outline in muscles.items():
+        others = union_all([other for key, other in muscles.items() if key != name])
+        mine = _opened((outline.buffer(room.eroded) - others) & left, room.eroded)
+        found[name] = _ring(_smooth(largest_polygon(mine, source, name), room))
+        left = left - Polygon(found[name])
+    return found
 
 
 def hull_of_bones(outlines: Mapping[str, Polygon]) -> Polygon:

@@ -15,7 +15,7 @@ from scipy.ndimage import affine_transform, binary_dilation
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, frozen_array, runs_of
 from legfem.geometry.contours import MUSCLE_HULL
-from legfem.geometry.part_names import bones_of, part_named
+from legfem.geometry.part_names import bones_of, muscle_named, part_named
 
 _SHEAR = 1e-3
 _HALF = 0.5
@@ -145,7 +145,11 @@ class LabelVolume:
 
 
 def volume_of_array(
-    array: NDArray[np.integer], affine: FloatArray, source: str, meaning: Mapping[str, int | list[int]] | None = None
+    array: NDArray[np.integer],
+    affine: FloatArray,
+    source: str,
+    meaning: Mapping[str, int | list[int]] | None = None,
+    alone: str = "",
 ) -> LabelVolume:
     """Make a volume of labels in any order and orientation along the axes.
 
@@ -160,6 +164,8 @@ def volume_of_array(
     meaning : mapping, optional
         Parts (see `legfem.geometry.part_names.part_named`) to the labels they have in the array, one or several;
         ``superficial``, ``deep`` and ``bone`` are 1, 2 and 3 by default. Bones that aren't there are left out.
+    alone : str
+        Muscle that is read as the only bone would be, to have its outline: all other parts in the skin are deep then.
 
     Raises
     ------
@@ -170,6 +176,9 @@ def volume_of_array(
     refused = partial(InputError, source, "labels")
     meaning = TISSUES if meaning is None else meaning
     parts = {name: part_named(name, f"{source}: labels") for name in meaning}
+    if alone:
+        parts = {name: part if part == "skin" else MUSCLE_HULL for name, part in parts.items()}
+        parts[muscle_named(alone, meaning, f"{source}: labels")] = alone
     if unsaid := [name for name in unsaid_tissues(meaning, source) if name != "deep"]:
         raise refused(f"{unsaid[0]} has no label given", "give one")
     of_bones = [name for name, part in parts.items() if _label_of(part) == BONE]

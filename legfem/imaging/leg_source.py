@@ -1,7 +1,7 @@
 """What a leg's shape is taken from: a label volume, contours, or surfaces."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
@@ -15,12 +15,13 @@ from legfem.common.units import FloatArray
 from legfem.geometry.contours import MUSCLE_HULL, read_loops
 from legfem.geometry.leg_shape import HULL, LegShape
 from legfem.geometry.motion import CuttingPlane
-from legfem.geometry.section import CALF, LIMBS
-from legfem.geometry.section_from_outlines import Clearances, hull_of_bones, polygons_of
+from legfem.geometry.part_names import muscle_named
+from legfem.geometry.section import CALF, LIMBS, LegSection
+from legfem.geometry.section_from_outlines import Clearances, hull_of_bones, polygons_of, section_from_outlines
 from legfem.imaging.label_volume import LabelVolume, check_anatomy, cropped, unsaid_tissues, with_bones_between
 from legfem.imaging.outlines import OutlineSettings, not_closed, read_shape, shape_of_outlines, shape_of_volume
 from legfem.imaging.shape_schema import Labels, ShapeEntry, existing
-from legfem.imaging.surfaces import ends_of, outlines_of_surfaces, read_surfaces, shape_of_surfaces
+from legfem.imaging.surfaces import ends_of, outlines_of_surfaces, read_surface, read_surfaces, shape_of_surfaces
 
 _STEP = 0.25  # mm along the leg
 
@@ -74,10 +75,36 @@ class LegSource:
     """Levels between which it is read and checked, mm."""
     muscle: bool = True
     """Whether a volume has to show any."""
+    muscles: Mapping[str, "LegSource"] = field(default_factory=dict)
+    """Those that are regions of their own, each as the only bone would be read."""
+
+    @classmethod
+    def of_scan(
+        cls, file: Path, meaning: Mapping[str, Labels] | None, series: Path | None = None, muscles: Iterable[str] = ()
+    ) -> "LegSource":
+        """Read a label volume; see `legfem.imaging.volume_file.read_volumes`."""
+        from legfem.imaging.volume_file import read_volumes
+
+        volume, alone = read_volumes(file, meaning, series, muscles)
+        own = {muscle: cls(str(file), one, muscle=False) for muscle, one in alone.items()}
+        return cls(str(file), volume, muscles=own)
+
+    @classmethod
+    def of_surfaces(cls, name: str, files: Mapping[str, Sequence[Path]], muscles: Iterable[str] = ()) -> "LegSource":
+        """Read the surfaces of a leg's parts; see `legfem.imaging.surfaces.read_surfaces`."""
+        of_muscles = {muscle: files[muscle_named(muscle, files, name)] for muscle in muscles}
+        own = {n: cls(name, surfaces={n: list(map(read_surface, those))}) for n, those in of_muscles.items()}
+        return cls(name, surfaces=read_surfaces(files), muscles=own)
 
     @classmethod
     def opened(
-        cls, directory: Path, toml: Path, field: str, entry: ShapeEntry, labels: Mapping[str, Labels]
+        cls,
+        directory: Path,
+        toml: Path,
+        table: str,
+        entry: ShapeEntry,
+        labels: Mapping[str, Labels],
+        muscles: Iterable[str] = (),
     ) -> "LegSource":
         """Read what a table of a folder's file names.
 
@@ -88,15 +115,12 @@ class LegSource:
         """
 
         def path(name: str) -> Path:
-            return existing(directory, name, toml, field)
+            return existing(directory, name, toml, table)
 
         if entry.scan is not None:
-            file = path(entry.scan)
             series = None if entry.series is None else path(entry.series)
-            from legfem.imaging.volume_file import read_volume
-
             meaning = {**unsaid_tissues(labels, str(toml)), **labels} if labels else None
-            return cls(str(file), volume=read_volume(file, meaning, series))
+            return cls.of_scan(path(entry.scan), meaning, series, muscles)
         if entry.contours is not None:
             file = path(entry.contours)
             return cls(str(file), contours=file)
@@ -105,7 +129,7 @@ class LegSource:
             part: [path(name) for name in ([names] if isinstance(names, str) else names)]
             for part, names in entry.surfaces.items()
         }
-        return cls(f"{toml.parent / 'surfaces'}", surfaces=read_surfaces(files))
+        return cls.of_surfaces(f"{toml.parent / 'surfaces'}", files, muscles)
 
     def between(self, low: float, high: float) -> "LegSource":
         """Return the source between two levels (mm): what lies beyond may be anything."""
@@ -163,6 +187,17 @@ class LegSource:
         if self.contours is not None:
             return _outlines_of_contours(self.contours, plane)
         return outlines_of_shape(self._near(plane), plane, self.name)
+
+    def section(self, plane: CuttingPlane, fascia_thickness: float) -> LegSection:
+        """Return the section on a plane.
+
+        Raises
+        ------
+        InputError
+            If an outline is missing there, or they don't allow one (see `section_from_outlines`).
+        """
+        muscles = {name: alone.outlines(plane)[name] for name, alone in self.muscles.items()}
+        return section_from_outlines(self.outlines(plane), fascia_thickness, self.name, muscles)
 
     def _near(self, plane: CuttingPlane) -> LegShape:
         """Return the shape of a volume about a plane."""

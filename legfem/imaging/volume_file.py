@@ -1,9 +1,10 @@
 """Reading and writing label volumes: NIfTI, NRRD and MetaImage, DICOM segmentations."""
 
 import locale
+import logging
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -16,10 +17,13 @@ from numpy.typing import NDArray
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
+from legfem.geometry.contours import MUSCLE_HULL
+from legfem.geometry.part_names import part_named
 from legfem.imaging.label_volume import LabelVolume, unsaid_tissues, volume_of_array
 
 # NIfTI's axes point to the right and to the front; DICOM's to the left and to the back.
 _TO_DICOM = np.diag([-1.0, -1.0, 1.0, 1.0])
+_log = logging.getLogger(__name__)
 _PER_MM = {"meter": 1000.0, "mm": 1.0, "micron": 1e-3, "unknown": 1.0}
 _NIFTI, _ITK, _DICOM = (".nii", ".nii.gz"), (".nrrd", ".nhdr", ".mha", ".mhd"), (".dcm",)
 
@@ -27,19 +31,29 @@ type Meaning = Mapping[str, int | list[int]]
 
 
 def read_volume(path: Path, meaning: Meaning | None = None, series: Path | None = None) -> LabelVolume:
-    """Read a label volume.
+    """Read a label volume: `read_volumes` has the parameters, and what is raised."""
+    return read_volumes(path, meaning, series)[0]
+
+
+def read_volumes(
+    path: Path, meaning: Meaning | None = None, series: Path | None = None, muscles: Iterable[str] = ()
+) -> tuple[LabelVolume, dict[str, LabelVolume]]:
+    """Read a label volume, and single muscles of it, each as the only bone would be.
 
     Parameters
     ----------
     path : Path
         NIfTI (``.nii``, ``.nii.gz``), NRRD or MetaImage (``.nrrd``, ``.mha``, ...), or a DICOM
-        segmentation (``.dcm``), or the folder of a DICOM series whose pixels are labels.
+        segmentation (``.dcm``); the folder of a DICOM series whose pixels are labels, or of masks, a NIfTI file for
+        each part by its name, as TotalSegmentator writes them.
     meaning : mapping, optional
         Parts (see `legfem.geometry.part_names.part_named`) to the labels they have in the file, one or several. By
         default ``superficial``, ``deep`` and ``bone`` are 1, 2 and 3; in a DICOM segmentation by its segments' names,
         if these are parts'.
     series : Path, optional
         Folder of the DICOM series on which a volume was labelled that doesn't say where it lies.
+    muscles : iterable of str
+        Plain names of parts.
 
     Raises
     ------
@@ -53,7 +67,7 @@ def read_volume(path: Path, meaning: Meaning | None = None, series: Path | None 
     readers = {_NIFTI: _read_nifti, _ITK: _read_itk, _DICOM: _read_dicom}
     reader = next((r for endings, r in readers.items() if name.endswith(endings)), None)
     if path.is_dir():
-        reader = _read_series
+        reader = _read_masks if _masks(path) else _read_series
     if reader is None:
         remedy = f"give one of {', '.join(e for endings in readers for e in endings)}"
         raise InputError(path, "file", "is of an unknown kind", remedy)
@@ -70,12 +84,14 @@ def read_volume(path: Path, meaning: Meaning | None = None, series: Path | None 
         said = " ".join(((found["said"] or found["nrrd"]) if found else str(error)).split())[:160]
         problem = f"can't be read ({said or type(error).__name__})"
         raise InputError(path, "file", problem, "save it again") from None
-    volume = volume_of_array(array, affine, str(path), meaning or named)
+    meaning = meaning or named
+    volume = volume_of_array(array, affine, str(path), meaning)
     if volume.spacing.max() > _FARTHEST_MM:
         apart = " x ".join(f"{one:g}" for one in volume.spacing)
         problem = f"voxels are {apart} mm apart; at most {_FARTHEST_MM:g} mm say where a leg's outlines are"
         raise InputError(path, "spacing", problem, "correct the spacing in the header, or scan more slices")
-    return replace(volume, transform=transform)
+    own = {name: volume_of_array(array, affine, str(path), meaning, name) for name in muscles}
+    return replace(volume, transform=transform), own
 
 
 _FARTHEST_MM = 25.0
@@ -122,6 +138,35 @@ def _read_itk(path: Path) -> _Raw:
     reader.ReadImageInformation()
     _check_count(path, reader.GetSize())
     return _of_image(reader.Execute(), path)
+
+
+def _masks(folder: Path) -> list[Path]:
+    return sorted(folder.glob("*.nii*"))
+
+
+def _read_masks(path: Path) -> _Raw:
+    """Read a folder's masks, the outermost parts first: a muscle's voxels may be the skin's too, a bone's both."""
+    files = {file.name.split(".")[0]: file for file in _masks(path)}
+    parts, others = dict[str, str](), list[str]()
+    for name in files:
+        try:
+            parts[name] = part_named(name, path)
+        except InputError:
+            others.append(name)
+    if others:
+        _log.warning("%s: passed over, since no part of a limb is called so: %s", path, ", ".join(others))
+    labels: NDArray[np.integer] = np.zeros((0, 0, 0), np.int64)
+    place: FloatArray = np.eye(4)
+    first, stated, named = "", False, dict[str, int]()
+    for name in sorted(parts, key=lambda one: {"skin": 0, MUSCLE_HULL: 1}.get(parts[one], 2)):
+        mask, affine, _, states = _read_nifti(files[name])
+        if not named:
+            labels, place, first, stated = np.zeros_like(mask), affine, name, states
+        if mask.shape != labels.shape or not np.allclose(affine, place, atol=1e-3):
+            raise InputError(files[name], "grid", f"isn't that of {first}", "make all masks of one scan")
+        named[name] = len(named) + 1
+        labels[mask > 0] = named[name]
+    return labels, place, named, stated
 
 
 def _read_series(path: Path) -> _Raw:

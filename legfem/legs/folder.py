@@ -18,7 +18,7 @@ from legfem.data import Instrument, Recording, write_recording
 from legfem.geometry.contours import write_contours
 from legfem.geometry.motion import CuttingPlane
 from legfem.geometry.section import LIMBS, LegSection
-from legfem.geometry.section_from_outlines import facing_point, section_from_outlines
+from legfem.geometry.section_from_outlines import facing_point
 
 if TYPE_CHECKING:
     from legfem.imaging.leg_source import LegSource
@@ -77,8 +77,7 @@ def folder_of_leg(
     InputError
         If the leg can't be used or ``out`` isn't empty; nothing is written then.
     """
-    outlines = source.outlines(CuttingPlane.at_level(level))
-    section = section_from_outlines(outlines, fascia_thickness, source.name)
+    section = source.section(CuttingPlane.at_level(level), fascia_thickness)
     title = f"{Path(source.name).name}, level {level:g} mm"
     angle = np.deg2rad(direction_deg)
     travel = np.array([np.cos(angle), np.sin(angle)])
@@ -166,8 +165,9 @@ def subject_text(
 
 
 def _regions(section: LegSection) -> str:
-    own = (bone for bone in section.bones if bone not in chain(*LIMBS.values()))
-    return "".join(f'\n[regions.{bone}]\nkind = "bone"\n' for bone in own)
+    kinds = dict.fromkeys(section.bones, "bone") | dict.fromkeys(section.muscles, "muscle")
+    own = {part: kind for part, kind in kinds.items() if part not in chain(*LIMBS.values())}
+    return "".join(f'\n[regions.{part}]\nkind = "{kind}"\n' for part, kind in own.items())
 
 
 def check_new_folder(out: Path) -> None:

@@ -13,7 +13,6 @@ from legfem.geometry.contours import check_section, read_contours
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape, shape_of_contours
 from legfem.geometry.motion import CuttingPlane, RigidTransform, rigidly_moved, turn_about_travel
 from legfem.geometry.section import CALF, LIMBS, LegSection, closed_lengths, outward_normals
-from legfem.geometry.section_from_outlines import section_from_outlines
 from legfem.imaging.registration import register_points
 from legfem.imaging.shape_schema import existing
 from legfem.legs.schema import SUBJECTS, IndenterEntry, SectionEntry, SubjectFile, subject_entry
@@ -181,14 +180,16 @@ def placed(directory: Path, toml: Path, given: SubjectFile) -> Placement:
     # Readers of scans are slow to import, and most folders have none.
     from legfem.imaging.leg_source import LegSource
 
-    source = replace(LegSource.opened(directory, toml, "section", entry, given.labels), muscle=thickness > 0)
+    muscles = [name for name, region in given.regions.items() if region.kind == "muscle"]
+    source = LegSource.opened(directory, toml, "section", entry, given.labels, map(str.lower, muscles))
+    source = replace(source, muscle=thickness > 0)
     turn, residual = indenter.axis_deg or 0.0, None
     if indenter.position_mm is None:
         assert entry.level_mm is not None and indenter.aim_mm is not None and indenter.direction_deg is not None
         plane, aim, angle = CuttingPlane.at_level(entry.level_mm), np.array(indenter.aim_mm), indenter.direction_deg
     else:
         plane, aim, angle, turn, residual = _posed(directory, toml, indenter, source)
-    section = section_from_outlines(source.outlines(plane), thickness, source.name)
+    section = source.section(plane, thickness)
     return Placement(section, aim, angle, f"{Path(source.name).name}, {plane}", residual, source, plane, turn)
 
 

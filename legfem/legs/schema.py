@@ -281,10 +281,12 @@ class SubjectFile(input_files.NamedFile):
             yield "section.level_mm", "is given beside indenter.position_mm", remedy
         if "labels" in self.model_fields_set and self.section.scan is None:
             yield "labels", "are given without a scan", "give the scan, or leave them out"
-        if self.regions and (self.is_cut or self.section.contours is None):
+        drawn = not self.is_cut and self.section.contours is not None
+        scanned = self.is_cut and self.section.contours is None
+        if not drawn and any(one.kind == "bone" or not scanned for one in self.regions.values()):
             remedy = "give contours without level_mm, or leave them out"
-            yield "regions", "are of use with outlines of one section alone", remedy
-        if self.section.support_mm and (self.is_cut or self.section.contours is None):
+            yield "regions", "are of use with outlines of one section, muscles with a scan or surfaces too", remedy
+        if self.section.support_mm and not drawn:
             yield "section.support_mm", "is of use with outlines of one section alone", "give contours without level_mm"
         for table, name in (*(("regions", one) for one in self.regions), *(("groups", one) for one in self.groups)):
             if name.lower() in ("skin", "pad", *TissuesEntry.model_fields, "instrument"):

@@ -25,7 +25,6 @@ from legfem.data.recording import PLAIN_COLUMNS, QUANTITIES, SourceColumns
 from legfem.geometry.contours import read_contours
 from legfem.geometry.motion import CuttingPlane
 from legfem.geometry.section import LegSection, line_of_travel
-from legfem.geometry.section_from_outlines import section_from_outlines
 from legfem.legs.schema import SectionEntry
 from legfem.report.render import filled
 from legfem.report.style import BONE_COLOUR, REGION_COLOURS, part_colour
@@ -235,7 +234,7 @@ def _section(folder: Path, source: str, level: float | None) -> LegSection:
 
     entry = SectionEntry(scan=source, level_mm=level, fascia_thickness_mm=FASCIA_MM)
     scan = LegSource.opened(folder, folder / "subject.toml", "section", entry, {})
-    return section_from_outlines(scan.outlines(CuttingPlane.at_level(level)), FASCIA_MM, scan.name)
+    return scan.section(CuttingPlane.at_level(level), FASCIA_MM)
 
 
 def _clicked(section: LegSection, place: Stated) -> None:
