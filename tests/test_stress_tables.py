@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,8 @@ from making_stress_tables import TRELOAR_UNIAXIAL, TRELOAR_UNIAXIAL_STRETCH, des
 import legfem as lf
 from legfem.common.errors import InputError
 from legfem.data.stress_tables import roughness
+from legfem.report.kinds.specimens import asked_by_depth
+from legfem.specimens.details import compared
 
 C10 = 4e-3
 TENSION = '[uniaxial]\ndirection = "tension"'
@@ -160,3 +163,18 @@ def test_a_page_shows_strain_and_stress(tmp_path: Path) -> None:
     page = (tmp_path / "out" / "report.html").read_text()
     assert "nominal stress (kPa)" in page and "tables of stretch and stress" in page
     assert "mm/s" not in found.summary()
+
+
+def test_where_the_law_misses_the_form_that_it_would_need_is_drawn_and_said(tmp_path: Path) -> None:
+    softens = 1 / (1 + 2 * (STRETCH - 1))
+    described(write_table(tmp_path, "stretch,stress (kPa)", STRETCH, nominal(STRETCH) * softens), TENSION, NOMINAL)
+    found = lf.identify(lf.load_specimen(tmp_path), "neo-hookean")
+    (one,) = compared(found.best)
+    moved, asked, error = asked_by_depth(one)
+    # Of the cube of 10 mm that a table without sizes stands for.
+    made = C10 * np.interp(1 + moved / 10, STRETCH, softens)
+    assert found.best.values["deep.C10"] * asked == pytest.approx(made, rel=0.01)
+    assert (error < 0.05).all() and len(asked) > 15
+    found.write(tmp_path / "out")
+    assert "the stiffness that each depth asks for" in (tmp_path / "out" / "report.html").read_text()
+    assert re.search(r"asks for another form of the law: 1\.\d\d at 25 %, .* 0\.\d\d at 100 %", found.summary(), re.S)

@@ -46,7 +46,7 @@ class Line:
     """Whether it stands in the table behind the plot and under the cursor."""
 
 
-def law_line(law: str, above: FloatArray, below: FloatArray, dash: Dash = "solid", points: bool = False) -> Line:
+def law_line(law: str, above: FloatArray, below: FloatArray | None, dash: Dash = "solid", points: bool = False) -> Line:
     """Return what the model makes of a test with a law, and its difference from the recording."""
     return Line(f"model, {LAW_NAMES[law]}", above, below, style.LAW_COLOURS[law], dash, points)
 

@@ -11,6 +11,7 @@ from legfem.common.numbers import fit_probability, percent
 from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import RATIO, is_ratio, symbol_of
 from legfem.inverse.fit import Fit, least_akaike, value_of
+from legfem.inverse.intervals import quantile
 from legfem.inverse.readings import RELAXATION
 from legfem.report import estimates
 from legfem.report import page as web
@@ -28,6 +29,9 @@ from legfem.specimens.thickness import KNOW_THE_RIG
 type SpecimenFit = Fit[SpecimenDetails]
 
 _MOST_CURVES = 6
+_SHALLOW = 0.03
+"""Share of the depth below which a quotient of forces is noise."""
+_DEPTHS = 0.25, 0.5, 0.75, 1.0
 _DASHES: tuple[Dash, ...] = ("solid", "dashed", "dotdash", "dotted")
 
 
@@ -135,7 +139,8 @@ def _next(best: SpecimenFit) -> list[str]:
     elif not best.goodness.fits:
         lines = [
             "Try the other laws (--law yeoh, --law exponential); if none fits, use the numbers "
-            "only to compare specimens of this test."
+            "only to compare specimens of this test. The picture of what each depth asks for shows the form that a law "
+            "would need."
         ]
     elif details.ratio_undetermined:
         lines = [details.ratio_undetermined]
@@ -152,17 +157,48 @@ def _next(best: SpecimenFit) -> list[str]:
     return lines
 
 
+def _worst(result: SpecimenFit) -> list[RecordingFit]:
+    """Return the recordings with the poorest fit, of each of several tests one at least."""
+    worst = sorted(compared(result), key=lambda one: one.force.r_squared)
+    first = {one.recording.test: one for one in reversed(worst)}.values()
+    return sorted(worst, key=lambda one: one not in first)[: max(_MOST_CURVES, len(first))]
+
+
 def curves_of(results: Sequence[SpecimenFit]) -> Iterator[Curves]:
     """Recordings beside the laws, over displacement and where one holds over time, those with the poorest fit first."""
-    worst = sorted(compared(least_akaike(results)), key=lambda one: one.force.r_squared)
-    # Of each of several tests one at least.
-    first = {one.recording.test: one for one in reversed(worst)}.values()
-    worst = sorted(worst, key=lambda one: one not in first)[: max(_MOST_CURVES, len(first))]
-    for number, one in enumerate(worst):
+    for number, one in enumerate(_worst(least_akaike(results))):
         axes = one.recording.axes
         yield _curves(results, one, number, axes.ways * one.course.displacement, axes.way, axes.way_unit)
         if one.course.holds:
             yield _curves(results, one, number, one.course.time, "time", "s")
+
+
+def asked_by_depth(one: RecordingFit) -> FloatArray:
+    """Return displacements of a loading, the stiffness that the force asks for there over the law's, and its error.
+
+    Every force is in proportion to a law's stiffness, so this is the law whose form is free; (3, n).
+    """
+    moved, law, channel = one.course.displacement, one.force.predicted, one.force.channel
+    kept = (np.arange(len(moved)) <= np.argmax(moved)) & (moved > _SHALLOW * moved.max()) & (law > 0)
+    return np.array([moved[kept], channel.values[kept] / law[kept], channel.sd[kept] / law[kept]])
+
+
+def _free_form(result: SpecimenFit) -> Iterator[Curves]:
+    """Yield what stiffness the recordings of a law that misses them ask for, over the depth."""
+    for number, one in enumerate([] if result.goodness.fits else _worst(result)):
+        axes, (moved, asked, error) = one.recording.axes, asked_by_depth(one)
+        yield Curves(
+            f"asked{number}",
+            f"{one.name}: the stiffness that each depth asks for, over that of the law that was fitted",
+            ", with 95 % intervals: the form that a law would need. One that fits is 1 throughout.",
+            axes.ways * moved,
+            _label(axes.way, axes.way_unit),
+            "times the law's stiffness",
+            "",
+            [Line("asked for", asked, None), law_line(result.law, np.ones_like(asked), None)],
+            quantile(0) * error,
+            "95 %",
+        )
 
 
 def _recordings(results: Sequence[SpecimenFit]) -> Iterator[web.Block]:
@@ -180,6 +216,7 @@ def _recordings(results: Sequence[SpecimenFit]) -> Iterator[web.Block]:
     ]
     explains = f"How much of each recording the {LAW_NAMES[first.law]} law explains (R²)"
     yield from curves_of(results)
+    yield from _free_form(first)
     yield web.Bars(explains, ("recording", "R², error"), bars, greatest=1.0)
     yield from drawn(results)
     yield from _face_profile(results)
@@ -251,11 +288,15 @@ def _curves(
         f"{one.name}{'' if one.fitted else ' (left out, predicted)'}",
         f": {axes.load} over {along}{after}, recorded and of the model; beneath, the model less the recording.",
         x,
-        f"{along} ({unit})" if unit != "-" else along,
+        _label(along, unit),
         f"{axes.load} ({axes.load_unit})",
         f"model − recorded ({axes.load_unit})",
         lines,
     )
+
+
+def _label(name: str, unit: str) -> str:
+    return f"{name} ({unit})" if unit != "-" else name
 
 
 def procedure(result: SpecimenFit) -> str:
@@ -341,6 +382,12 @@ def tested(results: Sequence[SpecimenFit]) -> Iterator[str]:
             f"({fit_probability(goodness.p_value)})."
         )
         yield from channel_lines(result)
+        if not goodness.fits:
+            one = _worst(result)[0]
+            moved, asked, _ = asked_by_depth(one)
+            at = np.interp(_DEPTHS, moved / one.course.depth, asked)
+            there = ", ".join(f"{x:.2f} at {100 * share:g} %" for x, share in zip(at, _DEPTHS, strict=True))
+            yield f"{one.name} asks for another form of the law: {there} of the depth, times its stiffness."
         if details.agreement is not None and not details.agreement.disagree:
             yield details.agreement.text
         if each := details.stiffness.values():
