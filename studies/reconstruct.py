@@ -26,7 +26,7 @@ from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainS
 from legfem.geometry.indenter import Indenter
 from legfem.jobs.pool import Workers
 from legfem.legs.folder import check_new_folder, write_subject_folder
-from legfem.legs.placement import Calf, calf_section
+from legfem.legs.typical import Calf, calf_section
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
 from legfem.meshing.section import SectionMeshSettings

@@ -20,7 +20,7 @@ from legfem.fem.spaces import LegSpaces, build_spaces
 from legfem.fem.system import System
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import LegSection
-from legfem.legs.placement import Calf, calf_section
+from legfem.legs.typical import Calf, calf_section
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.indenters import RigidCylinder
 from legfem.mechanics.materials import NeoHookean, ReducedPolynomial

@@ -227,7 +227,7 @@ def test_excel_girth_and_fat_lead_to_a_verdict_in_eight_clicks_and_six_numbers(s
     assert not page.value(RED)
     user.click("A leg that was pressed", "button")
     for label, number in (
-        ("girth of the calf (mm)", "365"),
+        ("girth there (mm)", "365"),
         ("skin and fat where it is pressed (mm)", "9"),
         ("diameter (mm)", "30"),
         ("cylinder's length (mm)", "50"),

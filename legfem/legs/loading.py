@@ -124,7 +124,7 @@ def load_subject(
         site=entry.site,
         elastography=moduli,
         fibres=fibre_ratio(moduli, deep.fibre_ratio, deep.fibre_ratio_sd),
-        typical_shape=given.section.girth_mm is not None,
+        typical_shape="" if given.section.girth_mm is None else given.section.limb,
         measured=tuple(MeasuredEffect(**entry.model_dump()) for entry in given.measured),
     )
     return with_trials(subject, entry, trial_files(directory, entry) if need_recordings else None, need_instrument)

@@ -16,7 +16,8 @@ from legfem.legs.correction_of_leg import why_uncorrected, why_without_fibres
 from legfem.legs.details import AppliedCorrection, LegDetails, SpatialEvidence, SpatialSites
 from legfem.legs.plausibility import doubts_about, doubts_about_stiffness, poisson_ratio
 from legfem.legs.site import curve_of
-from legfem.legs.subject import TYPICAL_FORCE_SD, Subject
+from legfem.legs.subject import Subject
+from legfem.legs.typical import TYPICAL_LIMBS
 
 
 class LegNotice(StrEnum):
@@ -56,8 +57,9 @@ def notices_about(fit: Fit[LegDetails]) -> tuple[Notice, ...]:
     found += at_limits(fit)
     found += of_failed_solves(log, "" if several else f"{curve_of(fit.tests[0]).displacement[-1]:g} mm")
     found += far_from_priors(fit.estimates)
-    if details.subject.typical_shape:
-        found.append(Notice.of(LegNotice.TYPICAL_SHAPE, force_percent=100 * TYPICAL_FORCE_SD))
+    if limb := details.subject.typical_shape:
+        force_percent = 100 * TYPICAL_LIMBS[limb].force_sd
+        found.append(Notice.of(LegNotice.TYPICAL_SHAPE, limb=limb, force_percent=force_percent))
     found += _left_out(fit)
     found += dict.fromkeys(notice for site in details.leg.sites for notice in not_read(site.recordings))
     if isinstance(details.spatial, SpatialSites):

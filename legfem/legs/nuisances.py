@@ -102,7 +102,7 @@ the same constants for laws of its own."""
 def accuracy_of_shape(subject: Subject) -> ShapeAccuracy:
     """Return how well a leg's outlines, aim, direction and what is assumed are known: as stated, else as is usual.
 
-    A leg that was drawn is known but for rounding, a typical calf only roughly, unless the folder says otherwise.
+    A leg that was drawn is known but for rounding, a typical limb only roughly, unless the folder says otherwise.
     """
     given = subject.accuracy
     if subject.typical_shape and not given.stated:

@@ -1,4 +1,4 @@
-"""Where a leg is pressed: its section, drawn or a typical calf's, the line of travel in it, and its shape in 3D."""
+"""Where a leg is pressed: its section, drawn or a typical limb's, the line of travel in it, and its shape in 3D."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -6,123 +6,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from legfem.common.errors import AboveZero, Checked, InputError
+from legfem.common.errors import InputError
 from legfem.common.input_files import read_table
 from legfem.common.units import FloatArray
-from legfem.geometry.contours import check_section, read_contours
+from legfem.geometry.contours import read_contours
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape, shape_of_contours
 from legfem.geometry.motion import CuttingPlane, RigidTransform, rigidly_moved, turn_about_travel
-from legfem.geometry.section import CALF, LIMBS, LegSection, closed_lengths, outward_normals
+from legfem.geometry.section import LegSection
 from legfem.imaging.registration import register_points
 from legfem.imaging.shape_schema import existing
 from legfem.legs.schema import SUBJECTS, IndenterEntry, SectionEntry, SubjectFile, subject_entry
 from legfem.legs.subject import Subject
+from legfem.legs.typical import typical_section
 
 if TYPE_CHECKING:
     from legfem.imaging.leg_source import LegSource
-
-
-MOST_OVER_SHIN_MM = 6.0
-"""Fat of a typical calf over the tibia's face, however fat it is behind."""
-
-
-@dataclass(frozen=True)
-class Calf(Checked):
-    """Shape of one calf.
-
-    Parameters
-    ----------
-    girth_mm : float
-        Perimeter of the skin.
-    fat_mm : float
-        Mean thickness between skin and fascia.
-    fascia_thickness_mm : float
-        Of the fascia.
-    aspect : float
-        Width over depth of the oval.
-    bulge : float
-        How much farther the back reaches than the front, relative to the mean radius.
-    asymmetry : float
-        The same between the two sides.
-    fat_variation : float
-        Relative: the fat is this much thicker at the back and thinner over the tibia.
-    tibia_mm, fibula_mm : tuple[float, float]
-        Mean radii.
-    side : {1, -1}
-        On which side of the y axis the fibula lies.
-    """
-
-    girth_mm: AboveZero[float]
-    fat_mm: AboveZero[float]
-    fascia_thickness_mm: AboveZero[float]
-    aspect: AboveZero[float] = 1.04
-    bulge: float = 0.05
-    asymmetry: float = 0.02
-    fat_variation: float = 0.15
-    tibia_mm: AboveZero[float] = 12.0
-    fibula_mm: AboveZero[float] = 6.0
-    side: int = 1
-
-    def __post_init__(self) -> None:
-        """Check the lengths and that the fascia is thinner than the fat."""
-        super().__post_init__()
-        if self.fascia_thickness_mm >= self.fat_mm:
-            raise InputError("Calf", "fascia_thickness_mm", "is not below fat_mm", "give a thinner fascia")
-
-    @classmethod
-    def with_fat_behind(cls, girth_mm: float, fat_mm: float, fascia_thickness_mm: float) -> "Calf":
-        """A calf of usual proportions, given the thickness of its fat (mm) at the middle of the back."""
-        usual = cls(girth_mm, fat_mm, fascia_thickness_mm)
-        behind = float(usual.relative_fat(np.array(-np.pi / 2)))
-        over_shin = (1 - usual.fat_variation) / behind * fat_mm
-        if over_shin > MOST_OVER_SHIN_MM:
-            # 1 - v over the shin and 1 + v cos(0.5) behind have the ratio of the two thicknesses.
-            ratio, lean = MOST_OVER_SHIN_MM / fat_mm, (behind - 1) / usual.fat_variation
-            usual = replace(usual, fat_variation=(1 - ratio) / (1 + ratio * lean))
-        return replace(usual, fat_mm=fat_mm / float(usual.relative_fat(np.array(-np.pi / 2))))
-
-    def relative_fat(self, angle: FloatArray) -> FloatArray:
-        """Thickness of the fat over its mean at angles (...) from +x: most at the back, least over the tibia's face."""
-        over_tibia = np.cos(angle - (np.pi / 2 + 0.5 * self.side))
-        return np.asarray(1 - self.fat_variation * over_tibia)
-
-
-def calf_section(calf: Calf) -> LegSection:
-    """Return the contours of a calf.
-
-    Raises
-    ------
-    InputError
-        If the numbers give contours that cross.
-    """
-    angle = 2 * np.pi * np.arange(240) / 240
-    shape = oval(angle, calf.aspect, calf.bulge, calf.asymmetry)
-    unit = np.column_stack([np.cos(angle), np.sin(angle)])
-    outline = shape[:, None] * unit
-    radius = calf.girth_mm / float(closed_lengths(outline))
-    skin = radius * outline
-    fascia = skin - (calf.fat_mm * calf.relative_fat(angle))[:, None] * outward_normals(skin)
-    tibia = bone_outline(calf.tibia_mm, (-0.20 * calf.side * radius, 0.46 * radius), 0.16, 3, 0.4 * calf.side)
-    fibula = bone_outline(calf.fibula_mm, (0.42 * calf.side * radius, 0.20 * radius), 0.10, 2, 0.9)
-    section = LegSection(skin, fascia, dict(zip(LIMBS[CALF], (tibia, fibula), strict=True)), calf.fascia_thickness_mm)
-    check_section(section, "Calf")
-    return section
-
-
-def oval(angle: FloatArray, aspect: float, bulge: float, asymmetry: float) -> FloatArray:
-    """Return how far a calf's skin reaches at an angle from +x, over its radius; see `Calf`."""
-    a, b = np.sqrt(aspect), 1 / np.sqrt(aspect)
-    ellipse = 1 / np.sqrt((np.cos(angle) / a) ** 2 + (np.sin(angle) / b) ** 2)
-    bulged = -bulge * np.sin(angle) + asymmetry * np.cos(angle)
-    flattened = -0.012 * np.cos(3 * (angle - np.pi / 2))
-    return ellipse * (1 + bulged + flattened)
-
-
-def bone_outline(radius: float, centre: tuple[float, float], lobe: float, lobes: int, turn: float) -> FloatArray:
-    """Return a bone's outline with rounded corners, one at the angle ``turn``; (60, 2), mm."""
-    angle = 2 * np.pi * np.arange(60) / 60
-    reach = radius * (1 + lobe * np.cos(lobes * (angle - turn)) / lobes)
-    return np.asarray(centre) + reach[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
 
 
 _LANDMARKS = ("name", "x_mm", "y_mm", "z_mm", "scan_x_mm", "scan_y_mm", "scan_z_mm")
@@ -216,12 +114,13 @@ def _posed(
 
 
 def _typical(toml: Path, entry: SectionEntry) -> LegSection:
-    """Section of a typical calf of the stated girth and fat."""
+    """Section of a typical limb of the stated girth and fat."""
     assert entry.girth_mm is not None and entry.fat_mm is not None
     try:
-        return calf_section(Calf.with_fat_behind(entry.girth_mm, entry.fat_mm, entry.fascia_thickness_mm))
+        return typical_section(entry.limb, entry.girth_mm, entry.fat_mm, entry.fascia_thickness_mm)
     except InputError as error:
-        problem = f"{entry.fat_mm:g} mm of fat and a girth of {entry.girth_mm:g} mm make no calf ({error.problem})"
+        sizes = f"{entry.fat_mm:g} mm of fat and a girth of {entry.girth_mm:g} mm"
+        problem = f"{sizes} make no {entry.limb} ({error.problem})"
         raise InputError(toml, "section.fat_mm", problem, "measure both again, or give contours") from None
 
 
@@ -299,7 +198,7 @@ def spatial_leg(subject: Subject) -> SpatialLeg:
         raise InputError(toml, "section.length_mm", problem, f"give more than {held:g} mm, twice that or more")
     place = placed(subject.directory, toml, given)
     if place.source is None:
-        what = "a typical calf's section" if subject.typical_shape else "the section"
+        what = f"a typical {subject.typical_shape}'s section" if subject.typical_shape else "the section"
         words = f"{what}, extruded over {length:g} mm"
         return SpatialLeg(_extruded(subject.section, length), words, True)
     shape = _about(place, 0.5 * length)

@@ -14,9 +14,10 @@ from legfem.common.resources import RESOURCES
 from legfem.data.channel_reader import ChannelsEntry
 from legfem.data.folder import AccuracyEntry, Catalogue, InstrumentEntry, RecordingsEntry, with_lab
 from legfem.geometry.indenter import IndenterShape
-from legfem.geometry.section import LIMBS
+from legfem.geometry.section import CALF, LIMBS
 from legfem.imaging.shape_schema import Labels, ShapeEntry
 from legfem.inverse.elastography import ElastographyEntry, StatedRatio, elastography_troubles
+from legfem.legs.typical import TYPICAL_LIMBS
 
 FlatPoint = Annotated[list[input_files.Finite], Field(min_length=2, max_length=2)]
 Vector = Annotated[list[input_files.Finite], Field(min_length=3, max_length=3)]
@@ -79,26 +80,26 @@ class IndenterEntry(input_files.FileTable):
                 yield key, "has no length", "give a vector"
 
 
-FROM_BEHIND: Mapping[str, Any] = {"aim_mm": [0.0, 0.0], "direction_deg": 90.0}
-"""Line of travel of a typical calf: towards its middle, whose front is at +y."""
 RegionName = Annotated[str, Field(pattern=r"^[A-Za-z]\w*$")]
 HOLDER = "a subject folder"
 """That holds the file."""
 
 
 class SectionEntry(ShapeEntry):
-    """``[section]``: contours of one section, what a section is cut from, or a typical calf's size."""
+    """``[section]``: contours of one section, what a section is cut from, or a typical limb's size."""
 
     sources: ClassVar[dict[str, str]] = {
         **ShapeEntry.sources,
-        "girth_mm": "girth_mm with fat_mm (a typical calf of that size)",
+        "girth_mm": "girth_mm with fat_mm (a typical limb of that size)",
     }
     fascia_thickness_mm: input_files.NotNegative
     """Thickness of the fascia around the muscle; 0.6 mm is usual, 0 of a limb without muscle."""
     support_mm: Annotated[list[FlatPoint], Field(min_length=2, max_length=2)] | None = None
     """Two points of the face of a plate that the limb lies on: skin there is held."""
-    girth_mm: Annotated[float, Field(ge=200.0, le=600.0, allow_inf_nan=False)] | None = None
-    """Girth of the calf where it is pressed, by a tape; no outlines are needed then."""
+    girth_mm: Annotated[float, Field(ge=150.0, le=900.0, allow_inf_nan=False)] | None = None
+    """Girth of the limb where it is pressed, by a tape; no outlines are needed then."""
+    limb: Literal[*TYPICAL_LIMBS] = CALF  # type: ignore[valid-type]
+    """Which limb is typical of that girth."""
     fat_mm: Annotated[float, Field(ge=2.0, le=60.0, allow_inf_nan=False)] | None = None
     """Thickness of skin and fat under the indenter, by ultrasound or half a skinfold."""
     level_mm: input_files.Finite | None = None
@@ -108,13 +109,15 @@ class SectionEntry(ShapeEntry):
     """Length of the leg in a 3D model, with the cylinder at its middle; 120 mm without it."""
 
     def troubles(self) -> Iterator[input_files.Trouble]:
-        """Yield one of a typical calf's sizes alone, and a plate of no length, beside a shape's troubles."""
+        """Yield one of a typical limb's sizes alone, and a plate of no length, beside a shape's troubles."""
         yield from super().troubles()
         if self.support_mm is not None and self.support_mm[0] == self.support_mm[1]:
             yield "support_mm", "is one point twice", "give two points of the plate's face"
         if (self.girth_mm is None) != (self.fat_mm is None):
             missing = "fat_mm" if self.fat_mm is None else "girth_mm"
-            yield missing, MISSING, "a typical calf takes both girth_mm and fat_mm"
+            yield missing, MISSING, "a typical limb takes both girth_mm and fat_mm"
+        if "limb" in self.model_fields_set and self.girth_mm is None:
+            yield "limb", "is given without a girth", "give girth_mm and fat_mm, or leave it out"
 
 
 class RegionEntry(input_files.FileTable):
@@ -261,18 +264,20 @@ class SubjectFile(input_files.NamedFile):
 
     @model_validator(mode="before")
     @classmethod
-    def _pressed_from_behind(cls, content: Any) -> Any:
-        """Give a typical calf its line of travel, which is known from behind only."""
+    def _pressed_as_usual(cls, content: Any) -> Any:
+        """Give a typical limb its line of travel, which is known from one side only."""
         if not isinstance(content, Mapping):
             return content
         section, indenter = content.get("section"), content.get("indenter")
         if not (isinstance(section, Mapping) and isinstance(indenter, Mapping) and "girth_mm" in section):
             return content
+        limb = section.get("limb", CALF)
+        usual = TYPICAL_LIMBS.get(str(limb), TYPICAL_LIMBS[CALF])
         for key in ("aim_mm", "direction_deg", "position_mm", "direction"):
             if key in indenter:
-                remedy = "leave it out: a typical calf is pressed from behind, towards its middle"
+                remedy = f"leave it out: a typical {limb} is pressed {usual.pressed}, towards its middle"
                 raise input_files.trouble(f"indenter.{key}", "is given beside section.girth_mm", remedy)
-        return {**content, "indenter": {**indenter, **FROM_BEHIND}}
+        return {**content, "indenter": {**indenter, "aim_mm": [0.0, 0.0], "direction_deg": usual.direction_deg}}
 
     def _other_than_one_plane(self) -> Iterator[input_files.Trouble]:
         level, position = self.section.level_mm, self.indenter.position_mm

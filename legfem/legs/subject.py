@@ -61,12 +61,8 @@ class LegAccuracy:
         return replace(self, contact_sd=None, rig_sd=None) != LegAccuracy()
 
 
-TYPICAL_FORCE_SD = 0.06
-"""Relative, of the force of a typical calf of a leg's girth and fat, pressed from behind: 4 % over usual proportions of
-calves, sizes measured to 5 mm and 0.8 mm (fourteen drawn calves); 0 to 7 % on one real leg's outlines at three levels
-(BodyParts3D)."""
 TYPICAL_ACCURACY = LegAccuracy(contour_sd=3.0, aim_sd=4.0, direction_sd=6.0)
-"""Of a typical calf, where a diagnosis weighs what isn't known of a leg."""
+"""Of a typical limb, where a diagnosis weighs what isn't known of a leg."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -105,8 +101,8 @@ class Subject(Pictured):
     measured: tuple[MeasuredEffect, ...] = ()
     stiffness_prior: Prior | None = None
     """Of C10 of the deep tissue (MPa), for a diagnosis: of people like this one."""
-    typical_shape: bool = False
-    """Whether the section is a typical calf's of the measured girth and fat, in place of the leg's own outlines."""
+    typical_shape: str = ""
+    """Which typical limb's section of the measured girth and fat is taken, in place of the leg's own outlines."""
 
     @property
     def muscles(self) -> tuple[str, ...]:

@@ -20,7 +20,8 @@ from legfem.inverse.settings import SearchRequest
 from legfem.inverse.station_test import StationTest
 from legfem.legs.finite_element_models import solved_responses
 from legfem.legs.nuisances import ShapeAccuracy, accuracy_of_shape
-from legfem.legs.subject import TYPICAL_FORCE_SD, SitedLeg, Subject
+from legfem.legs.subject import SitedLeg, Subject
+from legfem.legs.typical import TYPICAL_LIMBS
 from legfem.solve.path import ForceCurve
 
 type Geometry = Callable[[int, Stiffness], NuisanceChanges | None]
@@ -115,13 +116,13 @@ def _of_shape(
 ) -> Iterator[NuisanceEffect]:
     """Yield what outlines do where no derivatives by them are known.
 
-    A thickness that is off at rest is so in proportion all along the test; a typical calf's shape is a share of the
+    A thickness that is off at rest is so in proportion all along the test; a typical limb's shape is a share of the
     force.
     """
     force = np.arange(len(predicted)) < len(test.observed.force)
     if subject.typical_shape:
-        shape = Cause("typical shape", GEOMETRY_DOF)
-        yield NuisanceEffect(shape.name, TYPICAL_FORCE_SD * np.where(force, predicted, 0.0), shape)
+        shape, sd = Cause("typical shape", GEOMETRY_DOF), TYPICAL_LIMBS[subject.typical_shape].force_sd
+        yield NuisanceEffect(shape.name, sd * np.where(force, predicted, 0.0), shape)
     at_rest = layer_thicknesses(subject.section, subject.indenter.aim, subject.indenter.direction)
     spans = test.observed.data.spans[1:]
     for one, span in zip(test.observed.channels, spans, strict=True):

@@ -22,8 +22,8 @@ from legfem.common.errors import UnsolvedError
 from legfem.common.units import FloatArray
 from legfem.data.recording import RecordedChannel, Recording
 from legfem.geometry.section import LegSection
-from legfem.legs.placement import Calf, calf_section
 from legfem.legs.subject import Subject
+from legfem.legs.typical import Calf, calf_section
 from studies.cases.machine import Kind
 from studies.cases.outcomes import Interval, Rate
 from studies.making.plane_leg import OtherCase, OtherCode

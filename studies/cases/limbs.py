@@ -13,10 +13,12 @@ from legfem.common.documents import markdown_table
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.geometry.contours import check_section
-from legfem.geometry.section import LegSection, across, depth_to_bone
+from legfem.geometry.section import LegSection, across, depth_to_bone, fat_thickness, girth
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.settings import SearchRequest
 from legfem.legs.identification import fit_leg
+from legfem.legs.subject import TYPICAL_ACCURACY
+from legfem.legs.typical import TYPICAL_LIMBS, typical_section
 from studies.cases.machine import Kind
 from studies.cases.outcomes import Interval, Rate
 from studies.cases.reach import bone_within, drawn_layers
@@ -42,6 +44,8 @@ class Limb:
     c10_kPa: Ends = (0.4, 4.0)
     """Evenly in its logarithm."""
     travel: Ends = (0, 360)
+    tape: str = ""
+    """The typical limb that a lab takes, with the girth and the fat's thickness alone; else it has outlines."""
 
 
 LIMBS = {
@@ -58,7 +62,13 @@ LIMBS = {
     ),
     "heel pad": Limb((190, 250), (0, 0), {"calcaneus": ((0.45, 0.55), (0.05, 0.2), (60, 120))}, (1.0, 10.0), (65, 115)),
     "soft end": Limb((220, 340), (4, 12)),
+    "upper arm": Limb((240, 380), (3, 12), {"humerus": ((0.19, 0.28), (0.0, 0.25), (-90, 270))}),
 }
+BY_TAPE = "thigh", "forearm", "upper arm"
+LIMBS |= {f"{name} by tape": replace(LIMBS[name], travel=(255, 285), tape=name) for name in BY_TAPE}
+"""From the front, as is usual."""
+TAPE_SHARE, FAT_MM = 0.012, 0.8
+"""Standard deviations of a girth by tape, over it, and of the fat's thickness by ultrasound."""
 DEEPEST_MM, LEAST_MM, OF_WAY = 12.0, 4.0, 0.5
 """Greatest and least depth, and greatest share of the way to the bone."""
 FASCIA_MM, FAT_KPA, RATE_MM_PER_S, TRIALS = (0.4, 1.0), 2.0, 0.5, 3
@@ -127,6 +137,11 @@ def identified(folder: Path, plant: Plant) -> FoundLimb:
     course = Course(at / RATE_MM_PER_S, at, curve(at))
     trials = record([course] * TRIALS, drawn_errors(generator), generator)
     stated = replace(drawn, tissues=usual.tissues, recordings=tuple(trials))
+    if limb.tape:
+        fat = fat_thickness(section, usual.indenter.aim, usual.indenter.direction) + generator.normal(0, FAT_MM)
+        section = typical_section(limb.tape, girth(section) * generator.normal(1, TAPE_SHARE), max(fat, 2.0), 0.6)
+        middle = replace(stated.indenter, aim=np.zeros(2), direction_deg=TYPICAL_LIMBS[limb.tape].direction_deg)
+        stated = replace(stated, section=section, indenter=middle, typical_shape=limb.tape, accuracy=TYPICAL_ACCURACY)
     kept = SearchRequest(out=folder / "solves" / f"{plant.limb}-{plant.number}")
     (fit,) = fit_leg(stated, ("neo-hookean",), kept)
     return FoundLimb(plant, c10, Interval.of(fit.estimates[DEEP_C10]), fit.goodness.fits, curve.depth)

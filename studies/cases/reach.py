@@ -16,7 +16,7 @@ from legfem.experiments.plane_strain import PlaneStrainIndentation, Tissues
 from legfem.geometry.contours import check_section
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import LegSection, depth_to_bone, outward_normals
-from legfem.legs.placement import bone_outline, oval
+from legfem.legs.typical import AROUND, bone_outline, oval, skin_of
 from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
 from legfem.solve.newton import RELAXED
 from legfem.solve.path import ForceCurve
@@ -70,8 +70,9 @@ def drawn_leg(number: int, seed: int) -> tuple[DrawnLeg, PlaneStrainIndentation]
         C10, outer = logarithmic(0.05, 10), (logarithmic(0.5, 20), logarithmic(10, 1e4))
         C20 = C10 * even(0, 4) if generator.random() > 1 / 3 else 0.0
         D1, outer_D1, direction = even(5, 60), even(5, 60), even(0, 360)
-        section = _section(generator, girth, fat, fascia)
-        if section is None:
+        try:
+            section = _section(generator, girth, fat, fascia)
+        except InputError:
             continue
         centre = section.skin.mean(axis=0) + generator.normal(0.0, 4.0, 2)
         indenter = Indenter(even(*RADII_MM), LENGTH_MM, centre, direction)
@@ -94,11 +95,8 @@ def _tissues(leg: DrawnLeg) -> Tissues:
 def drawn_layers(generator: np.random.Generator, girth: float, fat: float) -> tuple[FloatArray, FloatArray]:
     """Return outlines of skin and fascia of a drawn shape; girth and mean fat in mm."""
     even = generator.uniform
-    angle = 2 * np.pi * np.arange(240) / 240
-    unit = np.column_stack([np.cos(angle), np.sin(angle)])
-    outline = oval(angle, even(0.85, 1.15), even(0.0, 0.08), even(-0.04, 0.04))[:, None] * unit
-    skin = outline * girth / np.linalg.norm(outline - np.roll(outline, 1, axis=0), axis=1).sum()
-    uneven = even(0.0, 0.4) * np.cos(angle - even(0, 2 * np.pi))
+    skin, _ = skin_of(girth, oval(AROUND, even(0.85, 1.15), even(0.0, 0.08), even(-0.04, 0.04)))
+    uneven = even(0.0, 0.4) * np.cos(AROUND - even(0, 2 * np.pi))
     return skin, skin - (fat * (1 + uneven))[:, None] * outward_normals(skin)
 
 
@@ -112,8 +110,8 @@ def bone_within(
     return bone_outline(share * room, (float(x), float(y)), lobe, lobes, turn)
 
 
-def _section(generator: np.random.Generator, girth: float, fat: float, fascia: float) -> LegSection | None:
-    """Return contours drawn, or None where they cross."""
+def _section(generator: np.random.Generator, girth: float, fat: float, fascia: float) -> LegSection:
+    """Return contours drawn; raise InputError where they cross."""
     even = generator.uniform
     skin, hull = drawn_layers(generator, girth, fat)
     front = np.pi / 2 + even(-0.5, 0.5)
@@ -123,10 +121,7 @@ def _section(generator: np.random.Generator, girth: float, fat: float, fascia: f
     shape = even(0.1, 0.17), 0.1, 2
     fibula = bone_within(hull, *shape, front + side * even(1.2, 2.0), even(0.4, 0.7), even(0, 2 * np.pi))
     section = LegSection(skin, hull, {"tibia": tibia, "fibula": fibula}, fascia)
-    try:
-        check_section(section, "drawn leg")
-    except InputError:
-        return None
+    check_section(section, "drawn leg")
     return section
 
 

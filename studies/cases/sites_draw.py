@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from legfem.jobs.store import Store
-from legfem.legs.placement import Calf, calf_section
 from legfem.legs.subject import SitedLeg, Subject
+from legfem.legs.typical import Calf, calf_section
 from legfem.solve.path import ForceCurve
 from studies.cases.truth import FINE
 from studies.making.plane_leg import OtherCase

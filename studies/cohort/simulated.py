@@ -29,7 +29,7 @@ from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, finish
 from legfem.legs.folder import write_subject_folder
 from legfem.legs.loading import load_subject
-from legfem.legs.placement import Calf, calf_section
+from legfem.legs.typical import Calf, calf_section
 from studies.cases.truth import FINE
 from studies.command_line import DONE_IS_KEPT, Jobs, Out, Seed, new_app
 from studies.making.plane_leg import Lump, OtherCase

@@ -16,7 +16,7 @@ from legfem.geometry.leg_shape import HULL, SKIN, LegShape, check_shape, shape_o
 from legfem.geometry.section import outward_normals
 from legfem.geometry.section_from_outlines import Clearances, nested_outlines
 from legfem.imaging.outlines import smoothed
-from legfem.legs.placement import bone_outline, oval
+from legfem.legs.typical import bone_outline, oval
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]

@@ -10,7 +10,7 @@ import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.geometry.indenter import Indenter
-from legfem.geometry.section import MUSCLE, LegSection, minimal_fat_thickness
+from legfem.geometry.section import MUSCLE, LegSection, minimal_fat_thickness, outward_normals
 from legfem.legs.subject import LegAccuracy, Subject
 from studies.making.recording import LabErrors
 
@@ -93,15 +93,11 @@ def outlines_off(section: LegSection, size: float, generator: np.random.Generato
 
 
 def _off(contour: FloatArray, size: float, generator: np.random.Generator) -> FloatArray:
-    ahead, behind = np.roll(contour, -1, axis=0), np.roll(contour, 1, axis=0)
-    tangent = ahead - behind
-    normal = np.column_stack([tangent[:, 1], -tangent[:, 0]])
-    normal /= np.linalg.norm(normal, axis=1)[:, None]
     centre = contour.mean(axis=0)
     angle = np.arctan2(contour[:, 1] - centre[1], contour[:, 0] - centre[0])
     off = sum(generator.normal() * np.cos(k * angle + generator.uniform(0, 2 * np.pi)) / (1 + k / 4) for k in _WAVES)
     off = np.asarray(off)
-    return np.asarray(contour + (size * off / np.sqrt(np.mean(off**2)))[:, None] * normal)
+    return np.asarray(contour + (size * off / np.sqrt(np.mean(off**2)))[:, None] * outward_normals(contour))
 
 
 GAINS, CONTOURS_MM, AIR_MM = (0.003, 0.03), (0.3, 1.0), 4.0

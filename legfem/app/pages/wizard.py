@@ -24,8 +24,9 @@ from legfem.data.formats import may_be_recording
 from legfem.data.recording import PLAIN_COLUMNS, QUANTITIES, SourceColumns
 from legfem.geometry.contours import read_contours
 from legfem.geometry.motion import CuttingPlane
-from legfem.geometry.section import LegSection, line_of_travel
+from legfem.geometry.section import CALF, LegSection, line_of_travel
 from legfem.legs.schema import SectionEntry
+from legfem.legs.typical import TYPICAL_LIMBS
 from legfem.report.render import filled
 from legfem.report.style import BONE_COLOUR, REGION_COLOURS, part_colour
 from legfem.specimens.kinds import kinds
@@ -154,8 +155,11 @@ def _pressed(folder: Path, sources: list[str], lab: Mapping[str, Any]) -> Read:
         tag("h2", "Where was it pressed?")
         _aimed(folder, sources, place)
     else:
-        tag("h2", "How large is the calf?")
+        tag("h2", "How large is the limb?")
         with ui.element("div").classes("fields"):
+            pressed = ", ".join(f"{name} {usual.pressed}" for name, usual in TYPICAL_LIMBS.items())
+            limb = dropdown(list(TYPICAL_LIMBS), CALF, "limb", f"and from where it was pressed: {pressed}")
+            limb.on_value_change(lambda: place.update({("section", "limb"): limb.value}))
             put("section", "girth_mm", "with a tape, where it was pressed")
             put("section", "fat_mm", "by ultrasound, or half a skinfold")
         tag("p", _NO_CONTOURS, "quiet")
@@ -187,7 +191,7 @@ def _pressed(folder: Path, sources: list[str], lab: Mapping[str, Any]) -> Read:
 
 
 _NO_CONTOURS = (
-    "No outlines of this leg were given, so a typical calf of this size is taken, pressed from behind; the interval of "
+    "No outlines of this leg were given, so a typical limb of this size is taken; the interval of "
     "C10 includes the error of doing so. Outlines of the section (a CSV file part,x_mm,y_mm with the parts skin, "
     "fascia and bones) or a labelled scan narrow the interval, and let the leg be pressed anywhere: add them "
     "under Files."

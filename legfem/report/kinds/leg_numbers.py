@@ -91,7 +91,7 @@ def _site_rows(fit: LegFit, number: int) -> Iterator[Known]:
     name, value = f"{at}girth of the section", f"{girth(subject.section):.0f} mm"
     yield Known(f"{at}greatest displacement used", f"{depth:.4g} mm", data, trials)
     yield (
-        Known(name, value, "assumed", "subject.toml", remark="a typical calf was scaled to it")
+        Known(name, value, "assumed", "subject.toml", remark=f"a typical {subject.typical_shape} was scaled to it")
         if subject.typical_shape
         else Known(name, value, subject.origin, "contours of the skin")
     )
