@@ -63,7 +63,7 @@ RUN: dict[str, tuple[str, Read]] = {
     "studies.leg3d.meshes": ("--contact 8", numbers),
     "studies.leg3d.fascia": ("--number 7", numbers),
     "studies.stockings make": ("--cells 10000 --jobs 2 --legs OUT --out OUT", files("*/*/bare.nii.gz")),
-    "studies.stockings sizes": ("--cells 10000", numbers),
+    "studies.stockings sizes": ("--cells 12000", numbers),
     "studies.cohort": ("--n 1 --people 4 --out OUT", result()),
     "studies.reconstruct": ("--jobs 2 --out OUT/subjects", files("subjects/*/subject.toml")),
     "studies.meshes": ("--out OUT", files("*.msh")),
