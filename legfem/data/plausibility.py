@@ -131,13 +131,10 @@ def _refuse_jump(trial: Segmentation) -> None:
     jumps = np.flatnonzero((np.abs(steps) > far) & (np.abs(np.diff(force)) < level) & pressed)
     if len(jumps):
         k = int(jumps[0])
-        raise InputError(
-            trial.source,
-            f"displacement_mm, row {k + 2} of {len(d)}",
-            f"jumps from {d[k]:.4g} to {d[k + 1]:.4g} mm at {trial.recording.time[k + 1]:.4g} s, and the force stays "
-            "as it is: a sensor or a counter that was reset",
-            f"add {d[k] - d[k + 1]:.4g} mm to what follows, or keep the part before it",
-        )
+        problem = f"jumps from {d[k]:.4g} to {d[k + 1]:.4g} mm at {trial.recording.time[k + 1]:.4g} s"
+        problem += ", and the force stays as it is: a sensor or a counter that was reset"
+        remedy = f"add {d[k] - d[k + 1]:.4g} mm to what follows, or keep the part before it"
+        raise InputError(trial.source, f"displacement_mm, row {k + 2} of {len(d)}", problem, remedy)
 
 
 _JOINED = 0.3
