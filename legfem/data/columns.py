@@ -293,17 +293,14 @@ def refuse_other_table(path: Path, sheets: Sequence[Sheet]) -> None:
     # A machine that calls its only force axial moves, too.
     pressing = kind in _PRESSING and has["displacement"]
     if kind is not None and has["time"] and not has["force"] and not pressing:
-        raise refused(
-            f"contains {len(columns[0].values)} readings of {kind.name} and no force: it goes with a recording",
-            f"give in subject.toml, beside the recordings: [channels.{kind.name}] file = {json.dumps(path.name)} "
-            "(or a file a trial, with {trial} for the trial's name)",
-        )
+        problem = f"contains {len(columns[0].values)} readings of {kind.name} and no force: it goes with a recording"
+        entry = f"[channels.{kind.name}] file = {json.dumps(path.name)} (or a file a trial, with {{trial}} for the "
+        raise refused(problem, f"give in subject.toml, beside the recordings: {entry}trial's name)")
     strained = next((pair for sheet in sheets if (pair := stretch_and_stress(sheet, timed=True))), None)
     if strained is not None and has["time"] and not has["displacement"] and not has["force"]:
-        raise refused(
-            f"contains strain ('{strained[0].name}') and stress ('{strained[1].name}') over time and no force",
-            "export displacement in mm and force in N, which are strain times length and stress times area",
-        )
+        problem = f"contains strain ('{strained[0].name}') and stress ('{strained[1].name}') over time and no force"
+        remedy = "export displacement in mm and force in N, which are strain times length and stress times area"
+        raise refused(problem, remedy)
     strain = next((c.name for c in columns if re.search("strain|dehnung|stretch", c.name, re.IGNORECASE)), None)
     if strain is not None and has["time"] and has["force"] and not has["displacement"]:
         problem = f"contains strain ('{strain}') and force over time and no displacement"

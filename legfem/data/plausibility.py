@@ -174,13 +174,10 @@ def start_doubts(trial: Segmentation) -> Iterator[Doubt]:
     d, contact = trial.smooth, trial.contact
     travel, start, deepest = float(d.max() - d[0]), float(d[0]), float(d.max())
     if contact.known and abs(start) > max(_OFF_START * travel, 5.0 * trial.instrument.displacement_sd):
-        found = Doubt(
-            trial.source,
-            "displacement_mm",
-            f"starts at {start:.3g} mm, where starts_at_contact says that it counts from first touch: the press is "
-            f"taken to be {deepest:.3g} mm deep, and would be {travel:.3g} mm if it touches where it starts",
-            "subtract where it touches, or leave starts_at_contact out",
-        )
+        problem = f"starts at {start:.3g} mm, where starts_at_contact says that it counts from first touch: the press "
+        problem += f"is taken to be {deepest:.3g} mm deep, and would be {travel:.3g} mm if it touches where it starts"
+        remedy = "subtract where it touches, or leave starts_at_contact out"
+        found = Doubt(trial.source, "displacement_mm", problem, remedy)
         yield from found.refused_if(abs(start) > (LEG.depth if trial.scales is LEG else travel))
 
 
