@@ -90,7 +90,7 @@ def page_saying(text: str) -> WebPage:
         WebTable(text, [text], [[text]], folded=True),
         Verbatim(text, text),
         Bars(text, (text, text), [LabelledBar(text, 1.0, text, (0.5, 1.5))]),
-        Curves("curves", text, text, x, text, text, text, [Line(text, x, x)], x, text, [(0.1, 0.2)], text),
+        Curves("curves", text, text, x, text, text, [Line(text, x, x)], x, text, [(0.1, 0.2)], text, text),
         PressedSection(text, {text: [text]}, 1.0, [text], [[text] * 5], [(text, "red")]),
         StillSection(text, "0 0 1 1", [(text, "red", "0,0 1,1 1,0")], (0.0, 0.0, 1.0), (0.0, 0.0, 1.0, 1.0)),
         surface,

@@ -229,7 +229,7 @@ def test_a_film_forgets_an_attempt_that_was_given_up(film, monkeypatch):
 def test_the_table_behind_a_plot_holds_what_is_drawn():
     x = np.linspace(0.0, 10.0, 60)
     lines = [Line("one", x**2, None), Line("other", 2 * x, x, tabled=False)]
-    curves = Curves("name", "caption", "", x, "mm", "N", "dN", lines)
+    curves = Curves("name", "caption", "", x, "mm", "N", lines, below_label="dN")
     assert curves.header == ["mm", "one: N"]
     assert len(curves.rows) == 25
     assert curves.rows[0] == ["0.00", "0.000"] and curves.rows[-1] == ["10.00", "100.000"]

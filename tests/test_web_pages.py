@@ -353,7 +353,7 @@ def test_files_that_were_looked_at_say_their_grades_and_how_they_were_read(tmp_p
 def test_curves_of_one_panel_and_of_names_with_signs_are_drawn():
     x = np.linspace(0.0, 1.0, 5)
     lines = [Line("a@b <$c>", np.where(x < 0.6, x, np.nan), None)]
-    one = Curves("one", "caption", "", x, "mm", "N", "", lines, band=np.full(5, 0.1))
+    one = Curves("one", "caption", "", x, "mm", "N", lines, band=np.full(5, 0.1))
     assert one.rows[-1] == ["1.00", "–"]
     drawn = json.loads(embed(one.data))
     assert drawn["lines"][0]["name"] == "a@b <$c>" and "<" not in embed(one.data)

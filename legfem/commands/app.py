@@ -64,9 +64,6 @@ def _check_free(port: int) -> None:
         try:
             tried.bind(("127.0.0.1", port))
         except OSError:
-            raise InputError(
-                "--port",
-                f"{port}",
-                "another program uses it (is legfem's app running already?)",
-                "give another port, or use the window that is open",
-            ) from None
+            problem = "another program uses it (is legfem's app running already?)"
+            remedy = "give another port, or use the window that is open"
+            raise InputError("--port", f"{port}", problem, remedy) from None

@@ -130,12 +130,9 @@ def read_table(
     # As spreadsheets write CSV where decimals have commas.
     mark = next((mark for mark in ";\t" if mark in header), ",")
     if mark != "," and "".join(lines[1:2]).count(mark) != header.count(mark):
-        raise InputError(
-            path,
-            "header",
-            f"columns are separated by {'tabs' if mark != ';' else ';'}, and not those of the rows",
-            f"separate columns by commas and write decimals with points: {wanted}",
-        )
+        problem = f"columns are separated by {'tabs' if mark != ';' else ';'}, and not those of the rows"
+        remedy = f"separate columns by commas and write decimals with points: {wanted}"
+        raise InputError(path, "header", problem, remedy)
     try:
         found = [name.strip() for name in next(csv.reader([header], delimiter=mark))]
         rows = list(csv.reader(lines[1:], delimiter=mark))

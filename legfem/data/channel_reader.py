@@ -114,12 +114,9 @@ class RecordedChannelEntry(LaidFrames):
                     source, f"{field}.{_key(name, other)}", f"the channel {given_in}", f"give {_key(name, kind.unit)}"
                 )
         if self.lag_s is not None and self.lag_s >= LONGEST_LAG_S:
-            raise InputError(
-                source,
-                f"{field}.lag_s",
-                f"clocks that may be {self.lag_s:g} s apart do not say where the cylinder was",
-                "record both on one clock, or tap the cylinder and find that moment in both",
-            )
+            problem = f"clocks that may be {self.lag_s:g} s apart do not say where the cylinder was"
+            remedy = "record both on one clock, or tap the cylinder and find that moment in both"
+            raise InputError(source, f"{field}.lag_s", problem, remedy)
         if self.cells is not None and not kind.image:
             raise InputError(source, f"{field}.cells", "the channel is no image", "leave it out")
         given = {of: self.error(name, kind.unit) for name, (of, _) in _ERRORS.items()}

@@ -272,12 +272,10 @@ def _directions(path: Path, recording: Recording, names: Sequence[str]) -> tuple
     together = float(np.corrcoef(away[:turned], change[:turned])[0, 1])
     if abs(together) < _LEAST_CORRELATION:
         refuse_other_kind(path, names)
-        raise InputError(
-            path,
-            "recordings.force",
-            f"it doesn't follow the displacement (correlation {together:.2f}), so the directions cannot be determined",
-            "look at the file: does the indenter touch, and are these the right columns?",
-        )
+        problem = f"it doesn't follow the displacement (correlation {together:.2f})"
+        problem += ", so the directions cannot be determined"
+        remedy = "look at the file: does the indenter touch, and are these the right columns?"
+        raise InputError(path, "recordings.force", problem, remedy)
     d_sign = int(np.sign(away[turned - 1]))
     f_sign = int(np.sign(together)) * d_sign
     moves = f"the displacement changes by {away[turned - 1]:+.3g} mm"
@@ -295,31 +293,24 @@ def refuse_other_table(path: Path, sheets: Sequence[Sheet]) -> None:
     # A machine that calls its only force axial moves, too.
     pressing = kind in _PRESSING and has["displacement"]
     if kind is not None and has["time"] and not has["force"] and not pressing:
-        raise refused(
-            f"contains {len(columns[0].values)} readings of {kind.name} and no force: it goes with a recording",
-            f"give in subject.toml, beside the recordings: [channels.{kind.name}] file = {json.dumps(path.name)} "
-            "(or a file a trial, with {trial} for the trial's name)",
-        )
+        problem = f"contains {len(columns[0].values)} readings of {kind.name} and no force: it goes with a recording"
+        entry = f"[channels.{kind.name}] file = {json.dumps(path.name)} (or a file a trial, with {{trial}} for the "
+        raise refused(problem, f"give in subject.toml, beside the recordings: {entry}trial's name)")
     strained = next((pair for sheet in sheets if (pair := stretch_and_stress(sheet, timed=True))), None)
     if strained is not None and has["time"] and not has["displacement"] and not has["force"]:
-        raise refused(
-            f"contains strain ('{strained[0].name}') and stress ('{strained[1].name}') over time and no force",
-            "export displacement in mm and force in N, which are strain times length and stress times area",
-        )
+        problem = f"contains strain ('{strained[0].name}') and stress ('{strained[1].name}') over time and no force"
+        remedy = "export displacement in mm and force in N, which are strain times length and stress times area"
+        raise refused(problem, remedy)
     strain = next((c.name for c in columns if re.search("strain|dehnung|stretch", c.name, re.IGNORECASE)), None)
     if strain is not None and has["time"] and has["force"] and not has["displacement"]:
         problem = f"contains strain ('{strain}') and force over time and no displacement"
         raise refused(problem, "export displacement in mm, which is strain times length")
     pressures = [c for c in columns if c.quantity == "pressure"]
     if pressures and has["time"] and has["displacement"] and not has["force"]:
-        raise refused(
-            f"contains a pressure ('{pressures[0].name}' in {pressures[0].unit}) and no force",
-            Remedy(
-                "of a suction cup describe the test in specimen.toml, in the table [suction], beside recordings/, and ",
-                "run: ",
-                Command("data preview", given=str(path.parent.parent)),
-            ),
-        )
+        problem = f"contains a pressure ('{pressures[0].name}' in {pressures[0].unit}) and no force"
+        described = "of a suction cup describe the test in specimen.toml, in the table [suction], beside recordings/"
+        look = Command("data preview", given=str(path.parent.parent))
+        raise refused(problem, Remedy(f"{described}, and run: ", look))
     formulas = next((remark for sheet in sheets for remark in sheet.remarks if NOT_CALCULATED in remark), None)
     if formulas is not None:
         raise InputError(path, "file", f"its {formulas}", "open it in a spreadsheet, and save it")
@@ -347,14 +338,9 @@ def _without_names(path: Path, sheet: Sheet) -> InputError:
     to_zero = first[0] < 0 and abs(first[-1]) < 0.01 * abs(first[0])
     height = to_zero and np.ptp(np.diff(first)) < 0.01 * np.ptp(first)
     odd = "; the first goes up to 0 in equal steps, as a microscope's height does and no time" if height else ""
-    return refused(
-        f"its {count} columns have no names{odd}",
-        Remedy(
-            "write a line of names above the numbers, such as time_s,displacement_mm,force_N, or name them by their "
-            "places: ",
-            look_command(path, dict(zip(QUANTITIES, _BY_PLACE, strict=True))),
-        ),
-    )
+    write = "write a line of names above the numbers, such as time_s,displacement_mm,force_N"
+    look = look_command(path, dict(zip(QUANTITIES, _BY_PLACE, strict=True)))
+    return refused(f"its {count} columns have no names{odd}", Remedy(f"{write}, or name them by their places: ", look))
 
 
 def remedy_for(path: Path, sheet: Sheet, given: Mapping[Quantity, str], sheets: Sequence[Sheet]) -> str | Remedy:

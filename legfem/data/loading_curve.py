@@ -81,12 +81,9 @@ def mean_loading_curve(trials: Sequence[Segmentation]) -> LoadingCurve:
     # A trial to 20 mm ends at 19.99 or 20.01 by its sensor: a tenth of a step doesn't count.
     grid = _STEP_MM * np.arange(1, int(np.floor(deepest / _STEP_MM + 0.1)) + 1)
     if len(grid) < 4:
-        raise InputError(
-            trials[int(np.argmin([depth[-1] for depth, _ in every]))].source,
-            "displacement_mm",
-            f"{deepest:.2f} mm of loading are too short to identify from",
-            "press deeper, or remove this trial",
-        )
+        shortest = trials[int(np.argmin([depth[-1] for depth, _ in every]))]
+        problem = f"{deepest:.2f} mm of loading are too short to identify from"
+        raise InputError(shortest.source, "displacement_mm", problem, "press deeper, or remove this trial")
     fits = [local_line(depth, force, grid, 0.5 * _STEP_MM) for depth, force in loaded]
     curves = np.vstack([fit.value for fit in fits])
     white = float(np.sqrt(np.mean([one.force_noise**2 for one in trials])))

@@ -131,13 +131,10 @@ def _refuse_jump(trial: Segmentation) -> None:
     jumps = np.flatnonzero((np.abs(steps) > far) & (np.abs(np.diff(force)) < level) & pressed)
     if len(jumps):
         k = int(jumps[0])
-        raise InputError(
-            trial.source,
-            f"displacement_mm, row {k + 2} of {len(d)}",
-            f"jumps from {d[k]:.4g} to {d[k + 1]:.4g} mm at {trial.recording.time[k + 1]:.4g} s, and the force stays "
-            "as it is: a sensor or a counter that was reset",
-            f"add {d[k] - d[k + 1]:.4g} mm to what follows, or keep the part before it",
-        )
+        problem = f"jumps from {d[k]:.4g} to {d[k + 1]:.4g} mm at {trial.recording.time[k + 1]:.4g} s"
+        problem += ", and the force stays as it is: a sensor or a counter that was reset"
+        remedy = f"add {d[k] - d[k + 1]:.4g} mm to what follows, or keep the part before it"
+        raise InputError(trial.source, f"displacement_mm, row {k + 2} of {len(d)}", problem, remedy)
 
 
 _JOINED = 0.3
@@ -177,13 +174,10 @@ def start_doubts(trial: Segmentation) -> Iterator[Doubt]:
     d, contact = trial.smooth, trial.contact
     travel, start, deepest = float(d.max() - d[0]), float(d[0]), float(d.max())
     if contact.known and abs(start) > max(_OFF_START * travel, 5.0 * trial.instrument.displacement_sd):
-        found = Doubt(
-            trial.source,
-            "displacement_mm",
-            f"starts at {start:.3g} mm, where starts_at_contact says that it counts from first touch: the press is "
-            f"taken to be {deepest:.3g} mm deep, and would be {travel:.3g} mm if it touches where it starts",
-            "subtract where it touches, or leave starts_at_contact out",
-        )
+        problem = f"starts at {start:.3g} mm, where starts_at_contact says that it counts from first touch: the press "
+        problem += f"is taken to be {deepest:.3g} mm deep, and would be {travel:.3g} mm if it touches where it starts"
+        remedy = "subtract where it touches, or leave starts_at_contact out"
+        found = Doubt(trial.source, "displacement_mm", problem, remedy)
         yield from found.refused_if(abs(start) > (LEG.depth if trial.scales is LEG else travel))
 
 

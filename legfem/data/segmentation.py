@@ -273,12 +273,9 @@ class Segmentation:
                 continue
             if end - start < _SHORTEST_SEGMENT:
                 if phase == LOADING and not segments:
-                    raise InputError(
-                        recording.source or recording.trial,
-                        "rows",
-                        f"{end - start} samples of the first loading are too few",
-                        "sample faster or press more slowly",
-                    )
+                    problem = f"{end - start} samples of the first loading are too few"
+                    remedy = "sample faster or press more slowly"
+                    raise InputError(recording.source or recording.trial, "rows", problem, remedy)
                 continue
             corner = _CORNER * self.scales.way
             part = _within_corners(recording, phase, start, end, corner)
@@ -310,12 +307,9 @@ class Segmentation:
             if phase == HOLD or abs(stops - (segments[-1].end if segments else 0.0)) > least:
                 segments.append(made)
         if not segments or segments[0].phase != LOADING:
-            raise InputError(
-                recording.source or recording.trial,
-                "displacement_mm",
-                "the trial does not begin with loading",
-                "remove it, or start it at first contact",
-            )
+            problem = "the trial does not begin with loading"
+            remedy = "remove it, or start it at first contact"
+            raise InputError(recording.source or recording.trial, "displacement_mm", problem, remedy)
         if segments[-1].phase == AIR:
             segments.pop()
         return tuple(segments), pressed_again, start_time

@@ -140,12 +140,10 @@ def read_stress_table(path: Path, columns: StressTableEntry, area: float) -> tup
     values, loads = values[rows], loads[rows]
     if columns.stretch is not None:
         if len(values) and values.min() <= 0:
-            raise InputError(
-                path,
-                f"'{strain.name}'",
-                f"a stretch of {values.min():.4g} is impossible: it is the length divided by the undeformed length",
-                f"if it is a strain, give: {line.replace('stretch =', 'strain =')}",
-            )
+            problem = f"a stretch of {values.min():.4g} is impossible"
+            problem += ": it is the length divided by the undeformed length"
+            remedy = f"if it is a strain, give: {line.replace('stretch =', 'strain =')}"
+            raise InputError(path, f"'{strain.name}'", problem, remedy)
         values = values - 1
     elif columns.percent:
         values = values / 100

@@ -112,13 +112,9 @@ class LegIndentation3D(IndentationTest):
         """Check that the indenter lies over the leg."""
         low, high = self._span
         if low < self.shape.levels[0] or high > self.shape.levels[-1]:
-            raise InputError(
-                "indenter",
-                "level",
-                f"it reaches from {low:g} to {high:g} mm and leaves the leg, "
-                f"{self.shape.levels[0]:g} to {self.shape.levels[-1]:g} mm",
-                "scan a longer part of the leg, or give another level",
-            )
+            problem = f"it reaches from {low:g} to {high:g} mm and leaves the leg, "
+            problem += f"{self.shape.levels[0]:g} to {self.shape.levels[-1]:g} mm"
+            raise InputError("indenter", "level", problem, "scan a longer part of the leg, or give another level")
 
     @cached_property
     def _skin(self) -> PartSurface:
@@ -278,11 +274,8 @@ def _check_ends(leg: IdealisedLeg, cylinder: Cylinder, mesh: LegMeshSettings) ->
         problem = f"{cylinder.length:g} mm is no shorter than the leg of {leg.length:g} mm, whose ends are free"
         raise InputError("cylinder", "length", problem, "make the leg longer, or hold its ends")
     if cylinder.length < leg.length and mesh.edge_size > 2 * cylinder.edge_radius * mesh.degree:
-        raise InputError(
-            "cylinder",
-            "edge_radius",
-            f"{cylinder.edge_radius:g} mm is not resolved by elements of {mesh.edge_size:g} mm "
-            f"and degree {mesh.degree}",
-            f"give a mesh size at the cylinder's end of {2 * cylinder.edge_radius * mesh.degree:g}"
-            " mm or less, or a larger radius",
-        )
+        problem = f"{cylinder.edge_radius:g} mm is not resolved by elements of {mesh.edge_size:g} mm "
+        problem += f"and degree {mesh.degree}"
+        remedy = f"give a mesh size at the cylinder's end of {2 * cylinder.edge_radius * mesh.degree:g}"
+        remedy += " mm or less, or a larger radius"
+        raise InputError("cylinder", "edge_radius", problem, remedy)

@@ -148,13 +148,9 @@ def within_prior(parameter: Parameter) -> Parameter:
     low, high = (prior.value_at(side * _PRIOR_MOST) for side in (-1, 1))
     bounds = max(low, parameter.bounds[0]), min(high, parameter.bounds[1])
     if not bounds[0] < bounds[1]:
-        raise InputError(
-            Argument("prior"),
-            parameter.name,
-            f"lies outside the bounds of the search, {parameter.bounds[0]:g} to "
-            f"{parameter.bounds[1]:g} {parameter.unit}",
-            "widen the bounds, or correct the prior",
-        )
+        problem = f"lies outside the bounds of the search, {parameter.bounds[0]:g} to "
+        problem += f"{parameter.bounds[1]:g} {parameter.unit}"
+        raise InputError(Argument("prior"), parameter.name, problem, "widen the bounds, or correct the prior")
     return replace(parameter, bounds=bounds)
 
 

@@ -135,13 +135,10 @@ def doubts_about_elastography(toml: Path, moduli: Sequence[ShearModulus]) -> Ite
         return
     value, relative = _quotient(by_plane["along"], by_plane["across"])
     low, high = (value * (1 + side * _FEW_SD * relative) for side in (-1, 1))
-    found = Doubt(
-        str(toml),
-        "elastography",
-        f"the deep tissue's moduli make a ratio of {value:.2g} along the leg to across, which is "
-        f"taken as {min(max(value, 1.0), HIGHEST_RATIO):g}",
-        "check which plane is which: muscle is stiffer along its fibres",
-    )
+    problem = f"the deep tissue's moduli make a ratio of {value:.2g} along the leg to across"
+    problem += f", which is taken as {min(max(value, 1.0), HIGHEST_RATIO):g}"
+    remedy = "check which plane is which: muscle is stiffer along its fibres"
+    found = Doubt(str(toml), "elastography", problem, remedy)
     if high < 1.0 or low > HIGHEST_RATIO:
         raise found.error()
     if not 1.0 <= value <= HIGHEST_RATIO:

@@ -104,11 +104,9 @@ class LegCorrections:
         return write_table(path, LEGS_KIND, self.given, columns, errors)
 
     def _inside(self, radius: float, depth_to_bone: float) -> tuple[float, float]:
-        depth = depth_to_bone / radius
-        return (
-            min(max(radius, float(self.radius[0])), float(self.radius[-1])),
-            min(max(depth, float(self.depth[0])), float(self.depth[-1])),
-        )
+        sizes = zip((radius, depth_to_bone / radius), (self.radius, self.depth), strict=True)
+        radius, depth = (float(np.clip(size, axis[0], axis[-1])) for size, axis in sizes)
+        return radius, depth
 
 
 _COLUMNS = (

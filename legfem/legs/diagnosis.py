@@ -344,11 +344,8 @@ def _doubts_about_repeats(found: Diagnosis) -> Iterator[Doubt]:
             # Were it noise, what speaks against the base model would count the less.
             unsure = found.verdict != "consistent" and odds * (most / size) ** 2 < ADDS_FROM
             by = f", which moves C10 by {share(moves)} at most" if moves is not None else ""
-            yield Doubt(
-                ", ".join(found.observed.trials),
-                column,
-                f"trials differ slowly by {size:.2g} {unit} beside gain, zero and first contact, where noise of the "
-                f"stated accuracy makes {most:.2g} {unit} at most{by}",
-                "lay the trials over each other: did leg or rig move, the drive ripple? or state the rig's accuracy",
-                effect_on_C10=None if unsure else moves,
-            )
+            problem = f"trials differ slowly by {size:.2g} {unit} beside gain, zero and first contact, where noise of "
+            problem += f"the stated accuracy makes {most:.2g} {unit} at most{by}"
+            mend = "lay the trials over each other: did leg or rig move, the drive ripple? or state the rig's accuracy"
+            trials, effect = ", ".join(found.observed.trials), None if unsure else moves
+            yield Doubt(trials, column, problem, mend, effect_on_C10=effect)

@@ -227,9 +227,6 @@ def _check_aim(toml: Path, section: LegSection, indenter: Indenter) -> None:
     try:
         first_crossing(skin, indenter.aim, indenter.direction)
     except ValueError:
-        raise InputError(
-            toml,
-            "indenter.aim_mm",
-            "the line of travel through this point misses the leg",
-            "give a point of the leg in the contours' coordinates, and direction_deg from +x",
-        ) from None
+        problem = "the line of travel through this point misses the leg"
+        remedy = "give a point of the leg in the contours' coordinates, and direction_deg from +x"
+        raise InputError(toml, "indenter.aim_mm", problem, remedy) from None

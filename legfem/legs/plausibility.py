@@ -241,14 +241,11 @@ def _doubts_beside_people(subject: Subject, parameters: Mapping[str, Estimate]) 
         if not abs(away) > _OUTSIDE * sd:
             continue
         low, high = (usual.centre * math.exp(k * _OUTSIDE * usual.sd) for k in (-1, 1))
-        yield Doubt(
-            str(subject.directory / "subject.toml"),
-            key_of(name),
-            f"{mpa_to_kpa(found):.3g} kPa is {'stiffer' if away > 0 else 'softer'} than in 99 of "
-            f"100 people, {mpa_to_kpa(low):.2g} to {mpa_to_kpa(high):.2g} kPa at "
-            f"{_PLACES.get(site, 'the calf')} ({population().source})",
-            "; ".join([*_explained(found, usual), "check units, gain and sizes"]),
-        )
+        problem = f"{mpa_to_kpa(found):.3g} kPa is {'stiffer' if away > 0 else 'softer'} than in 99 of "
+        problem += f"100 people, {mpa_to_kpa(low):.2g} to {mpa_to_kpa(high):.2g} kPa at "
+        problem += f"{_PLACES.get(site, 'the calf')} ({population().source})"
+        remedy = "; ".join([*_explained(found, usual), "check units, gain and sizes"])
+        yield Doubt(str(subject.directory / "subject.toml"), key_of(name), problem, remedy)
 
 
 def _explained(found: float, usual: Prior) -> list[str]:

@@ -151,14 +151,11 @@ def _force(subject: Subject) -> Iterator[Doubt]:
         if (low <= factor * force + error).all() and (factor * force - error <= high).all()
     ]
     noise = f", and its noise is {_QUIET:g} times the stated force_sd_N or less" if soft and quiet else ""
-    found = Doubt(
-        str(subject.directory / "recordings"),
-        "force_N",
-        f"{force[k]:.3g} N at {at[k]:.1f} mm are {'less' if soft else 'more'} than the "
-        f"{(low if soft else high)[k]:.2g} N with which this leg would push back if it were very "
-        f"{'soft' if soft else 'stiff'} inside{noise}",
-        " or ".join([*hints, "check length_mm, C10_kPa and D1_per_MPa of the tissues, aim_mm"]),
-    )
+    less, very = ("less", "soft") if soft else ("more", "stiff")
+    problem = f"{force[k]:.3g} N at {at[k]:.1f} mm are {less} than the {(low if soft else high)[k]:.2g} N with which "
+    problem += f"this leg would push back if it were very {very} inside{noise}"
+    remedy = " or ".join([*hints, "check length_mm, C10_kPa and D1_per_MPa of the tissues, aim_mm"])
+    found = Doubt(str(subject.directory / "recordings"), "force_N", problem, remedy)
     yield from found.refused_if(not (1 / _IMPOSSIBLE < below.min() and above.max() < _IMPOSSIBLE))
 
 

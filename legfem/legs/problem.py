@@ -372,12 +372,8 @@ def split_instrument(
             raise InputError(Argument("identify"), one.name, "is not one for all sites", remedy)
         null, prior = INSTRUMENT[one.name].null, one.prior
         if not np.isclose(prior.centre, null):
-            raise InputError(
-                Argument("prior"),
-                one.name,
-                f"is not about {null:g}",
-                Remedy("correct the recordings, or identify a site by itself with ", Argument("site")),
-            )
+            remedy = Remedy("correct the recordings, or identify a site by itself with ", Argument("site"))
+            raise InputError(Argument("prior"), one.name, f"is not about {null:g}", remedy)
         own[one.name] = prior.sd
     if parameters is None:
         return None, own

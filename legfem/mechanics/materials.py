@@ -113,12 +113,8 @@ class ReducedPolynomial(Hyperelastic):
     def __post_init__(self) -> None:
         super().__post_init__()
         if isinstance(self.D2, Real) and not float(self.D2) > 0:
-            raise InputError(
-                source=type(self).__name__,
-                field="D2",
-                problem=f"is {float(self.D2):g}",
-                remedy="give a value of more than zero, or leave it out",
-            )
+            remedy = "give a value of more than zero, or leave it out"
+            raise InputError(type(self).__name__, "D2", f"is {float(self.D2):g}", remedy)
 
     def distortion_energy(self, F: Expr) -> Expr:
         r"""Return :math:`C_{10}(\bar I_1 - 3) + C_{20}(\bar I_1 - 3)^2` (MPa)."""

@@ -65,13 +65,9 @@ class IdealisedLeg(Checked):
         super().__post_init__()
         inner = self.radius - self.fat - self.fascia
         if abs(self.bone_offset) + self.bone_radius >= 0.98 * inner:
-            raise InputError(
-                "leg",
-                "bone_radius",
-                f"a bone of radius {self.bone_radius:g} mm, {self.bone_offset:g} mm off the axis, "
-                f"is not inside the deep tissue of radius {inner:g} mm",
-                "make the bone smaller or the leg thicker",
-            )
+            problem = f"a bone of radius {self.bone_radius:g} mm, {self.bone_offset:g} mm off the axis, "
+            problem += f"is not inside the deep tissue of radius {inner:g} mm"
+            raise InputError("leg", "bone_radius", problem, "make the bone smaller or the leg thicker")
 
     @property
     def depth_to_bone(self) -> float:

@@ -163,7 +163,7 @@ def _plot(one: Analysed, by: str, pair: Pair) -> Curves:
     unit = "%" if one.logarithmic else one.unit
     more = f": {by} {pair.levels[1]} minus {by} {pair.levels[0]} over their mean, leg by leg."
     name, mean, difference = f"agreement-{one.name}-{by}", f"mean ({one.unit})", f"difference ({unit})"
-    return Curves(name, called(one.name), more, x, mean, difference, "", lines)
+    return Curves(name, called(one.name), more, x, mean, difference, lines)
 
 
 def _effects(some: Sequence[Analysed]) -> web.WebTable:
@@ -312,7 +312,7 @@ def _among(name: str, norm: CohortParameter, table: pd.DataFrame) -> list[web.Bl
     own = np.array([table["value"][table["age"] == age].mean() for age in ages])
     lines.append(Line("members", own, None, GROUP_COLOURS[1], points=True))
     more = f": members, and what 95 of 100 people of an age have, by {norm.source}."
-    axes = "age (years)", f"{called(name)} (kPa)", ""
+    axes = "age (years)", f"{called(name)} (kPa)"
     return [web.Bullets(said), Curves(f"age-{name}", called(name), more, ages, *axes, lines)]
 
 

@@ -66,8 +66,6 @@ class Curves(Block):
     """(n,)."""
     x_label: str
     above_label: str
-    below_label: str
-    """Empty for no lower style.panel."""
     lines: Sequence[Line]
     band: FloatArray | None = None
     """(n,): half the width of a band: about zero in the lower style.panel, else about the first line."""
@@ -75,6 +73,8 @@ class Curves(Block):
     located: Sequence[tuple[float, float]] = ()
     """Stretches of the abscissa that are marked in the lower style.panel."""
     located_name: str = ""
+    below_label: str = ""
+    """Empty for no lower style.panel."""
 
     @property
     def caption(self) -> str:

@@ -195,12 +195,12 @@ def _over(found: Diagnosis, number: int, time: bool, lines: list[Line], left: li
         stations.time if time else stations.displacement,
         "time (s)" if time else "displacement (mm)",
         "force (N)",
-        "model − recorded (N)",
         lines,
         2 * sd,
         "± 2 sd of a trial's noise",
         [place.time if time else place.displacement for place in places],
         "where the base model is wrong" if places else "",
+        "model − recorded (N)",
     )
 
 
@@ -250,7 +250,6 @@ def _signatures(found: Diagnosis, number: int, names: list[str]) -> Curves:
         stations.time if timed else stations.displacement,
         "time (s)" if timed else "displacement (mm)",
         "base model − recorded (N)",
-        "",
         lines,
     )
 

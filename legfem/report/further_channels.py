@@ -84,12 +84,12 @@ def beside_curves(
         at,
         "displacement (mm)",
         f"{kind.name.replace('_', ' ')} ({kind.unit})",
-        f"model − recorded ({kind.unit})",
         lines,
         2 * error,
         "± 2 standard errors of a reading",
         list(marked),
         "where the base model is wrong" if marked else "",
+        f"model − recorded ({kind.unit})",
     )
 
 

@@ -321,8 +321,8 @@ def _curves(recording: Recording, quality: Quality, number: int = 0, count: int 
             time,
             "time (s)",
             "displacement (mm)",
-            "force (N)",
             [Line("as recorded", moved, force)],
+            below_label="force (N)",
             located=holds,
             located_name="taken for a hold" * bool(holds),
         ),
@@ -333,7 +333,6 @@ def _curves(recording: Recording, quality: Quality, number: int = 0, count: int 
             moved,
             "displacement (mm)",
             "force (N)",
-            "",
             [Line("as recorded", force, None)],
             located=[(float(moved.min()), begins)] if begins > moved.min() else (),
             located_name="before loading begins",
@@ -354,4 +353,4 @@ def _beside(one: RecordedChannel, key: str, name: str) -> Curves:
     every = enumerate(values, 1) if len(each) > 1 else ()
     places = [Line(f"place {k}", row, None, FAINT, faint=True, tabled=False) for k, row in every]
     label = f"{one.kind.title} ({one.kind.unit})"
-    return Curves(key, f"{name}, {one.kind.title}", " over time.", times, "time (s)", label, "", [mean, *places])
+    return Curves(key, f"{name}, {one.kind.title}", " over time.", times, "time (s)", label, [mean, *places])

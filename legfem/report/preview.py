@@ -121,15 +121,11 @@ def preview_of(folder: Path, out: Path, progress: Progress | None = None) -> Pre
             # Contours are tables of numbers, too.
             recordings += [] if file.readline(200).startswith((b"part,", b"level_mm,")) else [path]
     seen = _recordings(recordings, out, None, of_specimen=True)
-    readable = any(one.columns or not one.trouble for one in seen)
-    error = InputError(
-        folder,
-        "folder",
-        f"contains no {SUBJECTS.file}, {LEGS.file} or {FILE}"
-        + ("" if readable else ", nor a recording that can be read"),
-        "add one of them: it describes the leg, the test and the instruments",
-    )
-    return Preview.refused(folder, error, seen)
+    problem = f"contains no {SUBJECTS.file}, {LEGS.file} or {FILE}"
+    if not any(one.columns or not one.trouble for one in seen):
+        problem += ", nor a recording that can be read"
+    remedy = "add one of them: it describes the leg, the test and the instruments"
+    return Preview.refused(folder, InputError(folder, "folder", problem, remedy), seen)
 
 
 def _leg(folder: Path, out: Path) -> Preview:

@@ -153,8 +153,8 @@ def fat_curves(details: StockingDetails) -> list[Curves]:
     ]
     title = f"Pressures over and in the fat, round the leg at z = {fat.levels[row]:.1f} mm"
     lines.append(Line("thickness of the fat", None, round_leg(angles, fat.thickness[row]), tabled=False))
-    x = Directions.of(details.leg.bare).axis()
-    return [Curves("fat", title, "; beneath, its thickness.", ROUND, x, "pressure (mmHg)", "fat thickness (mm)", lines)]
+    x, below = Directions.of(details.leg.bare).axis(), "fat thickness (mm)"
+    return [Curves("fat", title, "; beneath, its thickness.", ROUND, x, "pressure (mmHg)", lines, below_label=below)]
 
 
 def _postures(details: StockingDetails) -> list[Block]:
@@ -247,7 +247,6 @@ def along_curves(details: TapeDetails) -> Curves:
         along.levels,
         "height z (mm)",
         "pressure (mmHg)",
-        "",
         lines,
         band=quantile(0) * along.sd,
         band_name="95 % interval of the mean",

@@ -91,7 +91,6 @@ def contour_curves(details: StockingDetails) -> Iterator[Curves]:
             ROUND,
             Directions.of(leg.bare).axis(),
             "distance outside the scan (mm)",
-            "",
             lines,
             np.full(len(ROUND), 1.96 * leg.accuracy.expected_rms),
             "errors of the contours, 95 %",

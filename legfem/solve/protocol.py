@@ -69,24 +69,17 @@ class Protocol:
         object.__setattr__(self, "time", tuple(float(t) for t in self.time))
         object.__setattr__(self, "displacement", tuple(float(d) for d in self.displacement))
         if len(self.time) < 2 or len(self.time) != len(self.displacement):
-            raise _wrong(
-                "time",
-                f"{len(self.time)} times and {len(self.displacement)} displacements",
-                "give as many of both, two or more",
-            )
+            counts = f"{len(self.time)} times and {len(self.displacement)} displacements"
+            raise _wrong("time", counts, "give as many of both, two or more")
         if not np.isfinite([self.time, self.displacement]).all():
             raise _wrong("time", "a waypoint is not finite", "give finite numbers")
         for k, (before, after) in enumerate(pairwise(self.time), 2):
             if after <= before:
-                raise _wrong(
-                    "time", f"waypoint {k} at {after:g} s is not after {before:g} s", "give times that increase"
-                )
+                problem = f"waypoint {k} at {after:g} s is not after {before:g} s"
+                raise _wrong("time", problem, "give times that increase")
         if self.displacement[0] > 0:
-            raise _wrong(
-                "displacement",
-                f"starts at {self.displacement[0]:g} mm, in the leg",
-                "start at first touch (0 mm) or before it",
-            )
+            problem = f"starts at {self.displacement[0]:g} mm, in the leg"
+            raise _wrong("displacement", problem, "start at first touch (0 mm) or before it")
 
     @classmethod
     def through(cls, displacements: Sequence[float], rate: float) -> "Protocol":

@@ -209,12 +209,9 @@ def _together(toml: Path, given: SeveralTests) -> SpecimenFolder:
     relaxes = any(one.relaxes for one in tests.values())
     untimed = next((one.name for one in used if not one.recording.timed), None)
     if relaxes and untimed:
-        raise InputError(
-            toml,
-            "tests",
-            f"{untimed} is a table without a time, and other recordings show relaxation",
-            "give [tissue] relaxes = false with every test, or leave the table out",
-        )
+        problem = f"{untimed} is a table without a time, and other recordings show relaxation"
+        remedy = "give [tissue] relaxes = false with every test, or leave the table out"
+        raise InputError(toml, "tests", problem, remedy)
     return replace(
         first,
         id=given.id,
@@ -403,12 +400,8 @@ def named_recordings(directory: Path, toml: Path, given: SpecimenFile) -> list[t
             files = [path for path in files if own and path.suffix.lower() == ".csv"] or files
         if not files:
             where = "recordings" if number is None else f"specimen {given.specimen[number].name}"
-            raise InputError(
-                toml,
-                where,
-                f"there is no file {pattern!r}",
-                f"put CSV files of time_s,displacement_mm,force_N there, or an instrument's files: {GIVE_COLUMNS}",
-            )
+            remedy = f"put CSV files of time_s,displacement_mm,force_N there, or an instrument's files: {GIVE_COLUMNS}"
+            raise InputError(toml, where, f"there is no file {pattern!r}", remedy)
         found += [(number, path) for path in trials_in(files, given.recordings.channels())]
     named = (path.relative_to(directory).as_posix() for _, path in found)
     check_distinct(toml, "specimen.recordings", named, "name every recording once")

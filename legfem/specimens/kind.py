@@ -298,13 +298,10 @@ class HomogeneousKind[Entry: FileTable, Body: HomogeneousBody](SpecimenKind[Entr
         strain, stress = self._in_the_test_s_direction(path, body, strain, stress, given.table.stretch is not None)
         factor = body.nominal_over_true(strain)
         if given.table.measure is None and not given.table.of_force and not np.allclose(factor, 1.0):
-            raise InputError(
-                path,
-                "recordings.table.measure",
-                "missing: engineering and true stress differ "
-                f"by up to {100 * float(np.abs(1 / factor - 1).max()):.0f} % here",
-                'give measure = "nominal" (force over the undeformed area) or measure = "true"',
-            )
+            problem = "missing: engineering and true stress differ "
+            problem += f"by up to {100 * float(np.abs(1 / factor - 1).max()):.0f} % here"
+            remedy = 'give measure = "nominal" (force over the undeformed area) or measure = "true"'
+            raise InputError(path, "recordings.table.measure", problem, remedy)
         nominal = stress * factor if given.table.measure == "true" else stress
         d = body.sign * body.length * strain
         way = np.cumsum(np.abs(np.diff(d, prepend=0.0)))

@@ -269,12 +269,9 @@ def check_strained(folder: SpecimenFolder, recordings: Sequence[SpecimenRecordin
         If none is.
     """
     if _directions(recordings) == [WORDS["cylinder"]]:
-        raise InputError(
-            folder.directory / FILE,
-            "fibres.ratio",
-            f"no fitted test strains fibres {WORDS['cylinder']}",
-            "state it (it changes nothing here), or test another direction too",
-        )
+        problem = f"no fitted test strains fibres {WORDS['cylinder']}"
+        remedy = "state it (it changes nothing here), or test another direction too"
+        raise InputError(folder.directory / FILE, "fibres.ratio", problem, remedy)
 
 
 def why_ratio_undetermined(folder: SpecimenFolder, recordings: Sequence[SpecimenRecording]) -> str:

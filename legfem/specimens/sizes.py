@@ -369,9 +369,6 @@ def differing_doubts(stiffness: Mapping[SpecimenRecording, float]) -> Iterator[D
             among.pop(one)
         ratio = c10 / statistics.median(among.values()) if among else 1.0
         if not 1 / apart < ratio < apart:
-            yield Doubt(
-                str(one.recording.source or one.name),
-                "force_N",
-                f"gives {ratio:.3g} times the stiffness of the specimen's other recordings",
-                "check that units, gain and specimen are the same",
-            )
+            problem = f"gives {ratio:.3g} times the stiffness of the specimen's other recordings"
+            remedy = "check that units, gain and specimen are the same"
+            yield Doubt(str(one.recording.source or one.name), "force_N", problem, remedy)

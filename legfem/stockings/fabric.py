@@ -143,13 +143,10 @@ def stocking_load(shape: LegShape, stocking: Stocking) -> StockingLoad:
     strain = stocking.strain(perimeter, shape.levels)
     tension = stocking.tension(strain)
     if (tension == 0).all():
-        raise InputError(
-            "stocking",
-            "unstretched",
-            f"the stocking (narrowest {stocking.unstretched.min():g} mm) is wider than the leg "
-            f"(widest {perimeter.max():g} mm) everywhere",
-            "give the fabric's unstretched perimeters (not diameters or widths) in mm",
-        )
+        problem = f"the stocking (narrowest {stocking.unstretched.min():g} mm) is wider than the leg "
+        problem += f"(widest {perimeter.max():g} mm) everywhere"
+        remedy = "give the fabric's unstretched perimeters (not diameters or widths) in mm"
+        raise InputError("stocking", "unstretched", problem, remedy)
     return StockingLoad(perimeter, strain, tension, curvature, tension[:, None] * curvature)
 
 
@@ -263,10 +260,7 @@ def fitted_stocking(shape: LegShape, chosen: CompressionClass, stiffness: float 
     pressure = CALF_SHARE * mmhg_to_mpa(0.5 * (least + (most if np.isfinite(most) else least)))
     strain = pressure * perimeter / (2 * np.pi) / stiffness
     if strain.max() > 2:
-        raise InputError(
-            "stocking",
-            "stiffness_N_per_mm",
-            f"at {stiffness:g} N/mm the fabric is stretched by {100 * strain.max():.0f} %",
-            "give a stiffer fabric, in N/mm of tension per unit of strain",
-        )
+        problem = f"at {stiffness:g} N/mm the fabric is stretched by {100 * strain.max():.0f} %"
+        remedy = "give a stiffer fabric, in N/mm of tension per unit of strain"
+        raise InputError("stocking", "stiffness_N_per_mm", problem, remedy)
     return Stocking(stiffness, shape.levels, perimeter / (1 + strain))

@@ -227,11 +227,9 @@ def _sensors(toml: Path, given: LegFile, bare: LegShape) -> tuple[Sensor, ...]:
         refused = partial(InputError, toml, f"sensor {entry.name}, position_mm")
         position = np.array(entry.position_mm)
         if not bare.levels[0] <= position[2] <= bare.levels[-1]:
-            raise refused(
-                f"z = {position[2]:g} mm is not in the part of the leg that is modelled, "
-                f"{bare.levels[0]:.4g} to {bare.levels[-1]:.4g} mm",
-                "model more, or leave it out",
-            )
+            problem = f"z = {position[2]:g} mm is not in the part of the leg that is modelled, "
+            problem += f"{bare.levels[0]:.4g} to {bare.levels[-1]:.4g} mm"
+            raise refused(problem, "model more, or leave it out")
         away = off_skin(bare, position)
         if away > _OFF_SKIN:
             remedy = "give a point of the skin in the bare scan's coordinates, mm"
@@ -255,13 +253,10 @@ def _veins(toml: Path, given: LegFile, bare: LegShape, level: float) -> tuple[Ve
             x, y, z = vein.position_mm
             modelled = bare.levels[0] <= z <= bare.levels[-1]
             if not (modelled and Polygon(bare.at(SKIN, z)).contains(Point(x, y))):
-                raise InputError(
-                    toml,
-                    f"veins {vein.name}, position_mm",
-                    f"{x:g}, {y:g}, {z:g} is not in the part of the leg that is modelled, {bare.levels[0]:.4g} to "
-                    f"{bare.levels[-1]:.4g} mm high",
-                    "give a point in the bare leg, in its scan's coordinates, mm",
-                )
+                problem = f"{x:g}, {y:g}, {z:g} is not in the part of the leg that is modelled, "
+                problem += f"{bare.levels[0]:.4g} to {bare.levels[-1]:.4g} mm high"
+                remedy = "give a point in the bare leg, in its scan's coordinates, mm"
+                raise InputError(toml, f"veins {vein.name}, position_mm", problem, remedy)
         return tuple(Vein(vein.name, np.array(vein.position_mm)) for vein in given.veins)
     return default_veins(bare, level)
 
@@ -279,12 +274,9 @@ def doubts_about_leg(leg: StockingLeg, toml: Path) -> Iterator[Doubt]:
     largest = int(np.argmax(around))
     yield from doubts_about_size(toml, "bare", float(around[largest]), bare.contours["tibia"][largest])
     if bare.length < LEAST_LENGTH_MM - 1e-6:
-        yield Doubt(
-            str(toml),
-            "segment",
-            f"is {bare.length:.0f} mm long: what its end faces do decides the pressures and the stiffness",
-            f"model {LEAST_LENGTH_MM:g} mm or more: give scans that share as much, and widen from_mm and to_mm",
-        )
+        problem = f"is {bare.length:.0f} mm long: what its end faces do decides the pressures and the stiffness"
+        more = f"model {LEAST_LENGTH_MM:g} mm or more: give scans that share as much, and widen from_mm and to_mm"
+        yield Doubt(str(toml), "segment", problem, more)
     for name, law in leg.tissues.items():
         yield from RANGES["D1"].doubts(toml, f"tissues.{name}.D1_per_MPa", float(law.D1))
         if leg.known:
@@ -305,12 +297,10 @@ def doubts_about_leg(leg: StockingLeg, toml: Path) -> Iterator[Doubt]:
         yield from RANGES["height_of_heart"].doubts(toml, "posture.heart_mm", leg.posture.heart - high)
     for level, height in leg.makers.heights.items():
         if not low <= height <= high:
-            yield Doubt(
-                str(toml),
-                f"stocking.levels_mm.{level}",
-                f"{height:g} mm is not in the part that is modelled, {low:.4g} to {high:.4g} mm, and gets no pressure",
-                "give the height in the bare scan's coordinates, mm, or model more of the leg",
-            )
+            problem = f"{height:g} mm is not in the part that is modelled, {low:.4g} to {high:.4g} mm"
+            problem += ", and gets no pressure"
+            remedy = "give the height in the bare scan's coordinates, mm, or model more of the leg"
+            yield Doubt(str(toml), f"stocking.levels_mm.{level}", problem, remedy)
     for sensor, radius, c10 in leg.sensors_there:
         if sensor.thickness is None:
             rise = 100 * sensor.rises(radius, c10, 1.0)[1]

@@ -97,6 +97,14 @@ def wide_table(label: str, columns: Sequence[str], rows: Iterable[Sequence[str]]
                         tag("td", text).props(f'data-label="{column}"')
 
 
+def listed[Entry](entries: Iterable[Entry], kind: str = "cards") -> Iterator[Entry]:
+    """Put a list; go through what it lists, each within its own item."""
+    with ui.element("ul").classes(kind):
+        for entry in entries:
+            with ui.element("li"):
+                yield entry
+
+
 def warned(lines: Sequence[str]) -> None:
     """Put doubts."""
     for line in lines:

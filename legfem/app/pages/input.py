@@ -26,11 +26,9 @@ def actions_tab(workspace: Workspace, name: str) -> None:
         _command_form(workspace, name, action)
     if mine := runs_of(workspace, name):
         frame.tag("h2", "Its runs")
-        with ui.element("ul").classes("cards"):
-            for run in mine:
-                with ui.element("li"):
-                    ui.link(run.folder.name, frame.page_of("run", run.folder.name))
-                    frame.chip(run.state)
+        for run in frame.listed(mine):
+            ui.link(run.folder.name, frame.page_of("run", run.folder.name))
+            frame.chip(run.state)
 
 
 def _command_form(workspace: Workspace, name: str, action: Action) -> None:
@@ -239,11 +237,9 @@ def _when_seen(looking: Run, put: Callable[[dict[str, Any]], None]) -> None:
 
 def _files_tab(workspace: Workspace, name: str) -> None:
     folder = workspace.input(name)
-    with ui.element("ul").classes("files"):
-        for path in files_of(folder):
-            with ui.element("li"):
-                frame.tag("span", path.relative_to(folder).as_posix())
-                frame.tag("span", f"{path.stat().st_size / 1000:,.0f} kB", "quiet")
+    for path in frame.listed(files_of(folder), "files"):
+        frame.tag("span", path.relative_to(folder).as_posix())
+        frame.tag("span", f"{path.stat().st_size / 1000:,.0f} kB", "quiet")
     frame.drop_zone("Drop more files here; a file of the same name replaces the old one.", name)
     frame.tag("p", f"These files are in {folder}.", "quiet")
     called = frame.hinted(ui.input("name", value=name), "for Rename and Duplicate")

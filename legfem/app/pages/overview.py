@@ -6,7 +6,7 @@ from functools import partial
 from nicegui import ui
 
 from legfem.app.outcomes import RunResult, answers_of, relative_difference, sentence_of
-from legfem.app.pages.frame import WORDS, chip, drop_zone, dropdown, framed, page_of, tag, when, wide_table
+from legfem.app.pages.frame import WORDS, chip, drop_zone, dropdown, framed, listed, page_of, tag, when, wide_table
 from legfem.app.pages.run import address
 from legfem.app.runs import Run, runs_of
 from legfem.app.study import legs_of
@@ -34,25 +34,21 @@ def home_page(workspace: Workspace, deleted: str = "") -> None:
                 ui.button(text, on_click=lambda b=begin: ui.navigate.to(page_of("input", b()))).props("outline dense")
         if workspace.inputs:
             tag("h2", "Legs and specimens in this workspace")
-            with ui.element("ul").classes("cards"):
-                for name in workspace.inputs:
-                    folder = workspace.input(name)
-                    count = len(files_of(folder))
-                    with ui.element("li"):
-                        ui.link(name, page_of("input", name))
-                        kind = WORDS["folders"][description_of(folder) or ""]
-                        tag("span", f"{kind}, {count} file{'' if count == 1 else 's'}", "quiet")
+            for name in listed(workspace.inputs):
+                folder = workspace.input(name)
+                count = len(files_of(folder))
+                ui.link(name, page_of("input", name))
+                kind = WORDS["folders"][description_of(folder) or ""]
+                tag("span", f"{kind}, {count} file{'' if count == 1 else 's'}", "quiet")
             if len(legs_of(workspace)) > 1:
                 ui.button("A study of several legs", on_click=lambda: ui.navigate.to("/study")).props("outline dense")
         if workspace.runs:
             tag("h2", "Runs")
-            with ui.element("ul").classes("cards"):
-                for run in runs_of(workspace)[:_MOST_RUNS]:
-                    with ui.element("li"):
-                        ui.link(run.folder.name, page_of("run", run.folder.name))
-                        chip(run.state)
-                        asked = f"{run.kind} of {run.asked.about}, {when(run.asked.began)}"
-                        tag("span", sentence_of(run) or asked, "quiet")
+            for run in listed(runs_of(workspace)[:_MOST_RUNS]):
+                ui.link(run.folder.name, page_of("run", run.folder.name))
+                chip(run.state)
+                asked = f"{run.kind} of {run.asked.about}, {when(run.asked.began)}"
+                tag("span", sentence_of(run) or asked, "quiet")
             if len(workspace.runs) > _MOST_RUNS:
                 ui.link(f"all {len(workspace.runs)}", "/compare")
         _deleted(workspace)
@@ -74,13 +70,9 @@ def _deleted(workspace: Workspace) -> None:
         return
     with ui.element("details"):
         tag("summary", "Deleted")
-        with ui.element("ul").classes("cards"):
-            for kind, name in workspace.deleted:
-                with ui.element("li"):
-                    tag("span", f"{kind.removesuffix('s')} {name}")
-                    ui.button("Put back", on_click=lambda k=kind, n=name: _put_back(workspace, k, n)).props(
-                        "flat dense"
-                    )
+        for kind, name in listed(workspace.deleted):
+            tag("span", f"{kind.removesuffix('s')} {name}")
+            ui.button("Put back", on_click=lambda k=kind, n=name: _put_back(workspace, k, n)).props("flat dense")
 
 
 def _put_back(workspace: Workspace, kind: str, name: str) -> None:

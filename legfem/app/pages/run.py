@@ -8,7 +8,7 @@ from urllib.parse import quote
 from nicegui import ui
 
 from legfem.app.outcomes import files_of_results, sentence_of
-from legfem.app.pages.frame import chip, command, framed, page_after_deletion, page_of, refused, tag
+from legfem.app.pages.frame import chip, command, framed, listed, page_after_deletion, page_of, refused, tag
 from legfem.app.runs import EVERY, Run, RunState
 from legfem.app.study import TABLE
 from legfem.app.workspace import Workspace
@@ -147,10 +147,8 @@ def _report(run: Run, report: Path) -> None:
     with ui.element("details"):
         tag("summary", "All files")
         tag("p", str(run.results), "quiet")
-        with ui.element("ul"):
-            for path in files_of_results(run.results):
-                with ui.element("li"):
-                    ui.link(path.name, address(run, path.name), new_tab=True)
+        for path in listed(files_of_results(run.results), ""):
+            ui.link(path.name, address(run, path.name), new_tab=True)
 
 
 def address(run: Run, file: str) -> str:

@@ -112,11 +112,9 @@ def _read(frames: Frames, face: Face) -> Read:
         for place, value in _strains(frames.columns[(frames.time == time) & ~outside], face.half_height)
     ]
     if not found:
-        raise refused(
-            f"no frame has {_LEAST_POINTS} points that reach from the middle to {HEIGHTS[1]:g} of half the height, "
-            "above and below",
-            "track points all over the face, and count y from the middle of the height",
-        )
+        reach = f"reach from the middle to {HEIGHTS[1]:g} of half the height, above and below"
+        remedy = "track points all over the face, and count y from the middle of the height"
+        raise refused(f"no frame has {_LEAST_POINTS} points that {reach}", remedy)
     times, places, values = map(np.array, zip(*found, strict=True))
     return Read(FACE_STRAIN.name, times, values, places.astype(int), PLACES)
 

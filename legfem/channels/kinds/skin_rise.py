@@ -108,12 +108,9 @@ class SkinRises(base.FramesFile[Site]):
                 found.append(base.Read(kind.name, times[1:], along[0] - along[1:]))
         if not found:
             offsets = ", ".join(f"{value:+g}" for value in sorted(RISES))
-            raise InputError(
-                "frames",
-                "x_mm, y_mm",
-                f"no frame after the first has the skin at any of {offsets} mm beside the line of travel",
-                "give points in the outlines' coordinates, a few mm apart",
-            )
+            problem = f"no frame after the first has the skin at any of {offsets} mm beside the line of travel"
+            remedy = "give points in the outlines' coordinates, a few mm apart"
+            raise InputError("frames", "x_mm, y_mm", problem, remedy)
         return found
 
 

@@ -46,12 +46,9 @@ def refuse_force_curve(path: Path) -> None:
     if whose is None and _NAMED.search(path.stem) and re.match(rb"[\d\s.,;+-]{40}", begin):
         whose = "by its name, as NT-MDT's"
     if whose is not None:
-        raise InputError(
-            path,
-            "file",
-            f"is a force curve of an atomic force microscope ({whose}), which is not one of legfem's tests",
-            "if a ball of known diameter pressed a specimen, export Time (s), Indentation (nm) and Force (nN) as CSV",
-        )
+        problem = f"is a force curve of an atomic force microscope ({whose}), which is not one of legfem's tests"
+        ball = "if a ball of known diameter pressed a specimen"
+        raise InputError(path, "file", problem, f"{ball}, export Time (s), Indentation (nm) and Force (nN) as CSV")
 
 
 def _says_so(begin: bytes) -> bool:

@@ -104,12 +104,9 @@ def _check_thousands(path: Path, lines: list[str]) -> None:
     ]
     found = found or _thousands_in_cells(lines)
     if found:
-        raise InputError(
-            path,
-            f"line {found[0][0] + 1}",
-            f"'{found[0][1]}' has a thousands' separator without quotes ({len(found)} such numbers)",
-            "export numbers without thousands' separators, or in quotes",
-        )
+        problem = f"'{found[0][1]}' has a thousands' separator without quotes ({len(found)} such numbers)"
+        remedy = "export numbers without thousands' separators, or in quotes"
+        raise InputError(path, f"line {found[0][0] + 1}", problem, remedy)
 
 
 def _thousands_in_cells(lines: list[str]) -> list[tuple[int, str]]:
@@ -141,12 +138,9 @@ def _check_whole_thousands(path: Path, samples: Sequence[Sequence[str]], first: 
         whole = [cell for _, cell in cells if decimal not in cell]
         grouped_all = all(_A_WHOLE_THOUSAND.fullmatch(samples[k][c]) for k in grouped)
         if grouped_all and all(cell.strip(" +-").isdigit() for cell in whole):
-            raise InputError(
-                path,
-                f"line {first + grouped[0] + 1}",
-                f"'{samples[grouped[0]][c]}' seems to have a thousands' separator ({len(grouped)} such numbers)",
-                "export numbers without thousands' separators",
-            )
+            problem = f"'{samples[grouped[0]][c]}' seems to have a thousands' separator ({len(grouped)} such numbers)"
+            remedy = "export numbers without thousands' separators"
+            raise InputError(path, f"line {first + grouped[0] + 1}", problem, remedy)
 
 
 _LINES_OF_NAMES = 4
@@ -176,12 +170,9 @@ def _check_decimals(path: Path, lines: TextLines, parted: Sequence[Sequence[str]
         return
     names, cells = len(parted[head]), len(parted[lines.first])
     if names > 1 and cells == 2 * names and not any("." in cell for cell in parted[lines.first]):
-        raise InputError(
-            path,
-            f"line {lines.first + 1}",
-            f"{names} names are above {cells} cells: commas separate both the cells and the decimals",
-            "export it with semicolons or tabs between the cells, or with decimal points",
-        )
+        problem = f"{names} names are above {cells} cells: commas separate both the cells and the decimals"
+        remedy = "export it with semicolons or tabs between the cells, or with decimal points"
+        raise InputError(path, f"line {lines.first + 1}", problem, remedy)
 
 
 def _middle_of(lines: list[str]) -> int:

@@ -180,10 +180,7 @@ class Drainage(RegionTerm):
 
     def _pressure(self, body: Body) -> Expr:
         if not body.porous or self.region not in body.pressures:
-            raise InputError(
-                "formulation",
-                self.name,
-                "fluid flows between elements, which needs a continuous pressure",
-                'choose the formulation "porous", and superficial or deep',
-            )
+            problem = "fluid flows between elements, which needs a continuous pressure"
+            remedy = 'choose the formulation "porous", and superficial or deep'
+            raise InputError("formulation", self.name, problem, remedy)
         return body.pressures[self.region]

@@ -167,10 +167,10 @@ def _curves(fits: Sequence[LegFit], chosen: LegFit) -> list[Curves]:
                 measured.displacement,
                 "displacement (mm)",
                 "force (N)",
-                "model − recorded (N)",
                 lines,
                 2 * measured.force_sd,
                 "± 2 standard errors of the mean",
+                below_label="model − recorded (N)",
             )
         )
     return blocks

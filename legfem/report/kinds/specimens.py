@@ -244,8 +244,8 @@ def _face_profile(fits: Sequence[SpecimenFit]) -> list[Curves]:
         "mean over recordings"
     )
     more = "; beneath, the model less the recording. Ends that stick make a barrel of it."
-    label = "height from the middle, over half the specimen's"
-    return [Curves("face-profile", title, more, heights, label, "strain across (-)", "model − recorded (-)", lines)]
+    labels = "height from the middle, over half the specimen's", "strain across (-)"
+    return [Curves("face-profile", title, more, heights, *labels, lines, below_label="model − recorded (-)")]
 
 
 def _test_in_numbers(samples: Sequence[RecordingFit], law: str, test: str) -> web.WebTable:
@@ -290,8 +290,8 @@ def _curves(
         x,
         _label(along, unit),
         f"{axes.load} ({axes.load_unit})",
-        f"model − recorded ({axes.load_unit})",
         lines,
+        below_label=f"model − recorded ({axes.load_unit})",
     )
 
 

@@ -87,12 +87,9 @@ class CupKind(RoundLayerKind[SuctionEntry, CupOnLayer]):
         source = f"{recording.source or recording.trial}"
         peak = mpa_to_kpa(float(np.abs(recording.force).max()) / body.opening)
         if peak > _SLACK * ATMOSPHERE_KPA:
-            raise InputError(
-                source,
-                "pressure",
-                f"a suction of {peak:.4g} kPa is more than the atmosphere's pressure",
-                f"check the unit: as mbar it is {0.1 * peak:.3g} kPa, as mmHg {0.1333 * peak:.3g} kPa",
-            )
+            problem = f"a suction of {peak:.4g} kPa is more than the atmosphere's pressure"
+            remedy = f"check the unit: as mbar it is {0.1 * peak:.3g} kPa, as mmHg {0.1333 * peak:.3g} kPa"
+            raise InputError(source, "pressure", problem, remedy)
         radius, height = math.sqrt(body.opening / math.pi), float(np.ptp(recording.displacement))
         if height > _HIGHEST * radius:
             problem = f"a dome of {height:.3g} mm over an opening of {2 * radius:.3g} mm"

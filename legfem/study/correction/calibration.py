@@ -161,14 +161,11 @@ def _ratios(cases: Sequence[CorrectionCase], outcomes: Sequence[CaseOutcome]) ->
     """Return P of every case; raise an InputError for one that stops short."""
     for case, outcome in zip(cases, outcomes, strict=True):
         if not outcome.complete:
-            raise InputError(
-                "correction",
-                "depth",
-                f"a model stops at {outcome.reached:.1f} mm of {case.depth:g} mm (leg of {case.leg.length:g} mm, "
-                f"radius {case.leg.radius:g} mm, {case.leg.depth_to_bone:.1f} mm to the bone, "
-                f"C10 {case.material.C10_kPa:g} kPa)",
-                Remedy("calibrate to a smaller ", Argument("depth"), ", or with a finer mesh"),
-            )
+            problem = f"a model stops at {outcome.reached:.1f} mm of {case.depth:g} mm (leg of {case.leg.length:g} mm, "
+            problem += f"radius {case.leg.radius:g} mm, {case.leg.depth_to_bone:.1f} mm to the bone, "
+            problem += f"C10 {case.material.C10_kPa:g} kPa)"
+            remedy = Remedy("calibrate to a smaller ", Argument("depth"), ", or with a finer mesh")
+            raise InputError("correction", "depth", problem, remedy)
     return [outcome.P(case.displacement) for case, outcome in zip(cases, outcomes, strict=True)]
 
 

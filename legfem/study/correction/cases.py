@@ -78,13 +78,9 @@ class CorrectionCase:
     def __post_init__(self) -> None:
         """Check that the cylinder stays off the bone."""
         if self.depth >= self.leg.depth_to_bone:
-            raise InputError(
-                "correction",
-                "depth",
-                f"the cylinder would meet the bone, which lies {self.leg.depth_to_bone:g} mm deep, "
-                f"before {self.depth:g} mm",
-                "press less deep, or make the bone smaller or deeper",
-            )
+            problem = f"the cylinder would meet the bone, which lies {self.leg.depth_to_bone:g} mm deep, "
+            problem += f"before {self.depth:g} mm"
+            raise InputError("correction", "depth", problem, "press less deep, or make the bone smaller or deeper")
 
     @property
     def displacement(self) -> FloatArray:

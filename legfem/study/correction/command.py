@@ -344,7 +344,7 @@ def p_curves(
 ) -> Curves:
     """Return P over the displacement, with the 95 % about the first line where its standard deviation is given."""
     band, band_name = (None, "") if sd is None else (1.96 * sd, "95 %")
-    return Curves(name, title, more, displacement, "displacement (mm)", "P", "", lines, band, band_name)
+    return Curves(name, title, more, displacement, "displacement (mm)", "P", lines, band, band_name)
 
 
 def trend_curves(displacement: FloatArray, trends: Trend) -> list[Curves]:

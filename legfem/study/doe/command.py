@@ -262,7 +262,6 @@ def _curves(result: StudyResult) -> Curves:
         grid,
         "displacement (mm)",
         "force per length (N/mm)",
-        "",
         lines,
     )
 

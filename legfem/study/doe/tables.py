@@ -361,7 +361,6 @@ def _half_widths(found: Information) -> Curves:
         found.displacement,
         "depth of the recorded curve (mm)",
         "half-width (% of the parameter)",
-        "",
         [
             Line(label_of(name), shown[:, k], None, STAGE_COLOURS[k % len(STAGE_COLOURS)])
             for k, name in enumerate(found.names)
