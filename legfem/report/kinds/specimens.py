@@ -194,7 +194,6 @@ def _free_form(result: SpecimenFit) -> Iterator[Curves]:
             axes.ways * moved,
             _label(axes.way, axes.way_unit),
             "times the law's stiffness",
-            "",
             [Line("asked for", asked, None), law_line(result.law, np.ones_like(asked), None)],
             quantile(0) * error,
             "95 %",
