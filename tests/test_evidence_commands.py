@@ -72,7 +72,7 @@ RUN: dict[str, tuple[str, Read]] = {
     "studies.people": ("--data DATA/multis_in_vivo --jobs 2 --out OUT", numbers),
     "studies.cohort.two_layers": ("--data DATA/multis_in_vivo --people 2 --out OUT", files("*/specimen.toml")),
     "studies.frauziols claims": ("--jobs 2 --out OUT", files("claims.json")),
-    "legfem.identify": ("--subject 3 --law neo-hookean --mesh coarse --jobs 2 --out OUT", result()),
+    "legfem.identify": ("--subject 3 --law neo-hookean --jobs 2 --out OUT", result()),
     "legfem.study doe": ("--factorial-only --jobs 2 --out OUT", files("**/*.json")),
     "legfem.study reproduce": ("--jobs 2 --out OUT", files("**/result.json")),
 }
