@@ -130,3 +130,9 @@ def test_regions_of_a_folder_with_a_scan_are_its_muscles(tmp_path: Path):
     toml.write_text(toml.read_text().replace('kind = "muscle"', 'kind = "bone"', 1))
     with pytest.raises(InputError, match="muscles with a scan or surfaces too"):
         load_subject(tmp_path / "labels", need_recordings=False)
+
+
+@pytest.mark.parametrize("source", ["--cross-sections", "--subject-dir"])
+def test_outlines_have_no_muscles_to_take(tmp_path: Path, source: str):
+    result = CliRunner().invoke(app, [source, str(tmp_path), "--muscle=soleus", "--level", AT, "--out", str(tmp_path)])
+    assert result.exit_code == 2 and "soleus: is taken from a scan or surfaces; leave it out" in result.output

@@ -84,6 +84,8 @@ def convert(
         if len(given) != 1:
             remedy = "give one of --cross-sections, --scan, --surface and --subject-dir"
             raise InputError("--cross-sections", f"{len(given)} legs", "one is needed", remedy)
+        if muscle and not (scan or surface):
+            raise InputError("--muscle", muscle[0], "is taken from a scan or surfaces", "leave it out")
         if site is not None and subject_dir is None:
             raise InputError("--site", site, "belongs to a folder", "give --subject-dir, or leave it out")
         scanned = None
@@ -132,8 +134,6 @@ def _source(
 
     muscles = [plain_name(name) for name in muscle]
     if cross_sections is not None:
-        if muscle:
-            raise InputError("--muscle", muscle[0], "is taken from a scan or surfaces", "leave it out")
         return LegSource(str(cross_sections), contours=cross_sections)
     if scan is not None:
         meaning = {name: list(map(_label, given)) for name, given in _by_name(label).items()}
