@@ -19,7 +19,7 @@ KINDS = ("cohort", "legs", "mechanisms", "report", "specimens", "stockings")
 ROOMS = {
     "instruments' files": (
         (*SOLVER, "mpi4py", *FLOOR, "inverse", *KINDS),
-        ("test_dialects.py", "test_lab_files.py", "test_onset.py", "test_open_contact.py", "test_scan.py"),
+        ("test_dialects.py", "test_lab_files.py", "test_onset.py", "test_scan.py"),
     ),
     "finite elements": (
         ("data", "inverse", *KINDS, "matplotlib"),
