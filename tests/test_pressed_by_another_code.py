@@ -67,7 +67,7 @@ def test_the_other_codes_effects_change_the_force_the_way_they_should():
             "springs": OtherCase(1.5, springs=0.4),
             "stiff springs": OtherCase(1.5, springs=1e4),
             "fat": OtherCase(1.5, factors={"superficial": 2.0}),
-            "lump": OtherCase(1.5, lump=Lump(14.0, 6.0, 6.0, 3.0)),
+            "lump": OtherCase(1.5, lumps=[Lump(14.0, 6.0, 6.0, 3.0)]),
         }.items()
     }
     assert at["slip"] < at["none"] and at["springs"] < at["none"]

@@ -119,7 +119,7 @@ class Press:
         self.white = max(trial.force_noise, 1e-4 * float(np.abs(self.force).max()))
         slow = stated.slow_force_sd(self.white) if stated.stated else self.white
         self.slow = max(slow, _ZERO * float(np.abs(self.force).max()))
-        chord = float(np.abs(self.force).max()) / self.depth
+        chord = float(np.abs(self.force).max()) / max(self.depth, 1e-9)  # nothing of a touch at the deepest point
         self.slope_at_touch = max(float(self.slope[:3].mean()), _LEAST_SLOPE * chord, 1e-9)
         felt = contact.touch_sd(trial.scales.way, way_felt(self.white, self.slope_at_touch))
         self.touch = contact.displacement_error if after_air else felt

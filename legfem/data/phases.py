@@ -62,6 +62,10 @@ def _motion(t: FloatArray, d: FloatArray, held: float, unit: float) -> NDArray[n
     return motion
 
 
+_OF_NOISE = 8.0
+"""Standard deviations of a reading that a fall is at least, and what it falls from: a press begins within its noise."""
+
+
 def before_tear(time: FloatArray, displacement: FloatArray, force: FloatArray) -> int:
     """Return how many of n samples come before the force falls by a quarter while the drive goes on as before.
 
@@ -72,10 +76,11 @@ def before_tear(time: FloatArray, displacement: FloatArray, force: FloatArray) -
     last = np.maximum.accumulate(np.where(np.abs(change) == top, np.arange(len(d)), 0))
     # Of all before: what falls may go farther than what rose.
     top, last = np.append(0.0, top[:-1]), np.append(0, last[:-1])
-    fallen = top - change * np.sign(change[last]) > _TORN * top
+    noise = sample_noise(force)
+    fallen = top - change * np.sign(change[last]) > np.maximum(_TORN * top, _OF_NOISE * noise)
     half = np.searchsorted(d, d[0] + 0.5 * (d[last] - d[0]))
     as_fast = (displacement - d[last]) * (time[last] - time[half]) > 0.25 * (d[last] - d[0]) * (time - time[last])
-    torn = fallen & as_fast & (top > max(8.0 * sample_noise(force), 0.1 * float(np.ptp(change))))
+    torn = fallen & as_fast & (top > max(_OF_NOISE * noise, 0.1 * float(np.ptp(change))))
     return int(last[np.argmax(torn)]) + 1 if torn.any() else len(d)
 
 

@@ -96,7 +96,7 @@ class Search[C: Comparison]:
             least = min(self.complete, key=lambda trial: trial.objective)
             limit = least.objective + _UNTOLD * self._rise_of_error(least)
             as_good = [trial for trial in self.complete if trial.objective <= limit]
-            best = least if len(as_good) == 1 else min(as_good, key=self._errors_away)
+            best = least if len(as_good) < 2 else min(as_good, key=self._errors_away)
             self._found = len(self.trials), best
         return self._found[1]
 
