@@ -43,7 +43,7 @@ def test_planted_truths_whose_solver_never_converges_end_in_one_line(tmp_path, m
         return NewtonOutcome(False, "made to fail", 1, 1, np.inf)
 
     monkeypatch.setattr(NewtonSolver, "solve", failing)
-    done = CliRunner().invoke(cases_app, ["planted", "--n", "1", "--jobs", "1", "--out", str(tmp_path)])
+    done = CliRunner().invoke(cases_app, ["layers", "--n", "1", "--jobs", "1", "--out", str(tmp_path)])
     assert done.exit_code == 1, done.output
     assert "nothing was solved" in done.output.strip().splitlines()[-1]
 

@@ -192,9 +192,8 @@ def read_shape(path: Path, between: tuple[float, float] = (-np.inf, np.inf)) -> 
 
 def not_closed(path: Path, error: ValueError) -> InputError:
     """Return the error of a file with a contour that no closed curve goes through."""
-    return InputError(
-        path, "x_mm, y_mm", f"a contour is not a closed outline: {error}", "give its points in order around it, once"
-    )
+    problem = f"a contour is not a closed outline: {error}"
+    return InputError(path, "x_mm, y_mm", problem, "give its points in order around it, once")
 
 
 _LEAST_BONE = 0.05  # a component of bone smaller than this share of the largest is a speck
@@ -290,9 +289,8 @@ def _bones(volume: LabelVolume) -> dict[str, NDArray[np.bool_]]:
     sizes = np.bincount(pieces.ravel())[1:]
     order = [int(i) for i in np.argsort(-sizes) if sizes[i] > _LEAST_BONE * sizes.max()]
     if len(order) > len(LIMBS[CALF]):
-        raise InputError(
-            volume.source, "bone", f"is in {len(order)} pieces", "close the gaps in the tibia's and the fibula's labels"
-        )
+        remedy = "close the gaps in the tibia's and the fibula's labels"
+        raise InputError(volume.source, "bone", f"is in {len(order)} pieces", remedy)
     return {name: pieces == i + 1 for name, i in zip(LIMBS[CALF], order, strict=False)}
 
 
@@ -301,9 +299,8 @@ def _slices_with(masks: dict[str, NDArray[np.bool_]], volume: LabelVolume) -> ND
     holds: dict[str, Any] = {part: mask.any(axis=(0, 1)) for part, mask in masks.items()}
     every = np.flatnonzero(np.all(list(holds.values()), axis=0))
     if len(every) < 2:
-        raise InputError(
-            volume.source, "slices", "none contains skin, deep tissue and bones together", "check the labels"
-        )
+        problem = "none contains skin, deep tissue and bones together"
+        raise InputError(volume.source, "slices", problem, "check the labels")
     between = np.arange(every[0], every[-1] + 1)
     if len(between) > len(every):
         gap = int(np.setdiff1d(between, every)[0])

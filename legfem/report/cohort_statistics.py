@@ -19,7 +19,7 @@ from legfem.common.documents import versions_of
 from legfem.common.numbers import NOT_DETERMINED, between, is_determined, number, share, short_probability
 from legfem.inverse.catalogue import called
 from legfem.inverse.population import CohortParameter
-from legfem.report.curves import Cell, Curves, Line, shown
+from legfem.report.curves import Cell, Curves, Line, SortableTable, shown
 from legfem.report.style import DATA_COLOUR, new_figure, styled
 from legfem.report.words import LAW_NAMES
 
@@ -316,6 +316,10 @@ def _among(name: str, norm: CohortParameter, table: pd.DataFrame) -> list[web.Bl
     return [web.Bullets(said), Curves(f"age-{name}", called(name), more, ages, *axes, lines)]
 
 
+_MOST_PAIRS = 200
+"""That are printed whole; of more those in view are drawn."""
+
+
 def side_chapters(members: Members, rows: Sequence[Row], population: Sequence[PopulationFit]) -> Iterator[web.Chapter]:
     """Yield chapters on legs whose model fits: left beside right, to be signed, and each among people of its age."""
     kept = [row for row in rows if row.judged.tone != "wrong"]
@@ -325,7 +329,9 @@ def side_chapters(members: Members, rows: Sequence[Row], population: Sequence[Po
     if pairs := [pair for name, table in tables.items() for pair in _pairs(name, table)]:
         caption = "Both legs at one visit; legs whose model does not fit are left out"
         signed = web.WebTable("Checked by", ["name", "date", "signature"], [["_" * 15] * 3])
-        yield web.Chapter("Left beside right", [web.WebTable.of(caption, pairs), signed])
+        many = SortableTable("sides", caption, list(pairs[0]), [list(pair.values()) for pair in pairs])
+        few = web.WebTable.of(caption, pairs[:_MOST_PAIRS])
+        yield web.Chapter("Left beside right", [many if len(pairs) > _MOST_PAIRS else few, signed])
     own = {one.key: CohortParameter(**one.document(len(one.tests), model, "these people")) for one in population}
     for name, norm in {**own, **members.norms}.items():
         other = f"population.json is of another law ({LAW_NAMES.get(norm.law, norm.law)}): nothing is compared with it."
