@@ -33,7 +33,7 @@ format: ## put the code into ruff's format
 	$(RUN) ruff format
 
 verify: ## the slow tests, the convergence study, and the site without running its examples
-	$(RUN) python -m pytest -m slow $(ARGS)
+	$(RUN) python -m pytest -m slow -n 2 --dist loadfile $(ARGS)
 	$(RUN) python -m studies.frauziols convergence
 	$(MAKE) docs ARGS="-D plot_gallery=0 -D nb_execution_mode=off"
 
