@@ -9,6 +9,8 @@ from legfem.data.smoothing import STILL, local_line, pace, sample_noise, velocit
 LOADING, HOLD, UNLOADING, AIR = "loading", "hold", "unloading", "air"
 _TORN = 0.25
 """Share of the force that no whole specimen loses as it is pulled or pressed on: intact ones lose up to 0.14."""
+_OF_NOISE = 8.0
+"""Standard deviations of a reading that a fall is at least, and what it falls from: a press begins within its noise."""
 _HELD_SHARE = 0.05
 """Share of the recording's way below which a still stretch is a hold, whatever its speed."""
 
@@ -60,10 +62,6 @@ def _motion(t: FloatArray, d: FloatArray, held: float, unit: float) -> NDArray[n
             whole = end - start == len(t)
             motion[part] = np.sign(way) if whole else _motion(t[part], d[part], held, unit)
     return motion
-
-
-_OF_NOISE = 8.0
-"""Standard deviations of a reading that a fall is at least, and what it falls from: a press begins within its noise."""
 
 
 def before_tear(time: FloatArray, displacement: FloatArray, force: FloatArray) -> int:

@@ -159,24 +159,17 @@ def section_from_outlines(
     rings = {part: _ring(one) for part, one in nested_outlines(parts, fascia_thickness, source, room).items()}
     within = Polygon(rings[MUSCLE_HULL]).buffer(-fascia_thickness)
     left = within - union_all([Polygon(rings[bone]) for bone in bones])
-    own = _grown(muscles or {}, left, room, source)
+    own, drawn = dict[str, FloatArray](), muscles or {}
+    for name, outline in drawn.items():
+        others = union_all([other for key, other in drawn.items() if key != name])
+        mine = _opened((outline.buffer(room.eroded) - others) & left, room.eroded)
+        own[name] = _ring(_smooth(largest_polygon(mine, source, name), room))
+        left = left - Polygon(own[name])
     section = LegSection.of_parts({"fascia": rings.pop(MUSCLE_HULL), **rings, **own}, fascia_thickness, own)
     check_section(section, source)
     if fascia_thickness:
         _check_clearances(section, room.bone_to_fascia, room.fat(fascia_thickness), source)
     return section
-
-
-def _grown(
-    muscles: Mapping[str, Polygon], left: Polygon, room: Clearances, source: str | Path
-) -> dict[str, FloatArray]:
-    found = {}
-    for name, outline in muscles.items():
-        others = union_all([other for key, other in muscles.items() if key != name])
-        mine = _opened((outline.buffer(room.eroded) - others) & left, room.eroded)
-        found[name] = _ring(_smooth(largest_polygon(mine, source, name), room))
-        left = left - Polygon(found[name])
-    return found
 
 
 def hull_of_bones(outlines: Mapping[str, Polygon]) -> Polygon:

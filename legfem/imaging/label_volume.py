@@ -172,7 +172,7 @@ def volume_of_array(
     InputError
         If a label is missing or unknown, or the grid is sheared.
     """
-    array, affine = _along_axes(array, np.asarray(affine, dtype=np.float64), source)
+    array, affine = along_axes(array, np.asarray(affine, dtype=np.float64), source)
     refused = partial(InputError, source, "labels")
     meaning = TISSUES if meaning is None else meaning
     parts = {name: part_named(name, f"{source}: labels") for name in meaning}
@@ -223,10 +223,15 @@ def check_same_spacing(first: LabelVolume, second: LabelVolume) -> None:
         raise InputError(second.source, "spacing", problem, remedy)
 
 
-def _along_axes(array: NDArray[np.integer], affine: FloatArray, source: str) -> tuple[NDArray[np.integer], FloatArray]:
+def along_axes(array: NDArray[np.integer], affine: FloatArray, source: str) -> tuple[NDArray[np.integer], FloatArray]:
     """Permute and flip an array so that its affine is diagonal and positive.
 
     A grid that is oblique to the patient's axes is resampled.
+
+    Raises
+    ------
+    InputError
+        If the array is no volume, or its affine is singular or sheared.
     """
     if array.ndim != 3 or affine.shape != (4, 4):
         raise InputError(source, "shape", f"{array.shape} is not the shape of a volume", "give one volume")

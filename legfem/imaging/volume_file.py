@@ -19,7 +19,7 @@ from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.geometry.contours import MUSCLE_HULL
 from legfem.geometry.part_names import part_named
-from legfem.imaging.label_volume import LabelVolume, unsaid_tissues, volume_of_array
+from legfem.imaging.label_volume import LabelVolume, along_axes, unsaid_tissues, volume_of_array
 
 # NIfTI's axes point to the right and to the front; DICOM's to the left and to the back.
 _TO_DICOM = np.diag([-1.0, -1.0, 1.0, 1.0])
@@ -85,6 +85,8 @@ def read_volumes(
         problem = f"can't be read ({said or type(error).__name__})"
         raise InputError(path, "file", problem, "save it again") from None
     meaning = meaning or named
+    # Once for all: an oblique grid is resampled.
+    array, affine = along_axes(array, affine, str(path))
     volume = volume_of_array(array, affine, str(path), meaning)
     if volume.spacing.max() > _FARTHEST_MM:
         apart = " x ".join(f"{one:g}" for one in volume.spacing)

@@ -329,9 +329,10 @@ def side_chapters(members: Members, rows: Sequence[Row], population: Sequence[Po
     if pairs := [pair for name, table in tables.items() for pair in _pairs(name, table)]:
         caption = "Both legs at one visit; legs whose model does not fit are left out"
         signed = web.WebTable("Checked by", ["name", "date", "signature"], [["_" * 15] * 3])
-        many = SortableTable("sides", caption, list(pairs[0]), [list(pair.values()) for pair in pairs])
-        few = web.WebTable.of(caption, pairs[:_MOST_PAIRS])
-        yield web.Chapter("Left beside right", [many if len(pairs) > _MOST_PAIRS else few, signed])
+        table: web.Block = web.WebTable.of(caption, pairs)
+        if len(pairs) > _MOST_PAIRS:
+            table = SortableTable("sides", caption, list(pairs[0]), [list(pair.values()) for pair in pairs])
+        yield web.Chapter("Left beside right", [table, signed])
     own = {one.key: CohortParameter(**one.document(len(one.tests), model, "these people")) for one in population}
     for name, norm in {**own, **members.norms}.items():
         other = f"population.json is of another law ({LAW_NAMES.get(norm.law, norm.law)}): nothing is compared with it."

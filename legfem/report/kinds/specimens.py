@@ -176,28 +176,11 @@ def curves_of(results: Sequence[SpecimenFit]) -> Iterator[Curves]:
 def asked_by_depth(one: RecordingFit) -> FloatArray:
     """Return displacements of a loading, the stiffness that the force asks for there over the law's, and its error.
 
-    Every force is in proportion to a law's stiffness, so this is the law whose form is free; (3, n).
+    The force on one tissue is in proportion to its stiffness, so this is the law whose form is free; (3, n).
     """
     moved, law, channel = one.course.displacement, one.force.predicted, one.force.channel
     kept = (np.arange(len(moved)) <= np.argmax(moved)) & (moved > _SHALLOW * moved.max()) & (law > 0)
     return np.array([moved[kept], channel.values[kept] / law[kept], channel.sd[kept] / law[kept]])
-
-
-def _free_form(result: SpecimenFit) -> Iterator[Curves]:
-    """Yield what stiffness the recordings of a law that misses them ask for, over the depth."""
-    for number, one in enumerate([] if result.goodness.fits else _worst(result)):
-        axes, (moved, asked, error) = one.recording.axes, asked_by_depth(one)
-        yield Curves(
-            f"asked{number}",
-            f"{one.name}: the stiffness that each depth asks for, over that of the law that was fitted",
-            ", with 95 % intervals: the form that a law would need. One that fits is 1 throughout.",
-            axes.ways * moved,
-            _label(axes.way, axes.way_unit),
-            "times the law's stiffness",
-            [Line("asked for", asked, None), law_line(result.law, np.ones_like(asked), None)],
-            quantile(0) * error,
-            "95 %",
-        )
 
 
 def _recordings(results: Sequence[SpecimenFit]) -> Iterator[web.Block]:
@@ -215,7 +198,19 @@ def _recordings(results: Sequence[SpecimenFit]) -> Iterator[web.Block]:
     ]
     explains = f"How much of each recording the {LAW_NAMES[first.law]} law explains (R²)"
     yield from curves_of(results)
-    yield from _free_form(first)
+    for number, one in enumerate([] if first.goodness.fits else _worst(first)):
+        axes, (moved, asked, error) = one.recording.axes, asked_by_depth(one)
+        yield Curves(
+            f"asked{number}",
+            f"{one.name}: the stiffness that each depth asks for, over that of the law that was fitted",
+            ", with 95 % intervals: the form that a law would need. One that fits is 1 throughout.",
+            axes.ways * moved,
+            _label(axes.way, axes.way_unit),
+            "times the law's stiffness",
+            [Line("asked for", asked, None), law_line(first.law, np.ones_like(asked), None)],
+            quantile(0) * error,
+            "95 %",
+        )
     yield web.Bars(explains, ("recording", "R², error"), bars, greatest=1.0)
     yield from drawn(results)
     yield from _face_profile(results)
