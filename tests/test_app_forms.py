@@ -136,6 +136,15 @@ def test_girth_and_fat_take_the_place_of_contours(tmp_path):
     assert str(subject.indenter) == "cylinder, 30 mm in diameter and 50 mm long"
 
 
+def test_a_heel_pad_by_tape_is_described_without_muscle(tmp_path):
+    write_recording(tmp_path / "trial1.csv", press())
+    heel = {("section", "limb"): "heel pad", ("section", "girth_mm"): 240.0, ("section", "fat_mm"): 25.0}
+    unsaid = {("indenter", "aim_mm"): None, ("indenter", "direction_deg"): None}
+    describe(tmp_path, "subject.toml", {**heel, **INDENTER, **unsaid})
+    section = load_subject(tmp_path, need_instrument=False).section
+    assert section.lacks == ("muscle",) and section.limb == "heel"
+
+
 def described(folder, length=50.0, **pressed):
     write_contours(folder / "outline.csv", leg())
     write_recording(folder / "trial1.csv", press())

@@ -40,7 +40,10 @@ LEG = {
         "weighting: 'x': unknown weighting; give one of paper, covariance",
     ),
     "a negative seed": ({"settings": IdentificationSettings(seed=-1)}, "seed: -1"),
-    "a seed that no generator takes": ({"settings": IdentificationSettings(seed=2**32)}, "seed: 4294967296: is too"),
+    "a seed that no generator takes": (
+        {"settings": IdentificationSettings(seed=2**32)},
+        "seed: 4294967296: is not possible here; give a whole number from 0 to 4294967295",
+    ),
     "a number for a law": ({"law": 3}, "law: 3: is not a law; give a text"),
     "texts for bounds": ({"c10_bounds": ("1", "3")}, "c10_bounds: ('1', '3'): is of another kind; give two numbers"),
     "a number for a correction": ({"correction": 0.2}, "correction: 0.2: is of another kind; give a name or"),

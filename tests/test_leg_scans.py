@@ -16,7 +16,7 @@ from legfem.geometry.motion import CuttingPlane
 from legfem.imaging.leg_source import LegSource
 from legfem.imaging.outlines import read_shape
 from legfem.imaging.surfaces import read_surfaces
-from legfem.imaging.volume_file import read_volume
+from legfem.imaging.volume_file import read_volumes
 from legfem.legs.finite_element_models import plane_strain_test
 
 REAL = SHARED / "data" / "leg_geometry"
@@ -30,8 +30,8 @@ WITHIN = {"nifti": 0.12, "oblique": 0.12, "stl": 0.03, "vtp": 0.03, "csv": 0.03}
 def sources(leg_files: Path) -> dict[str, LegSource]:
     surfaces = read_surfaces({part: [leg_files / f"{part}.stl"] for part in PARTS})
     return {
-        "nifti": LegSource("leg.nii.gz", volume=read_volume(leg_files / "leg.nii.gz")),
-        "oblique": LegSource("turned.nii", volume=read_volume(leg_files / "turned.nii")),
+        "nifti": LegSource("leg.nii.gz", volume=read_volumes(leg_files / "leg.nii.gz")[0]),
+        "oblique": LegSource("turned.nii", volume=read_volumes(leg_files / "turned.nii")[0]),
         "stl": LegSource("surfaces", surfaces=surfaces),
         "vtp": LegSource("surfaces", surfaces=read_surfaces({part: [leg_files / f"{part}.vtp"] for part in PARTS})),
         "csv": LegSource("sections.csv", contours=leg_files / "sections.csv"),

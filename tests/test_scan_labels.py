@@ -16,7 +16,7 @@ from legfem.geometry.motion import CuttingPlane
 from legfem.imaging.label_volume import LabelVolume
 from legfem.imaging.leg_source import LegSource
 from legfem.imaging.outlines import OutlineSettings
-from legfem.imaging.volume_file import read_volume
+from legfem.imaging.volume_file import read_volumes
 
 LEVEL = 52.7
 
@@ -45,7 +45,7 @@ def test_a_scan_without_a_skin_is_refused(tmp_path, leg_files):
     found, origin = labels()
     write_nifti(tmp_path / "muscle.nii", np.where(found == 1, 0, found), origin)
     with pytest.raises(InputError, match=r"labelled 1 \(superficial\); segment fat and skin"):
-        read_volume(tmp_path / "muscle.nii")
+        read_volumes(tmp_path / "muscle.nii")[0]
     entry = entry_of(leg_files, "stl").replace(f'skin = "{leg_files}/skin.stl", ', "")
     with pytest.raises(InputError, match="skin: the part is missing"):
         subject_of_scan(tmp_path / "leg", f"{entry}\nlevel_mm = 50.0")
@@ -84,7 +84,7 @@ def test_a_dicom_series_of_labels_is_a_volume_and_places_one(tmp_path, leg_files
     before = locale.setlocale(locale.LC_ALL)
     series = _write_series(tmp_path / "dicom", found, origin)
     locale.setlocale(locale.LC_ALL, before)
-    read = read_volume(series)
+    read = read_volumes(series)[0]
     assert locale.setlocale(locale.LC_ALL) == before, "SimpleITK would leave it at C"
     assert np.array_equal(read.labels, found)
     assert read.origin == pytest.approx(origin) and read.spacing == pytest.approx(SPACING)
@@ -93,11 +93,11 @@ def test_a_dicom_series_of_labels_is_a_volume_and_places_one(tmp_path, leg_files
     pose = "position_mm = [0.0, 70.0, 50.0]\ndirection = [0.0, -1.0, 0.0]"
     with pytest.raises(InputError, match="does not state where the volume lies"):
         subject_of_scan(tmp_path / "leg", f'scan = "{tmp_path}/lost.nii"', pose)
-    placed = read_volume(tmp_path / "lost.nii", series=series)
+    placed = read_volumes(tmp_path / "lost.nii", series=series)[0]
     assert placed.transform and placed.origin == pytest.approx(origin)
     nibabel.save(nibabel.Nifti1Image(found[1:], None), tmp_path / "lost.nii")
     with pytest.raises(InputError, match=r"shape: \d+ x \d+ x 12 voxels, but"):
-        read_volume(tmp_path / "lost.nii", series=series)
+        read_volumes(tmp_path / "lost.nii", series=series)[0]
 
 
 def test_a_scan_of_both_legs_is_refused():

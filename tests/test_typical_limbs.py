@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
+import tomlkit
 from making_identification import AnalyticLeg, curve_of
 from making_results import measured_curve, result
+from shapely import Polygon
 
 from legfem.common.errors import InputError
-from legfem.geometry.section import first_crossing, girth
+from legfem.geometry.section import fat_thickness, first_crossing, girth
 from legfem.legs.forward import law_of
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
@@ -66,6 +69,49 @@ def test_another_limb_has_its_bones_its_sizes_and_its_side(tmp_path: Path, limb:
     known = page_of([result("neo-hookean", measured_curve(depth=4.0), subject)]).known
     (row,) = [one for one in known if "girth" in one.name]
     assert f"a typical {limb} was scaled to it" in str(row)
+
+
+def pad(folder: Path, sizes: str) -> Path:
+    """The same of a limb that is one tissue, whose thickness reaches to the bone."""
+    path = described(folder, sizes) / "subject.toml"
+    text = path.read_text("utf-8").replace("fascia_thickness_mm = 0.6", "fascia_thickness_mm = 0")
+    document = tomlkit.parse(text)
+    document["tissues"] = {"pad": {"law": "neo-hookean", "D1_per_MPa": 28.0}}
+    path.write_text(tomlkit.dumps(document), "utf-8")
+    return folder
+
+
+def test_a_heel_pad_reaches_to_the_bone(tmp_path: Path):
+    sizes = 'limb = "heel pad"\ngirth_mm = 220\nfat_mm = 15'
+    subject = load_subject(pad(tmp_path / "heel", sizes), need_recordings=False)
+    section, line = subject.section, (subject.indenter.aim, subject.indenter.direction)
+    assert section.lacks == ("muscle",)
+    assert girth(section) == pytest.approx(220.0, rel=1e-3)
+    assert fat_thickness(section, *line) == pytest.approx(15.0, rel=0.01)
+    assert subject.indenter.direction == pytest.approx([0.0, 1.0], abs=1e-12)  # from below
+    with pytest.raises(InputError, match=r"fascia_thickness_mm: is 0.6 of a heel pad; give 0"):
+        load_subject(described(tmp_path / "leg", sizes))
+    with pytest.raises(InputError, match=r"fascia_thickness_mm: is 0 of a thigh; give a thickness"):
+        load_subject(pad(tmp_path / "thigh", sizes.replace("heel pad", "thigh")))
+
+
+def test_a_residual_limb_has_the_proportions_of_its_source(tmp_path: Path):
+    sizes = 'limb = "residual limb"\ngirth_mm = 300\nfat_mm = 8'
+    section = load_subject(described(tmp_path / "leg", sizes), need_recordings=False).section
+    width, depth = np.ptp(section.skin, axis=0)
+    # OpenLimb's mean shape, halfway down: a skin of 271 by 231 in its units and 126 in the mean, the fibula 11.2.
+    mean = 300 / (2 * np.pi)
+    assert width / depth == pytest.approx(271 / 231, rel=0.04)
+    tibia, fibula = (Polygon(section.bones[name]) for name in ("tibia", "fibula"))
+    assert np.sqrt(fibula.area / np.pi) / mean == pytest.approx(11.2 / 126, rel=0.1)
+    assert tibia.centroid.y / mean == pytest.approx(0.44, abs=0.04)
+
+
+@pytest.mark.parametrize("limb", ["calf", "residual limb"])
+def test_a_slim_leg_by_tape_has_slim_bones(tmp_path: Path, limb: str):
+    sizes = f'limb = "{limb}"\ngirth_mm = 240\nfat_mm = 8'
+    section = load_subject(described(tmp_path / "leg", sizes), need_recordings=False).section
+    assert np.sqrt(Polygon(section.bones["tibia"]).area / np.pi) < 10.0
 
 
 def test_the_interval_carries_the_error_of_the_shape(tmp_path: Path):

@@ -15,7 +15,7 @@ from pydicom.uid import CTImageStorage, ExplicitVRLittleEndian, generate_uid
 
 from legfem.common.errors import InputError
 from legfem.imaging.label_volume import LabelVolume, check_same_spacing, volume_of_array
-from legfem.imaging.volume_file import read_volume
+from legfem.imaging.volume_file import read_volumes
 from studies.making.scans import write_volume
 
 
@@ -39,7 +39,7 @@ def same(first: LabelVolume, second: LabelVolume) -> bool:
 @pytest.mark.parametrize("name", ["leg.nii", "leg.nii.gz"])
 def test_nifti_gives_the_volume_back(tmp_path, name):
     write_volume(volume(), tmp_path / name)
-    assert same(read_volume(tmp_path / name), volume())
+    assert same(read_volumes(tmp_path / name)[0], volume())
     # NIfTI's own axes: x to the right, y to the front.
     affine = nibabel.load(tmp_path / name).affine
     assert np.diag(affine)[:3] == pytest.approx([-0.93, -0.95, 1.0])
@@ -49,7 +49,7 @@ def test_nifti_in_metres_is_read_in_mm(tmp_path):
     image = nibabel.Nifti1Image(volume().labels, np.diag([-1e-3, -1e-3, 1e-3, 1]) @ volume().affine)
     image.header.set_xyzt_units("meter")
     nibabel.save(image, tmp_path / "m.nii")
-    assert same(read_volume(tmp_path / "m.nii"), volume())
+    assert same(read_volumes(tmp_path / "m.nii")[0], volume())
 
 
 @pytest.mark.parametrize("name", ["leg.nrrd", "leg.mha"])
@@ -59,7 +59,7 @@ def test_nrrd_and_metaimage_are_read(tmp_path, name):
     image.SetSpacing(made.spacing.tolist())
     image.SetOrigin(made.origin.tolist())
     SimpleITK.WriteImage(image, str(tmp_path / name))
-    assert same(read_volume(tmp_path / name), made)
+    assert same(read_volumes(tmp_path / name)[0], made)
 
 
 def _dicom_segmentation(made: LabelVolume) -> highdicom.seg.Segmentation:
@@ -115,7 +115,7 @@ def _dicom_segmentation(made: LabelVolume) -> highdicom.seg.Segmentation:
 
 def test_a_dicom_segmentation_is_read_by_its_segments_names(tmp_path):
     _dicom_segmentation(volume()).save_as(tmp_path / "leg.dcm")
-    read = read_volume(tmp_path / "leg.dcm")
+    read = read_volumes(tmp_path / "leg.dcm")[0]
     # Empty frames at either end are not stored.
     assert read.levels[0] in (300.0, 301.0)
     k = int(read.levels[0] - 300)
@@ -187,17 +187,17 @@ def test_bad_files_give_one_line(tmp_path):
     (tmp_path / "text.dcm").write_text("nothing")
     for name in ("text.nii", "text.nrrd", "text.dcm"):
         with pytest.raises(InputError, match="file: can't be read") as caught:
-            read_volume(tmp_path / name)
+            read_volumes(tmp_path / name)[0]
         assert "\n" not in str(caught.value)
     with pytest.raises(InputError, match="not found"):
-        read_volume(tmp_path / "none.nii")
+        read_volumes(tmp_path / "none.nii")[0]
     (tmp_path / "leg.png").write_text("")
     with pytest.raises(InputError, match="unknown kind"):
-        read_volume(tmp_path / "leg.png")
+        read_volumes(tmp_path / "leg.png")[0]
     image = nibabel.Nifti1Image(volume().labels + 0.5, np.eye(4))
     nibabel.save(image, tmp_path / "image.nii")
     with pytest.raises(InputError, match="not whole numbers"):
-        read_volume(tmp_path / "image.nii")
+        read_volumes(tmp_path / "image.nii")[0]
 
 
 @pytest.mark.parametrize(
@@ -212,13 +212,13 @@ def test_bad_files_give_one_line(tmp_path):
 def test_what_is_no_one_volume_of_labels_is_refused(tmp_path, array, spacing, words):
     nibabel.save(nibabel.Nifti1Image(array, np.diag([1.0, 1.0, spacing, 1.0])), tmp_path / "leg.nii")
     with pytest.raises(InputError, match=words):
-        read_volume(tmp_path / "leg.nii")
+        read_volumes(tmp_path / "leg.nii")[0]
 
 
 def test_one_volume_may_be_the_only_one_of_a_series(tmp_path):
     image = nibabel.Nifti1Image(volume().labels[..., None], np.diag([-1, -1, 1, 1]) @ volume().affine)
     nibabel.save(image, tmp_path / "leg.nii")
-    assert same(read_volume(tmp_path / "leg.nii"), volume())
+    assert same(read_volumes(tmp_path / "leg.nii")[0], volume())
 
 
 def test_more_voxels_than_memory_has_are_refused_before_they_are_read(tmp_path):
@@ -228,14 +228,14 @@ def test_more_voxels_than_memory_has_are_refused_before_they_are_read(tmp_path):
     content[42:48] = np.array([30_000] * 3, "<i2").tobytes()
     path.write_bytes(content)
     with pytest.raises(InputError, match="shape: has 27,000,000,000,000 voxels; at most"):
-        read_volume(path)
+        read_volumes(path)[0]
 
 
 def test_what_itk_says_of_a_file_is_told_without_its_sources(tmp_path):
     path = tmp_path / "leg.mhd"
     path.write_text("NDims = 3\nDimSize = 4 4 4\nElementType = MET_UCHAR\nElementDataFile = leg.raw\n")
     with pytest.raises(InputError, match="file: can't be read") as caught:
-        read_volume(path)
+        read_volumes(path)[0]
     assert "0x" not in str(caught.value) and ".cxx" not in str(caught.value)
 
 
@@ -252,8 +252,8 @@ def test_volumes_of_different_spacing_need_a_transform():
 def test_a_nifti_that_says_nowhere_where_it_lies_is_told_from_others(tmp_path):
     made = volume()
     write_volume(made, tmp_path / "stated.nii")
-    assert read_volume(tmp_path / "stated.nii").transform
+    assert read_volumes(tmp_path / "stated.nii")[0].transform
     image = nibabel.Nifti1Image(made.labels, None)
     image.header.set_zooms(made.spacing)
     nibabel.save(image, tmp_path / "lost.nii")
-    assert not read_volume(tmp_path / "lost.nii").transform
+    assert not read_volumes(tmp_path / "lost.nii")[0].transform

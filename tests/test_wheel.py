@@ -25,7 +25,7 @@ from legfem.legs.correction_of_leg import LEGS as SIZES, REFERENCE
 from legfem.inverse.correction import read_fibres
 from legfem.legs.correction_of_leg import read_leg_corrections
 from legfem.inverse.correction import read_correction
-from legfem.imaging.volume_file import read_volume
+from legfem.imaging.volume_file import read_volumes
 from legfem.stockings.loading import LEGS
 from legfem.stockings.loading import parse_leg_file
 from legfem.study.doe.design import IDENTIFIED, PAPER, read_definition
@@ -42,7 +42,7 @@ assert LEGS.names == ("1", "2", "3", "4", "5", "6"), LEGS.names
 for name in LEGS.names:
     folder = LEGS.find(name)
     scan = parse_leg_file(LEGS.opened(folder)).bare.scan
-    assert read_volume(folder / scan).labels.any()
+    assert read_volumes(folder / scan)[0].labels.any()
 """
 
 

@@ -239,8 +239,7 @@ def cohort(
     loading.check_one_of("do", do, get_args(Task.__value__))
     loading.check_one_of("on", on, get_args(EngineName.__value__))
     loading.check_whole("jobs", jobs, 1)
-    if seed is not None:
-        loading.check_seed(seed)
+    loading.check_seed(seed)
     if not isinstance(table if folder is None else folder, str | Path):
         remedy = Remedy("give the path of the folder that holds the members', or a plain table by ", Argument("table"))
         raise InputError("folder", f"{folder}", "is of another kind", remedy)

@@ -178,8 +178,7 @@ def identify(
     wanted = asked_parameters(identify, prior or (), fix, c10_bounds, c20_bounds)
     loading.check_finite("depth", depth)
     loading.check_whole("jobs", jobs, 1)
-    if out is not None:
-        loading.check_folder("out", out)
+    loading.check_folder("out", out)
     if not isinstance(settings, IdentificationSettings | None):
         raise loading.of_another_kind("settings", settings, "legfem.inverse.settings.IdentificationSettings")
     direct: dict[str, Any] = {"weighting": weighting, "seed": seed}

@@ -113,21 +113,17 @@ def wrong(name: str, given: object, problem: str, remedy: str | Remedy) -> Input
     return InputError(Argument(name), shown, problem, remedy)
 
 
-def check_whole(name: str, value: object, least: int) -> None:
-    """Raise an InputError for what is not a whole number, or below the least."""
-    if not isinstance(value, Integral) or value < least:
-        raise wrong(name, repr(value), "is not possible here", f"give a whole number from {least:g}")
-
-
-_LAST_SEED = 2**32 - 1
-"""The greatest that generators of all libraries take."""
+def check_whole(name: str, value: object, least: int, most: float = math.inf) -> None:
+    """Raise an InputError for what is not a whole number, below the least or above the most."""
+    if not isinstance(value, Integral) or not least <= int(value) <= most:
+        limits = f"from {least}" if math.isinf(most) else f"from {least} to {most}"
+        raise wrong(name, repr(value), "is not possible here", f"give a whole number {limits}")
 
 
 def check_seed(value: object) -> None:
-    """Raise an InputError for what no generator of random numbers begins with."""
-    check_whole("seed", value, 0)
-    if int(value) > _LAST_SEED:  # type: ignore[call-overload]
-        raise wrong("seed", repr(value), "is too large", f"give one up to {_LAST_SEED}")
+    """Raise an InputError for what no generator of random numbers of all libraries begins with; None is none."""
+    if value is not None:
+        check_whole("seed", value, 0, 2**32 - 1)
 
 
 def check_finite(name: str, value: object, unit: str = "mm") -> None:
@@ -164,10 +160,11 @@ def check_one_of(name: str, value: object, known: tuple[str, ...]) -> None:
         raise wrong(name, repr(value), f"unknown {name}", f"give one of {', '.join(known)}")
 
 
-def check_folder(name: str, folder: str | Path) -> None:
-    """Raise an InputError for what is no folder in which something can be kept; nothing is made."""
+def check_folder(name: str, folder: str | Path | None) -> None:
+    """Raise an InputError for what is no folder in which something can be kept; nothing is made. None is none."""
     try:
-        check_out_folder(Path(folder))
+        if folder is not None:
+            check_out_folder(Path(folder))
     except InputError as error:
         raise wrong(name, error.field, error.problem, error.remedy) from None
 

@@ -53,14 +53,11 @@ def stocking(
     >>> print(worn.summary())
     >>> worn.best.computed["pressure_on_skin"].value
     """
-    loading.check_whole("cells", cells, 1)
-    if not 2_000 <= cells <= 5_000_000:
-        raise loading.wrong("cells", cells, "is out of range", "give 2000 to 5000000")
+    loading.check_whole("cells", cells, 2_000, 5_000_000)
     known = loading.load_leg(leg, cells) if isinstance(leg, str | Path) else leg
     if not isinstance(known, StockingLeg):
         raise loading.not_a_leg(known, "was scanned in a stocking", "load_leg")
-    if out is not None:
-        loading.check_folder("out", out)
+    loading.check_folder("out", out)
     kept = None if out is None else Path(out) / "equilibria"
     ranks = comm or MPI.COMM_SELF
     with progress_on(quiet=not progress or ranks.rank > 0) as told:

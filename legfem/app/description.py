@@ -20,8 +20,10 @@ from legfem.data import seen_instrument
 from legfem.data.formats import may_be_recording, recording_files
 from legfem.data.reader import read_samples, trials_in
 from legfem.data.recording import QUANTITIES, SourceColumns
+from legfem.geometry.section import CALF
 from legfem.legs.folder import plain_id, subject_text
 from legfem.legs.schema import SUBJECTS, SubjectFile, site_names, subject_entry
+from legfem.legs.typical import TYPICAL_LIMBS
 from legfem.specimens.schema import SIZES, SeveralTests, SpecimenFile
 
 type Value = str | float | bool | list[float] | None
@@ -214,7 +216,8 @@ def describe(
     path, name = folder / file, plain_id(folder.name)
     text = tomlkit.dumps({"id": name, "title": folder.name, "origin": "measured"})
     if file == SUBJECTS.file:
-        text = subject_text(name, folder.name, "measured", FASCIA_MM, (0.0, 0.0), 0.0)
+        limb = TYPICAL_LIMBS[str(stated.get(("section", "limb"), CALF))]
+        text = subject_text(name, folder.name, "measured", 0.0 if limb.is_pad else FASCIA_MM, (0.0, 0.0), 0.0)
         unsaid = ("section", "contours"), ("indenter", "aim_mm"), ("indenter", "direction_deg"), ("instrument",)
         stated = {**dict.fromkeys(unsaid), **stated}
     text = with_settings(text, stated)

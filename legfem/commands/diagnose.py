@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir, finish, passed
-from legfem.common.command_line import AsJson, CheckedCommand, Quiet, check_out_folder, parallel_context, results_folder
+from legfem.common.command_line import AsJson, CheckedCommand, Quiet, parallel_context, results_folder
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -59,12 +59,11 @@ def diagnose(
     resume = "run the same command again to go on; solutions that are done are kept"
     with parallel_context(jobs, resume, quiet) as processes:
         from legfem.api.diagnosis import diagnose as diagnose_in_full
-        from legfem.api.loading import check_seed, named
+        from legfem.api.loading import check_folder, check_seed, named
         from legfem.api.results import DIAGNOSIS
 
         check_seed(seed)
-        if library is not None:
-            check_out_folder(library)
+        check_folder("library", library)
         leg = named(subject, subject_dir, specimen_dir, site)
         with results_folder(out, f"diagnose-{leg.id}") as folder:
             found = diagnose_in_full(

@@ -52,8 +52,7 @@ def live(
         from legfem.api.results import DIAGNOSIS, Diagnosed
 
         seconds = seconds_of("within", within)
-        if library is not None:
-            check_folder("library", library)
+        check_folder("library", library)
         visit, brief = visit_of(folder, site or ""), quiet or as_json
         answer = partial(diagnose, library=library, jobs=processes, progress=not brief)
 

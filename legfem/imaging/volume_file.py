@@ -30,11 +30,6 @@ _NIFTI, _ITK, _DICOM = (".nii", ".nii.gz"), (".nrrd", ".nhdr", ".mha", ".mhd"), 
 type Meaning = Mapping[str, int | list[int]]
 
 
-def read_volume(path: Path, meaning: Meaning | None = None, series: Path | None = None) -> LabelVolume:
-    """Read a label volume: `read_volumes` has the parameters, and what is raised."""
-    return read_volumes(path, meaning, series)[0]
-
-
 def read_volumes(
     path: Path, meaning: Meaning | None = None, series: Path | None = None, muscles: Iterable[str] = ()
 ) -> tuple[LabelVolume, dict[str, LabelVolume]]:

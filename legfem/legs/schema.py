@@ -101,7 +101,7 @@ class SectionEntry(ShapeEntry):
     limb: Literal[*TYPICAL_LIMBS] = CALF  # type: ignore[valid-type]
     """Which limb is typical of that girth."""
     fat_mm: Annotated[float, Field(ge=2.0, le=60.0, allow_inf_nan=False)] | None = None
-    """Thickness of skin and fat under the indenter, by ultrasound or half a skinfold."""
+    """Thickness of skin and fat under the indenter, by ultrasound or half a skinfold; of a pad, to the bone."""
     level_mm: input_files.Finite | None = None
     """Height in the scan at which the section is cut, square to z; without it, the section goes through the
     indenter's position."""
@@ -118,6 +118,9 @@ class SectionEntry(ShapeEntry):
             yield missing, MISSING, "a typical limb takes both girth_mm and fat_mm"
         if "limb" in self.model_fields_set and self.girth_mm is None:
             yield "limb", "is given without a girth", "give girth_mm and fat_mm, or leave it out"
+        if self.girth_mm is not None and TYPICAL_LIMBS[self.limb].is_pad == (self.fascia_thickness_mm > 0):
+            remedy = "give 0: it has no muscle" if self.fascia_thickness_mm else "give a thickness; 0.6 mm is usual"
+            yield "fascia_thickness_mm", f"is {self.fascia_thickness_mm:g} of a {self.limb}", remedy
 
 
 class RegionEntry(input_files.FileTable):

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -34,26 +35,33 @@ class TypicalLimb:
     aspect: float = 1.0
     """Width over depth of the oval."""
     bones: Mapping[str, TypicalBone] = field(default_factory=dict)
+    is_pad: bool = False
+    """Whether there is no muscle: it is pressed from below, and what is stated as fat reaches to the bones."""
+    calf: Mapping[str, Any] | None = None
+    """Of a limb that is a `Calf`, what it has other than a usual one."""
 
 
 TYPICAL_LIMBS = resource("typical_limbs", dict[str, TypicalLimb])
 
 
 def typical_section(limb: str, girth_mm: float, fat_mm: float, fascia_thickness_mm: float) -> LegSection:
-    """Return the section of one of `TYPICAL_LIMBS`, with the fat (mm) where it is pressed.
+    """Return the section of one of `TYPICAL_LIMBS`, with the fat (mm) where it is pressed; of a pad, to the bone.
 
     Raises
     ------
     InputError
         If the numbers give contours that cross.
     """
-    if limb == CALF:
-        return calf_section(Calf.with_fat_behind(girth_mm, fat_mm, fascia_thickness_mm))
     usual = TYPICAL_LIMBS[limb]
+    if usual.calf is not None:
+        return calf_section(Calf.with_fat_behind(girth_mm, fat_mm, fascia_thickness_mm, **usual.calf))
     skin, radius = skin_of(girth_mm, oval(AROUND, usual.aspect, 0.0, 0.0))
-    centres = {name: (radius * bone.at[0], radius * bone.at[1]) for name, bone in usual.bones.items()}
-    bones = {name: bone_outline(bone.radius_mm, centres[name], 0.0, 1, 0.0) for name, bone in usual.bones.items()}
-    section = LegSection(skin, skin - fat_mm * outward_normals(skin), bones, fascia_thickness_mm)
+    bones = {}
+    for name, bone in usual.bones.items():
+        at = radius * bone.at[0], skin[:, 1].min() + fat_mm + bone.radius_mm if usual.is_pad else radius * bone.at[1]
+        bones[name] = bone_outline(bone.radius_mm, at, 0.0, 1, 0.0)
+    fascia = skin if usual.is_pad else skin - fat_mm * outward_normals(skin)
+    section = LegSection(skin, fascia, bones, fascia_thickness_mm)
     check_section(section, limb)
     return section
 
@@ -71,6 +79,10 @@ def skin_of(girth_mm: float, shape: FloatArray) -> tuple[FloatArray, float]:
 
 MOST_OVER_SHIN_MM = 6.0
 """Fat of a typical calf over the tibia's face, however fat it is behind."""
+
+
+WIDEST_TIBIA = 0.25
+"""Radius of a typical tibia over the skin's mean radius, where that is little: a slim calf has slim bones."""
 
 
 @dataclass(frozen=True)
@@ -117,9 +129,10 @@ class Calf(Checked):
             raise InputError("Calf", "fascia_thickness_mm", "is not below fat_mm", "give a thinner fascia")
 
     @classmethod
-    def with_fat_behind(cls, girth_mm: float, fat_mm: float, fascia_thickness_mm: float) -> "Calf":
-        """A calf of usual proportions, given the thickness of its fat (mm) at the middle of the back."""
-        usual = cls(girth_mm, fat_mm, fascia_thickness_mm)
+    def with_fat_behind(cls, girth_mm: float, fat_mm: float, fascia_thickness_mm: float, **other: Any) -> "Calf":
+        """A calf of usual ``other`` proportions, given the thickness of its fat (mm) at the middle of the back."""
+        usual = cls(girth_mm, fat_mm, fascia_thickness_mm, **other)
+        usual = replace(usual, tibia_mm=min(usual.tibia_mm, WIDEST_TIBIA * girth_mm / (2 * np.pi)))
         behind = float(usual.relative_fat(np.array(-np.pi / 2)))
         over_shin = (1 - usual.fat_variation) / behind * fat_mm
         if over_shin > MOST_OVER_SHIN_MM:

@@ -64,9 +64,11 @@ LIMBS = {
     "soft end": Limb((220, 340), (4, 12)),
     "upper arm": Limb((240, 380), (3, 12), {"humerus": ((0.19, 0.28), (0.0, 0.25), (-90, 270))}),
 }
-BY_TAPE = "thigh", "forearm", "upper arm"
-LIMBS |= {f"{name} by tape": replace(LIMBS[name], travel=(255, 285), tape=name) for name in BY_TAPE}
-"""From the front, as is usual."""
+LIMBS |= {
+    f"{name} by tape": replace(LIMBS[name], travel=(usual.direction_deg - 15, usual.direction_deg + 15), tape=name)
+    for name, usual in TYPICAL_LIMBS.items()
+    if name in LIMBS
+}
 TAPE_SHARE, FAT_MM = 0.012, 0.8
 """Standard deviations of a girth by tape, over it, and of the fat's thickness by ultrasound."""
 DEEPEST_MM, LEAST_MM, OF_WAY = 12.0, 4.0, 0.5
@@ -139,7 +141,9 @@ def identified(folder: Path, plant: Plant) -> FoundLimb:
     stated = replace(drawn, tissues=usual.tissues, recordings=tuple(trials))
     if limb.tape:
         fat = fat_thickness(section, usual.indenter.aim, usual.indenter.direction) + generator.normal(0, FAT_MM)
-        section = typical_section(limb.tape, girth(section) * generator.normal(1, TAPE_SHARE), max(fat, 2.0), 0.6)
+        section = typical_section(
+            limb.tape, girth(section) * generator.normal(1, TAPE_SHARE), max(fat, 2.0), section.fascia_thickness
+        )
         middle = replace(stated.indenter, aim=np.zeros(2), direction_deg=TYPICAL_LIMBS[limb.tape].direction_deg)
         stated = replace(stated, section=section, indenter=middle, typical_shape=limb.tape, accuracy=TYPICAL_ACCURACY)
     kept = SearchRequest(out=folder / "solves" / f"{plant.limb}-{plant.number}")

@@ -161,7 +161,7 @@ def _pressed(folder: Path, sources: list[str], lab: Mapping[str, Any]) -> Read:
             limb = dropdown(list(TYPICAL_LIMBS), CALF, "limb", f"and from where it was pressed: {pressed}")
             limb.on_value_change(lambda: place.update({("section", "limb"): limb.value}))
             put("section", "girth_mm", "with a tape, where it was pressed")
-            put("section", "fat_mm", "by ultrasound, or half a skinfold")
+            put("section", "fat_mm", "by ultrasound, or half a skinfold; of a heel pad, down to the bone")
         tag("p", _NO_CONTOURS, "quiet")
     tag("h2", "What pressed it?")
     rig = lab.get("indenter", {})
