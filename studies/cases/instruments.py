@@ -39,7 +39,7 @@ def recorded(case: SealedCase, seed: int, courses: Sequence[Course], air_mm: flo
     recordings = record(courses, errors, generator)
     own = np.random.default_rng([case.noise_seed, 1])
     single = [name for name in courses[0].channels if ":" not in name and name in CHANNELS]
-    instruments: list[_Gauge | _Image | _Film] = [_Gauge(name, own) for name in single if name != "contact_width"]
+    instruments: list[Gauge | _Image | _Film] = [Gauge(name, own) for name in single if name != "contact_width"]
     instruments += [_Image(case, seed, own), _Film(own)]
     found = []
     for recording, course, gap in zip(recordings, courses, above, strict=True):
@@ -60,7 +60,7 @@ def _heavy(shape: tuple[int, ...], generator: np.random.Generator) -> FloatArray
     return np.asarray(generator.standard_t(_HEAVY, shape) / np.sqrt(_HEAVY / (_HEAVY - 2)))
 
 
-class _Gauge:
+class Gauge:
     """What has one reading a time: its errors that stay, and those of each trial."""
 
     def __init__(self, name: str, generator: np.random.Generator) -> None:
