@@ -178,7 +178,7 @@ def test_a_subject_that_is_not_there_is_told_in_one_line(load, tmp_path: Path) -
 
 
 def test_an_unknown_law_is_told_in_one_line(subject) -> None:
-    with pytest.raises(InputError, match="reduced-polynomial, both"):
+    with pytest.raises(InputError, match="reduced-polynomial or both"):
         lf.identify(subject, law="Ogden")
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 from making import write_subject
 
@@ -14,17 +15,17 @@ from legfem.inverse.settings import IdentificationSettings
 LEG = {
     "a word for a depth": ({"depth": "deep"}, "depth: 'deep': is not a depth; give a number of mm"),
     "an endless depth": ({"depth": math.inf}, "depth: inf: is not a depth"),
-    "a word for jobs": ({"jobs": "2"}, "jobs: '2': is not possible here; give a whole number from 1"),
-    "half a process": ({"jobs": 1.5}, "jobs: 1.5: is not possible here"),
+    "a word for jobs": ({"jobs": "2"}, "jobs: '2': is of another kind; give a whole number from 1"),
+    "half a process": ({"jobs": 1.5}, "jobs: 1.5: is of another kind"),
     "a name for names": ({"identify": "deep.C10"}, "identify: 'deep.C10': is of another kind"),
     "no names": ({"identify": []}, "nothing is left to identify; name a parameter"),
-    "a number for a name": ({"identify": [3]}, "identify: 3: is of another kind; give a list"),
+    "a number for a name": ({"identify": [3]}, "identify: [3]: is of another kind; give a list"),
     "twice": ({"identify": ["deep.C10", "deep.C10"]}, "identify: deep.C10: is there twice"),
     "free and held": (
         {"identify": ["deep.C10"], "fix": {"deep.C10": 1e-3}},
         "fix: deep.C10: is to be identified as well; leave one of them out",
     ),
-    "a unit in a value": ({"fix": {"deep.D1": "28 1/MPa"}}, "fix: deep.D1: '28 1/MPa' is not a value; give a number"),
+    "a unit in a value": ({"fix": {"deep.D1": "28 1/MPa"}}, "fix: {'deep.D1': '28 1/MPa'}: is of another kind"),
     "no number": ({"fix": {"deep.D1": math.nan}}, "fix: deep.D1: nan is not a value"),
     "endless": ({"fix": {"deep.D1": math.inf}}, "fix: deep.D1: inf is not a value"),
     "negative": ({"fix": {"deep.D1": -28}}, "fix: deep.D1=-28: is negative or nothing"),
@@ -44,13 +45,13 @@ LEG = {
         {"settings": IdentificationSettings(seed=2**32)},
         "seed: 4294967296: is not possible here; give a whole number from 0 to 4294967295",
     ),
-    "a number for a law": ({"law": 3}, "law: 3: is not a law; give a text"),
+    "a number for a law": ({"law": 3}, "law: 3: unknown law; give neo-hookean"),
     "texts for bounds": ({"c10_bounds": ("1", "3")}, "c10_bounds: ('1', '3'): is of another kind; give two numbers"),
-    "a number for a correction": ({"correction": 0.2}, "correction: 0.2: is of another kind; give a name or"),
+    "a number for a correction": ({"correction": 0.2}, "correction: 0.2: is not a correction; give own, none"),
     "no folder": ({"out": 3}, "out: 3: is of another kind; give a folder's path"),
-    "no such mesh": ({"mesh": "fine"}, "mesh: fine: is not a section's mesh; give coarse"),
+    "no such mesh": ({"mesh": "fine"}, "mesh: 'fine': unknown mesh; give coarse"),
     "a site of a leg without": ({"site": "back"}, "is not a site of the leg; leave it out"),
-    "a number for a site": ({"site": 3}, "site: 3: is not a name"),
+    "a number for a site": ({"site": 3}, "site: 3: is of another kind; give a text"),
     "a specimen's": ({"leave_out": ["trial1"]}, "leave_out: given: has no effect for a leg"),
 }
 SPECIMENS = {
@@ -108,10 +109,11 @@ def test_what_is_wrong_with_a_diagnosis_is_told(leg, bars) -> None:
 @pytest.mark.parametrize(
     ("asked", "line"),
     [
-        ({"c10": 0.0}, "c10: 0 kPa: is not possible here; give 0.05 to 50 kPa"),
-        ({"c20": -1.0}, "c20: -1 kPa: is not possible here; give 0 to 50 kPa"),
-        ({"depth": -3.0}, "depth: -3 mm: is not possible here; give 5 to 200 mm"),
-        ({"rate": None}, "rate: None: is not possible here; give 0.01 to 50 mm/s"),
+        ({"c10": 0.0}, "c10: 0.0: is not possible here; give 0.05 to 50 kPa"),
+        ({"c20": -1.0}, "c20: -1.0: is not possible here; give 0 to 50 kPa"),
+        ({"depth": -3.0}, "depth: -3.0: is not possible here; give 5 to 200 mm"),
+        ({"depth": np.float64(300.0)}, "depth: np.float64(300.0): is not possible here; give 5 to 200 mm"),
+        ({"rate": None}, "rate: None: is of another kind; give 0.01 to 50 mm/s"),
     ],
 )
 def test_what_is_wrong_with_a_planned_test_is_told(leg, asked, line) -> None:
@@ -134,10 +136,12 @@ def test_a_folder_of_another_kind_is_told_with_what_loads_it(leg, bars) -> None:
 
 
 def test_what_a_plan_and_a_cohort_cannot_be_without_is_told(leg, tmp_path) -> None:
-    with pytest.raises(lf.InputError, match="c20: None: is not possible here; give 0 to 50 kPa"):
+    with pytest.raises(lf.InputError, match="c20: None: is of another kind; give 0 to 50 kPa"):
         lf.plan(leg, c20=None)
-    with pytest.raises(lf.InputError, match=r"folder: 1\.5: is of another kind; give the path of the folder"):
+    with pytest.raises(lf.InputError, match=r"folder: 1\.5: is of another kind; give a folder's path"):
         lf.cohort(1.5, out=tmp_path / "out")
+    with pytest.raises(lf.InputError, match="folder: members: missing; give the path of the folder that holds"):
+        lf.cohort(out=tmp_path / "out")
 
 
 def test_a_pressed_leg_is_none_in_a_stocking(leg, scanned) -> None:

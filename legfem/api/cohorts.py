@@ -7,10 +7,10 @@ import resource
 import sys
 import time
 import traceback
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -20,7 +20,7 @@ from legfem.api import loading
 from legfem.api.diagnosis import diagnose
 from legfem.api.identification import identify
 from legfem.api.results import Diagnosed, Identification, Result
-from legfem.api.stockings import stocking
+from legfem.api.stockings import Cells, stocking
 from legfem.cohort import rows as cohort_rows
 from legfem.cohort.anomalies import missing, suspicions
 from legfem.cohort.members import Member, Members, Task, find_members
@@ -28,7 +28,7 @@ from legfem.cohort.population_model import PopulationFit, population_document, p
 from legfem.cohort.readings import read_readings
 from legfem.cohort.statistics import Statistics, statistics
 from legfem.common.documents import json_types, versions_of, write_document
-from legfem.common.errors import Argument, InputError, Remedy, UnsolvedError
+from legfem.common.errors import MISSING, Argument, InputError, Remedy, UnsolvedError
 from legfem.common.progress import Progress, progress_on
 from legfem.geometry.section import CALF, LIMBS, cross, fat_thickness, girth
 from legfem.inverse.stored import StoredResult
@@ -152,27 +152,28 @@ class Readings(Result):
         return readings_page(self.path, self.found, command_line())
 
 
+@loading.checked
 def cohort(
-    folder: loading.Given | None = None,
+    folder: loading.Folder | None = None,
     *,
     do: Task = "identify",
     layout: str = "",
-    table: loading.Given | None = None,
+    table: loading.Folder | None = None,
     law: str | None = None,
-    identify: Sequence[str] | None = None,
-    prior: Sequence[str] = (),
-    fix: Sequence[str] = (),
-    depth: float | None = None,
+    identify: loading.Texts | None = None,
+    prior: loading.Texts = (),
+    fix: loading.Texts = (),
+    depth: loading.Depth | None = None,
     correction: str | None = None,
     model: Literal["2d", "3d"] | None = None,
     mesh: Literal["coarse"] | None = None,
-    library: loading.Given | None = None,
-    cells: int | None = None,
-    seed: int | None = None,
-    out: loading.Given,
+    library: loading.Folder | None = None,
+    cells: Cells | None = None,
+    seed: loading.Seed | None = None,
+    out: loading.Folder,
     on: EngineName = "local",
     scheduler: str | None = None,
-    jobs: int = 1,
+    jobs: loading.Jobs = 1,
     population: bool = False,
     dry_run: bool = False,
     progress: bool = False,
@@ -236,13 +237,9 @@ def cohort(
     >>> print(study.summary())
     >>> study.to_frame()  # a row a leg
     """
-    loading.check_one_of("do", do, get_args(Task.__value__))
-    loading.check_one_of("on", on, get_args(EngineName.__value__))
-    loading.check_whole("jobs", jobs, 1)
-    loading.check_seed(seed)
-    if not isinstance(table if folder is None else folder, str | Path):
+    if folder is None and table is None:
         remedy = Remedy("give the path of the folder that holds the members', or a plain table by ", Argument("table"))
-        raise InputError("folder", f"{folder}", "is of another kind", remedy)
+        raise InputError("folder", "members", MISSING, remedy)
     plain = table if folder is None else folder if Path(folder).is_file() else None
     loading.check_folder("out", out)
     started = time.perf_counter()

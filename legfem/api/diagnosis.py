@@ -1,13 +1,13 @@
 """Where model and recordings differ and which physics was left out; which tests of a leg would show which effects."""
 
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import pandas as pd
 from matplotlib.figure import Figure
+from pydantic import Field
 
 from legfem.api import loading
 from legfem.api.results import Diagnosed, Result
@@ -37,18 +37,19 @@ if TYPE_CHECKING:
     from legfem.specimens.folder import SpecimenFolder
 
 
+@loading.checked
 def diagnose(
     leg: "Subject | SitedLeg | SpecimenFolder | loading.Given",
     *,
-    library: loading.Given | None = None,
-    correction: loading.Given | None = None,
-    seed: int = 0,
-    out: loading.Given | None = None,
-    jobs: int = 1,
+    library: loading.Folder | None = None,
+    correction: loading.Folder | None = None,
+    seed: loading.Seed = 0,
+    out: loading.Folder | None = None,
+    jobs: loading.Jobs = 1,
     progress: bool = False,
-    specimens: Sequence[str] = (),
+    specimens: loading.Texts = (),
     site: str = "",
-    prior: Sequence[str] = (),
+    prior: loading.Texts = (),
     within: str | Deadline | None = None,
 ) -> "Diagnosed | DiagnosedFolder":
     """Say where model and recordings differ, which physics was left out, and what adding it does.
@@ -95,8 +96,6 @@ def diagnose(
     >>> found.verdict
     >>> print(found.summary())
     """
-    loading.check_seed(seed)
-    loading.check_whole("jobs", jobs, 1)
     responses = library_folder() if library is None else Path(library)
     loading.check_folder("library", responses)
     if loading.are_specimens(leg):
@@ -178,15 +177,16 @@ class PlannedTests(Result):
         )
 
 
+@loading.checked
 def plan(
     leg: Subject | loading.Given,
     *,
-    c10: float = 0.8,
-    c20: float = 0.0,
-    depth: float = 20.0,
-    rate: float = 0.5,
-    library: loading.Given | None = None,
-    jobs: int = 1,
+    c10: Annotated[float, Field(ge=0.05, le=50.0), loading.Wanted("give 0.05 to 50 kPa")] = 0.8,
+    c20: Annotated[float, Field(ge=0.0, le=50.0), loading.Wanted("give 0 to 50 kPa")] = 0.0,
+    depth: Annotated[float, Field(ge=5.0, le=200.0), loading.Wanted("give 5 to 200 mm")] = 20.0,
+    rate: Annotated[float, Field(ge=0.01, le=50.0), loading.Wanted("give 0.01 to 50 mm/s")] = 0.5,
+    library: loading.Folder | None = None,
+    jobs: loading.Jobs = 1,
     progress: bool = False,
     site: str = "",
 ) -> PlannedTests:
@@ -222,11 +222,6 @@ def plan(
     >>> tests = lf.plan("3", c10=0.7, depth=25.0)
     >>> print(tests.summary())  # which test shows which effect, the best first
     """
-    loading.check_within("c10", c10, 0.05, 50.0, "kPa")
-    loading.check_within("c20", c20, 0.0, 50.0, "kPa")
-    loading.check_within("depth", depth, 5.0, 200.0, "mm")
-    loading.check_within("rate", rate, 0.01, 50.0, "mm/s")
-    loading.check_whole("jobs", jobs, 1)
     folder = library_folder() if library is None else Path(library)
     loading.check_folder("library", folder)
     subject = leg

@@ -3,9 +3,8 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from numbers import Real
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from mpi4py import MPI
 
@@ -16,7 +15,7 @@ from legfem.common.progress import progress_on
 from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.geometry.section import MUSCLE
-from legfem.inverse.catalogue import DEEP_C10, LAWS, LawName, check_held
+from legfem.inverse.catalogue import DEEP_C10, LawName, check_held
 from legfem.inverse.parameter import Parameter
 from legfem.inverse.parse_parameters import AskedParameters
 from legfem.inverse.readings import INSTRUMENT
@@ -31,7 +30,22 @@ from legfem.meshing.section import SectionMeshSettings
 if TYPE_CHECKING:
     from legfem.specimens.folder import SpecimenFolder
 
+Names = Annotated[
+    Sequence[Parameter | str], loading.Wanted("give a list of full names or of legfem.inverse.parameter.Parameter")
+]
+Held = Annotated[
+    Mapping[str, float] | Sequence[str],
+    loading.Wanted("give values by full name, as {'deep.D1': 28.0}, or texts, as 'deep.D1=28 1/MPa'"),
+]
+Correction = Annotated[str | Path, loading.Wanted("give own, none, auto or a file", "is not a correction")]
+Settings = Annotated[IdentificationSettings, loading.Wanted("give legfem.inverse.settings.IdentificationSettings")]
 type Mesh = PlaneStrainSettings | SolidLegSettings | Literal["coarse"]
+
+LegLaw = Literal["neo-hookean", "reduced-polynomial", "both"]
+Law = Annotated[
+    LawName | Literal["both"],
+    loading.Wanted("give neo-hookean, reduced-polynomial or both; of specimens also yeoh, exponential", "unknown law"),
+]
 
 COARSENING = 2.0
 """Factor on the elements' sizes, for a quick look."""
@@ -45,15 +59,10 @@ def asked_parameters(identify: Any, prior: Any, fix: Any, c10_bounds: Any, c20_b
     InputError
         If one is of another kind than `identify` says, or something is there twice.
     """
-    listed = "a list of full names or of legfem.inverse.parameter.Parameter"
-    if not isinstance(identify, list | tuple | None):
-        raise loading.of_another_kind("identify", identify, listed)
     if identify is not None and not identify:
         raise loading.wrong("identify", "[]", "nothing is left to identify", "name a parameter")
     names, given = list[str](), dict[str, Parameter]()
     for one in identify or ():
-        if not isinstance(one, str | Parameter):
-            raise loading.of_another_kind("identify", one, listed)
         name = one if isinstance(one, str) else one.name
         if name in names or name in given:
             raise loading.wrong("identify", name, "is there twice", "give it once")
@@ -62,41 +71,38 @@ def asked_parameters(identify: Any, prior: Any, fix: Any, c10_bounds: Any, c20_b
         if isinstance(one, str) or one.role == "identified":
             names.append(name)
     numbers, texts = (fix, ()) if isinstance(fix, Mapping) else ({}, fix)
-    if not isinstance(texts, list | tuple) or not all(isinstance(one, str) for one in texts):
-        raise loading.of_another_kind(
-            "fix", fix, "values by full name, as {'deep.D1': 28.0}, or texts, as 'deep.D1=28 1/MPa'"
-        )
     for name, value in numbers.items():
         # Without its term of (J - 1)^4 a law has an infinite D2.
         endless = value == math.inf and str(name).endswith(".D2")
-        if not isinstance(value, Real) or not (math.isfinite(value) or endless):
+        if not (math.isfinite(value) or endless):
             remedy = "give a number in MPa, 1/MPa, N or mm, without its unit"
             raise loading.wrong("fix", str(name), f"{value!r} is not a value", remedy)
         check_held(Argument("fix"), f"{name}={value:g}", str(name), float(value))
     return AskedParameters(names, prior, texts, c10_bounds, c20_bounds, given, numbers)
 
 
+@loading.checked
 def identify(
     leg: "Subject | SitedLeg | SpecimenFolder | loading.Given",
-    law: LawName | Literal["both"] | None = None,
+    law: Law | None = None,
     *,
-    identify: Sequence[Parameter | str] | None = None,
-    prior: Sequence[str] = (),
-    fix: Mapping[str, float] | Sequence[str] = (),
-    c10_bounds: tuple[float, float] | None = None,
-    c20_bounds: tuple[float, float] | None = None,
-    correction: str | Path = "auto",
-    depth: float | None = None,
+    identify: Names | None = None,
+    prior: loading.Texts = (),
+    fix: Held = (),
+    c10_bounds: loading.Pair | None = None,
+    c20_bounds: loading.Pair | None = None,
+    correction: Correction = "auto",
+    depth: loading.Depth | None = None,
     model: Literal["2d", "3d"] = "2d",
     field: bool = False,
     site: str = "",
-    leave_out: Sequence[str] = (),
+    leave_out: loading.Texts = (),
     weighting: AskedWeighting | None = None,
-    seed: int | None = None,
-    settings: IdentificationSettings | None = None,
+    seed: loading.Seed | None = None,
+    settings: Settings | None = None,
     mesh: Mesh | None = None,
-    out: loading.Given | None = None,
-    jobs: int = 1,
+    out: loading.Folder | None = None,
+    jobs: loading.Jobs = 1,
     progress: bool = False,
     comm: MPI.Intracomm | None = None,
 ) -> Identification:
@@ -176,20 +182,13 @@ def identify(
     >>> found.write("results/identify-3")  # the report, as the command writes it
     """
     wanted = asked_parameters(identify, prior or (), fix, c10_bounds, c20_bounds)
-    loading.check_finite("depth", depth)
-    loading.check_whole("jobs", jobs, 1)
     loading.check_folder("out", out)
-    if not isinstance(settings, IdentificationSettings | None):
-        raise loading.of_another_kind("settings", settings, "legfem.inverse.settings.IdentificationSettings")
     direct: dict[str, Any] = {"weighting": weighting, "seed": seed}
     stated = {name: value for name, value in direct.items() if value is not None}
     settings = replace(settings or IdentificationSettings(), **stated)
-    loading.check_seed(settings.seed)
-    loading.check_one_of("weighting", settings.weighting, get_args(AskedWeighting))
+    loading.check_kind("seed", settings.seed, loading.Seed)
+    loading.check_kind("weighting", settings.weighting, AskedWeighting | None)
     request = SearchRequest(depth=depth, settings=settings, out=None if out is None else Path(out), jobs=jobs)
-    loading.check_one_of("model", model, ("2d", "3d"))
-    if not isinstance(correction, str | Path):
-        raise loading.wrong("correction", repr(correction), "is not a correction", "give own, none, auto or a file")
     given = loading.opened(leg, site)
     with progress_on(quiet=not progress) as told:
         request = replace(request, as_field=field, progress=told)
@@ -210,7 +209,7 @@ def identify(
             asked = request_of(wanted, given.tissues)
             return Identification(given, tuple(fit_specimens(given, laws_named(law), asked, leave_out or (), request)))
         loading.check_unused("a leg", {"leave_out": bool(leave_out)})
-        loading.check_one_of("law", law, (*LAWS, "both"))
+        loading.check_kind("law", law, LegLaw | None)
         return _of_leg(given, law, wanted, request, str(correction), model == "3d", mesh, comm or MPI.COMM_SELF)
 
 

@@ -5,12 +5,16 @@ functions of the front door and says keywords (``leave_out``); the commands call
 """
 
 import functools
+import inspect
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from numbers import Integral, Real
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, get_args
+
+import numpy as np
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
 from legfem.common.command_line import check_out_folder
 from legfem.common.errors import Argument, Command, Door, InputError, Remedy, log_doubts, missing_module
@@ -28,8 +32,7 @@ if TYPE_CHECKING:
     from legfem.stockings.leg import StockingLeg
 
 
-_LISTS = frozenset({"leave_out", "prior", "specimens"})
-_REPEATED = _LISTS | {"fix", "identify"}
+_REPEATED = frozenset({"fix", "identify", "leave_out", "prior", "specimens"})
 
 
 def in_python(part: Argument | Command) -> str:
@@ -67,76 +70,90 @@ class _LoadWith(Remedy):
 
 
 def front[**Given, Found](call: Callable[Given, Found]) -> Callable[Given, Found]:
-    """Return a function of the front door: it looks at what it is given before it calls, and says keywords."""
+    """Return a function of the front door, which says keywords."""
 
     @functools.wraps(call)
     def called(*args: Given.args, **options: Given.kwargs) -> Found:
         # A number is an id for whoever writes it.
         known: Any = (f"{args[0]}", *args[1:]) if args and type(args[0]) is int else args
         with in_python_words():
-            for name, value in options.items():
-                _check_kind(name, value)
             return call(*known, **options)
 
     return called
 
 
-_TEXTS = frozenset({"do", "law", "layout", "model", "on", "scheduler", "site", "weighting"})
-_PATHS = {
-    "correction": "a name or a file's path",
-    "library": "a folder's path",
-    "out": "a folder's path",
-    "table": "a file's path",
-}
-_PAIRS = frozenset({"c10_bounds", "c20_bounds"})
+@dataclass(frozen=True)
+class Wanted:
+    """What an argument is, in its annotation, for whoever gave something else."""
+
+    remedy: str
+    problem: str = "is of another kind"
 
 
-def _check_kind(name: str, value: object) -> None:
-    """Raise an InputError for a keyword's value that is of another kind; None, and what else is looked at, passes."""
-    if value is None:
+Folder = Annotated[str | Path, Wanted("give a folder's path")]
+Texts = Annotated[Sequence[str], Wanted("give a list of texts")]
+Pair = Annotated[tuple[float, float], Field(strict=False), Wanted("give two numbers of kPa")]
+Jobs = Annotated[int, Field(ge=1), Wanted("give a whole number from 1")]
+Seed = Annotated[int, Field(ge=0, le=2**32 - 1), Wanted("give a whole number from 0 to 4294967295")]
+"""What generators of random numbers of all libraries take."""
+Depth = Annotated[float, Field(allow_inf_nan=False), Wanted("give a number of mm", "is not a depth")]
+
+
+def checked[**Given, Found](call: Callable[Given, Found]) -> Callable[Given, Found]:
+    """Return a function that raises an InputError for an argument that isn't what its annotation says.
+
+    What is annotated by a text, as classes that are imported where they are needed, is looked at by the function.
+    """
+    signature = inspect.signature(call)
+
+    @functools.wraps(call)
+    def called(*args: Given.args, **options: Given.kwargs) -> Found:
+        for name, value in signature.bind(*args, **options).arguments.items():
+            check_kind(name, value, signature.parameters[name].annotation)
+        return call(*args, **options)
+
+    return called
+
+
+def check_kind(name: str, value: object, kind: Any) -> None:
+    """Raise an InputError for an argument that isn't of a kind; a number of NumPy's is as good as Python's."""
+    if isinstance(kind, str):
         return
-    if name in _TEXTS and not isinstance(value, str):
-        raise wrong(name, repr(value), "is not a name" if name == "site" else f"is not a {name}", "give a text")
-    if name in _PATHS and not isinstance(value, str | Path):
-        raise of_another_kind(name, value, _PATHS[name])
-    if name in _LISTS and not (isinstance(value, list | tuple) and all(isinstance(one, str) for one in value)):
-        raise of_another_kind(name, value, "a list of texts")
-    if name in _PAIRS and not (
-        isinstance(value, list | tuple) and len(value) == 2 and all(isinstance(one, Real) for one in value)
-    ):
-        raise of_another_kind(name, value, "two numbers of kPa")
+    try:
+        _adapter(kind).validate_python(value.item() if isinstance(value, np.generic) else value)
+    except ValidationError as error:
+        problem, remedy = _told(name, kind)
+        beyond = error.errors()[0]["type"].startswith(("greater", "less"))
+        raise wrong(name, repr(value), "is not possible here" if beyond else problem, remedy) from None
+
+
+@functools.cache
+def _adapter(kind: Any) -> TypeAdapter[Any]:
+    return TypeAdapter(kind, config=ConfigDict(strict=True, arbitrary_types_allowed=True))
+
+
+def _told(name: str, kind: Any) -> tuple[str, str]:
+    """Return problem and remedy of an argument that isn't of a kind."""
+    parts = list(_parts(kind))
+    if said := next((one for one in parts if isinstance(one, Wanted)), None):
+        return said.problem, said.remedy
+    choices = [one for one in parts if isinstance(one, str)]
+    if choices:
+        return f"unknown {name}", f"give {'one of ' * (len(choices) > 1)}{', '.join(choices)}"
+    return Wanted("").problem, f"give {'True or False' if bool in parts else 'a text'}"
+
+
+def _parts(kind: Any) -> Iterator[Any]:
+    """Yield what an annotation is made of."""
+    yield kind
+    for one in (*get_args(getattr(kind, "__value__", kind)), *getattr(kind, "__metadata__", ())):
+        yield from _parts(one)
 
 
 def wrong(name: str, given: object, problem: str, remedy: str | Remedy) -> InputError:
     """Return what is wrong with an argument."""
     shown = given if isinstance(given, str) else repr(given)
     return InputError(Argument(name), shown, problem, remedy)
-
-
-def check_whole(name: str, value: object, least: int, most: float = math.inf) -> None:
-    """Raise an InputError for what is not a whole number, below the least or above the most."""
-    if not isinstance(value, Integral) or not least <= int(value) <= most:
-        limits = f"from {least}" if math.isinf(most) else f"from {least} to {most}"
-        raise wrong(name, repr(value), "is not possible here", f"give a whole number {limits}")
-
-
-def check_seed(value: object) -> None:
-    """Raise an InputError for what no generator of random numbers of all libraries begins with; None is none."""
-    if value is not None:
-        check_whole("seed", value, 0, 2**32 - 1)
-
-
-def check_finite(name: str, value: object, unit: str = "mm") -> None:
-    """Raise an InputError for what is not a finite number; None is none."""
-    if value is not None and not (isinstance(value, Real) and math.isfinite(value)):
-        raise wrong(name, repr(value), f"is not a {name}", f"give a number of {unit}")
-
-
-def check_within(name: str, value: object, least: float, most: float, unit: str) -> None:
-    """Raise an InputError for what is not a number between two others."""
-    if not isinstance(value, Real) or not least <= float(value) <= most:
-        shown = f"{float(value):g} {unit}" if isinstance(value, Real) else repr(value)
-        raise wrong(name, shown, "is not possible here", f"give {least:g} to {most:g} {unit}")
 
 
 def seconds_of(name: str, given: str | None) -> float | None:
@@ -154,12 +171,6 @@ def seconds_of(name: str, given: str | None) -> float | None:
     return found
 
 
-def check_one_of(name: str, value: object, known: tuple[str, ...]) -> None:
-    """Raise an InputError for what isn't among the known; None is none."""
-    if value is not None and value not in known:
-        raise wrong(name, repr(value), f"unknown {name}", f"give one of {', '.join(known)}")
-
-
 def check_folder(name: str, folder: str | Path | None) -> None:
     """Raise an InputError for what is no folder in which something can be kept; nothing is made. None is none."""
     try:
@@ -174,11 +185,6 @@ def check_unused(what: str, given: Mapping[str, bool]) -> None:
     for name, is_given in given.items():
         if is_given:
             raise wrong(name, "given", f"has no effect for {what}", "leave it out")
-
-
-def of_another_kind(name: str, given: object, wanted: str) -> InputError:
-    """Return what is wrong with an argument of another type than ``wanted``, which is in words."""
-    return wrong(name, repr(given), "is of another kind", f"give {wanted}")
 
 
 type Given = str | Path

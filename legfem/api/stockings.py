@@ -1,8 +1,10 @@
 """Stiffness found from scans of a leg in its stocking, and the pressures inside it."""
 
 from pathlib import Path
+from typing import Annotated
 
 from mpi4py import MPI
+from pydantic import Field
 
 from legfem.api import loading
 from legfem.api.results import Identification
@@ -10,12 +12,15 @@ from legfem.common.progress import progress_on
 from legfem.stockings.identification import CELLS, by_tape, identify_in_stocking
 from legfem.stockings.leg import StockingLeg
 
+Cells = Annotated[int, Field(ge=2_000, le=5_000_000), loading.Wanted("give 2000 to 5000000")]
 
+
+@loading.checked
 def stocking(
-    leg: StockingLeg | loading.Given,
+    leg: "StockingLeg | loading.Given",
     *,
-    cells: int = CELLS,
-    out: loading.Given | None = None,
+    cells: Cells = CELLS,
+    out: loading.Folder | None = None,
     progress: bool = False,
     comm: MPI.Intracomm | None = None,
 ) -> Identification:
@@ -53,7 +58,6 @@ def stocking(
     >>> print(worn.summary())
     >>> worn.best.computed["pressure_on_skin"].value
     """
-    loading.check_whole("cells", cells, 2_000, 5_000_000)
     known = loading.load_leg(leg, cells) if isinstance(leg, str | Path) else leg
     if not isinstance(known, StockingLeg):
         raise loading.not_a_leg(known, "was scanned in a stocking", "load_leg")

@@ -59,10 +59,9 @@ def diagnose(
     resume = "run the same command again to go on; solutions that are done are kept"
     with parallel_context(jobs, resume, quiet) as processes:
         from legfem.api.diagnosis import diagnose as diagnose_in_full
-        from legfem.api.loading import check_folder, check_seed, named
+        from legfem.api.loading import check_folder, named
         from legfem.api.results import DIAGNOSIS
 
-        check_seed(seed)
         check_folder("library", library)
         leg = named(subject, subject_dir, specimen_dir, site)
         with results_folder(out, f"diagnose-{leg.id}") as folder:

@@ -94,9 +94,8 @@ def run(
         from mpi4py import MPI
 
         from legfem.api.identification import identify as identify_in_full
-        from legfem.api.loading import check_seed, named
+        from legfem.api.loading import named
 
-        check_seed(seed)
         leg = named(subject, subject_dir, specimen_dir, site)
         with command_line.results_folder(out, f"identify-{leg.id}") as folder:
             found = identify_in_full(
