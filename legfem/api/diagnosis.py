@@ -177,14 +177,20 @@ class PlannedTests(Result):
         )
 
 
+type ExpectedC10 = Annotated[float, Field(ge=0.05, le=50.0), loading.Wanted("give 0.05 to 50 kPa")]
+type ExpectedC20 = Annotated[float, Field(ge=0.0, le=50.0), loading.Wanted("give 0 to 50 kPa")]
+type PlannedDepth = Annotated[float, Field(ge=5.0, le=200.0), loading.Wanted("give 5 to 200 mm")]
+type PlannedRate = Annotated[float, Field(ge=0.01, le=50.0), loading.Wanted("give 0.01 to 50 mm/s")]
+
+
 @loading.checked
 def plan(
     leg: Subject | loading.Given,
     *,
-    c10: Annotated[float, Field(ge=0.05, le=50.0), loading.Wanted("give 0.05 to 50 kPa")] = 0.8,
-    c20: Annotated[float, Field(ge=0.0, le=50.0), loading.Wanted("give 0 to 50 kPa")] = 0.0,
-    depth: Annotated[float, Field(ge=5.0, le=200.0), loading.Wanted("give 5 to 200 mm")] = 20.0,
-    rate: Annotated[float, Field(ge=0.01, le=50.0), loading.Wanted("give 0.01 to 50 mm/s")] = 0.5,
+    c10: ExpectedC10 = 0.8,
+    c20: ExpectedC20 = 0.0,
+    depth: PlannedDepth = 20.0,
+    rate: PlannedRate = 0.5,
     library: loading.Folder | None = None,
     jobs: loading.Jobs = 1,
     progress: bool = False,

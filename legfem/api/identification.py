@@ -30,19 +30,19 @@ from legfem.meshing.section import SectionMeshSettings
 if TYPE_CHECKING:
     from legfem.specimens.folder import SpecimenFolder
 
-Names = Annotated[
+type Names = Annotated[
     Sequence[Parameter | str], loading.Wanted("give a list of full names or of legfem.inverse.parameter.Parameter")
 ]
-Held = Annotated[
+type Held = Annotated[
     Mapping[str, float] | Sequence[str],
     loading.Wanted("give values by full name, as {'deep.D1': 28.0}, or texts, as 'deep.D1=28 1/MPa'"),
 ]
-Correction = Annotated[str | Path, loading.Wanted("give own, none, auto or a file", "is not a correction")]
-Settings = Annotated[IdentificationSettings, loading.Wanted("give legfem.inverse.settings.IdentificationSettings")]
+type Correction = Annotated[str | Path, loading.Wanted("give own, none, auto or a file", "is not a correction")]
+type Settings = Annotated[IdentificationSettings, loading.Wanted("give legfem.inverse.settings.IdentificationSettings")]
 type Mesh = PlaneStrainSettings | SolidLegSettings | Literal["coarse"]
 
-LegLaw = Literal["neo-hookean", "reduced-polynomial", "both"]
-Law = Annotated[
+type LegLaw = Literal["neo-hookean", "reduced-polynomial", "both"]
+type Law = Annotated[
     LawName | Literal["both"],
     loading.Wanted("give neo-hookean, reduced-polynomial or both; of specimens also yeoh, exponential", "unknown law"),
 ]

@@ -90,13 +90,13 @@ class Wanted:
     problem: str = "is of another kind"
 
 
-Folder = Annotated[str | Path, Wanted("give a folder's path")]
-Texts = Annotated[Sequence[str], Wanted("give a list of texts")]
-Pair = Annotated[tuple[float, float], Field(strict=False), Wanted("give two numbers of kPa")]
-Jobs = Annotated[int, Field(ge=1), Wanted("give a whole number from 1")]
-Seed = Annotated[int, Field(ge=0, le=2**32 - 1), Wanted("give a whole number from 0 to 4294967295")]
+type Folder = Annotated[str | Path, Wanted("give a folder's path")]
+type Texts = Annotated[Sequence[str], Wanted("give a list of texts")]
+type Pair = Annotated[tuple[float, float], Field(strict=False), Wanted("give two numbers of kPa")]
+type Jobs = Annotated[int, Field(ge=1), Wanted("give a whole number from 1")]
+type Seed = Annotated[int, Field(ge=0, le=2**32 - 1), Wanted("give a whole number from 0 to 4294967295")]
 """What generators of random numbers of all libraries take."""
-Depth = Annotated[float, Field(allow_inf_nan=False), Wanted("give a number of mm", "is not a depth")]
+type Depth = Annotated[float, Field(allow_inf_nan=False), Wanted("give a number of mm", "is not a depth")]
 
 
 def checked[**Given, Found](call: Callable[Given, Found]) -> Callable[Given, Found]:
@@ -146,7 +146,7 @@ def _told(name: str, kind: Any) -> tuple[str, str]:
 def _parts(kind: Any) -> Iterator[Any]:
     """Yield what an annotation is made of."""
     yield kind
-    for one in (*get_args(getattr(kind, "__value__", kind)), *getattr(kind, "__metadata__", ())):
+    for one in get_args(getattr(kind, "__value__", kind)):
         yield from _parts(one)
 
 

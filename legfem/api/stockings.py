@@ -12,7 +12,7 @@ from legfem.common.progress import progress_on
 from legfem.stockings.identification import CELLS, by_tape, identify_in_stocking
 from legfem.stockings.leg import StockingLeg
 
-Cells = Annotated[int, Field(ge=2_000, le=5_000_000), loading.Wanted("give 2000 to 5000000")]
+type Cells = Annotated[int, Field(ge=2_000, le=5_000_000), loading.Wanted("give 2000 to 5000000")]
 
 
 @loading.checked
