@@ -44,6 +44,8 @@ class Limb:
     c10_kPa: Ends = (0.4, 4.0)
     """Evenly in its logarithm."""
     travel: Ends = (0, 360)
+    aspect: Ends = (0.85, 1.15)
+    """Width over depth."""
     tape: str = ""
     """The typical limb that a lab takes, with the girth and the fat's thickness alone; else it has outlines."""
 
@@ -64,8 +66,16 @@ LIMBS = {
     "soft end": Limb((220, 340), (4, 12)),
     "upper arm": Limb((240, 380), (3, 12), {"humerus": ((0.19, 0.28), (0.0, 0.25), (-90, 270))}),
 }
+PEOPLE = {
+    "thigh": Limb((420, 620), (6, 25), {"femur": ((0.18, 0.26), (0.12, 0.4), (50, 130))}, aspect=(0.95, 1.15)),
+    "forearm": replace(LIMBS["forearm"], aspect=(1.15, 1.4)),
+    "upper arm": replace(LIMBS["upper arm"], bones={"humerus": ((0.24, 0.34), (0.0, 0.25), (-90, 270))}),
+}
+"""Limbs that a tape is laid around: shaped, and their bones as deep, as people's are (MULTIS)."""
 LIMBS |= {
-    f"{name} by tape": replace(LIMBS[name], travel=(usual.direction_deg - 15, usual.direction_deg + 15), tape=name)
+    f"{name} by tape": replace(
+        PEOPLE.get(name, LIMBS[name]), travel=(usual.direction_deg - 15, usual.direction_deg + 15), tape=name
+    )
     for name, usual in TYPICAL_LIMBS.items()
     if name in LIMBS
 }
@@ -103,7 +113,7 @@ def plants(number: int, seed: int) -> list[Plant]:
 
 def _section(limb: Limb, travel: FloatArray, generator: np.random.Generator) -> LegSection:
     even = generator.uniform
-    skin, hull = drawn_layers(generator, even(*limb.girth_mm), even(*limb.fat_mm))
+    skin, hull = drawn_layers(generator, even(*limb.girth_mm), even(*limb.fat_mm), limb.aspect)
     bones = dict[str, FloatArray]()
     for name, (size, far, way) in limb.bones.items():
         at = np.radians(even(*way)), even(*far)

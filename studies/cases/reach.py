@@ -92,10 +92,12 @@ def _tissues(leg: DrawnLeg) -> Tissues:
     )
 
 
-def drawn_layers(generator: np.random.Generator, girth: float, fat: float) -> tuple[FloatArray, FloatArray]:
-    """Return outlines of skin and fascia of a drawn shape; girth and mean fat in mm."""
+def drawn_layers(
+    generator: np.random.Generator, girth: float, fat: float, aspect: tuple[float, float] = (0.85, 1.15)
+) -> tuple[FloatArray, FloatArray]:
+    """Return outlines of skin and fascia of a drawn shape; girth and mean fat in mm, width over depth drawn evenly."""
     even = generator.uniform
-    skin, _ = skin_of(girth, oval(AROUND, even(0.85, 1.15), even(0.0, 0.08), even(-0.04, 0.04)))
+    skin, _ = skin_of(girth, oval(AROUND, even(*aspect), even(0.0, 0.08), even(-0.04, 0.04)))
     uneven = even(0.0, 0.4) * np.cos(AROUND - even(0, 2 * np.pi))
     return skin, skin - (fat * (1 + uneven))[:, None] * outward_normals(skin)
 
