@@ -185,7 +185,7 @@ type PlannedRate = Annotated[float, Field(ge=0.01, le=50.0), loading.Wanted("giv
 
 @loading.checked
 def plan(
-    leg: Subject | loading.Given,
+    leg: "Subject | loading.Given",
     *,
     c10: ExpectedC10 = 0.8,
     c20: ExpectedC20 = 0.0,

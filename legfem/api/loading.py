@@ -140,7 +140,8 @@ def _told(name: str, kind: Any) -> tuple[str, str]:
     choices = [one for one in parts if isinstance(one, str)]
     if choices:
         return f"unknown {name}", f"give {'one of ' * (len(choices) > 1)}{', '.join(choices)}"
-    return Wanted("").problem, f"give {'True or False' if bool in parts else 'a text'}"
+    words = {bool: "True or False", str: "a text"}
+    return Wanted("").problem, f"give {next((words[one] for one in parts if one in words), 'what its help says')}"
 
 
 def _parts(kind: Any) -> Iterator[Any]:
