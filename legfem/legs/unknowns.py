@@ -106,6 +106,9 @@ def unknowns_at(
     lost = told.beside(accuracy.rig_sd * told.force)
     yield NuisanceEffect("rig", lost * told.by_displacement, Cause("rig"), "rig", shared=True)
     force: FloatArray = np.where(np.arange(len(predicted)) < len(test.observed.force), 1.0, 0.0)
+    if subject.typical_shape:
+        shape, sd = Cause("typical shape", GEOMETRY_DOF), TYPICAL_LIMBS[subject.typical_shape].force_sd
+        yield NuisanceEffect(shape.name, sd * force * predicted, shape)
     by_instrument = {GAIN: force * predicted, ZERO: force, OFFSET: test.by_displacement}
     for name, sd in own_errors.items():
         yield NuisanceEffect(name, sd * by_instrument[name], Cause(name), "recordings")
@@ -116,13 +119,8 @@ def _of_shape(
 ) -> Iterator[NuisanceEffect]:
     """Yield what outlines do where no derivatives by them are known.
 
-    A thickness that is off at rest is so in proportion all along the test; a typical limb's shape is a share of the
-    force.
+    A thickness that is off at rest is so in proportion all along the test.
     """
-    force = np.arange(len(predicted)) < len(test.observed.force)
-    if subject.typical_shape:
-        shape, sd = Cause("typical shape", GEOMETRY_DOF), TYPICAL_LIMBS[subject.typical_shape].force_sd
-        yield NuisanceEffect(shape.name, sd * np.where(force, predicted, 0.0), shape)
     at_rest = layer_thicknesses(subject.section, subject.indenter.aim, subject.indenter.direction)
     spans = test.observed.data.spans[1:]
     for one, span in zip(test.observed.channels, spans, strict=True):
