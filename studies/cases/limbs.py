@@ -67,18 +67,18 @@ LIMBS = {
     "upper arm": Limb((240, 380), (3, 12), {"humerus": ((0.19, 0.28), (0.0, 0.25), (-90, 270))}),
 }
 PEOPLE = {
-    "thigh": Limb((420, 620), (6, 25), {"femur": ((0.18, 0.26), (0.12, 0.4), (50, 130))}, aspect=(0.95, 1.15)),
-    "forearm": replace(LIMBS["forearm"], aspect=(1.15, 1.4)),
-    "upper arm": replace(LIMBS["upper arm"], bones={"humerus": ((0.24, 0.34), (0.0, 0.25), (-90, 270))}),
+    "thigh": Limb(
+        (420, 620), (6, 25), {"femur": ((0.18, 0.26), (0.12, 0.4), (50, 130))}, travel=(255, 285), aspect=(0.95, 1.15)
+    ),
+    "forearm": replace(LIMBS["forearm"], travel=(255, 285), aspect=(1.15, 1.4)),
+    "upper arm": replace(
+        LIMBS["upper arm"], bones={"humerus": ((0.24, 0.34), (0.0, 0.25), (-90, 270))}, travel=(255, 285)
+    ),
+    "residual limb": replace(LIMBS["residual limb"], travel=(75, 105)),
+    "heel pad": replace(LIMBS["heel pad"], travel=(75, 105)),
 }
 """Limbs that a tape is laid around: shaped, and their bones as deep, as people's are (MULTIS)."""
-LIMBS |= {
-    f"{name} by tape": replace(
-        PEOPLE.get(name, LIMBS[name]), travel=(usual.direction_deg - 15, usual.direction_deg + 15), tape=name
-    )
-    for name, usual in TYPICAL_LIMBS.items()
-    if name in LIMBS
-}
+LIMBS |= {f"{name} by tape": replace(limb, tape=name) for name, limb in PEOPLE.items()}
 TAPE_SHARE, FAT_MM = 0.012, 0.8
 """Standard deviations of a girth by tape, over it, and of the fat's thickness by ultrasound."""
 DEEPEST_MM, LEAST_MM, OF_WAY = 12.0, 4.0, 0.5

@@ -90,8 +90,7 @@ def _site(truth: Truth, name: str, fat_kpa: float = FAT_KPA) -> Subject:
     girth, fat, direction = _SITES[name]
     section = calf_section(Calf(girth * truth.girth_mm, fat * truth.fat_mm, _FASCIA_MM))
     aim = section.fascia.mean(axis=0)
-    name_of_leg = f"leg-{truth.number}-{name}"
-    return stated_leg(name_of_leg, section, aim, direction, fat_kpa, "reduced-polynomial", name)
+    return stated_leg(f"leg-{truth.number}-{name}", section, aim, direction, fat_kpa, "reduced-polynomial", name)
 
 
 def _true_curve(truth: Truth, name: str, kept: Path) -> ForceCurve:

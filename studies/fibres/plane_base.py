@@ -100,8 +100,7 @@ def plane_responses(case: CorrectionCase, folder: Path | None) -> SolvedResponse
         "case": asdict(case),
         "code": code_fingerprint("legfem.experiments.leg_3d"),
     }
-    variants = PlaneLegVariants(case)
-    return SolvedResponses(variants, case.depth, folder, fingerprint)
+    return SolvedResponses(PlaneLegVariants(case), case.depth, folder, fingerprint)
 
 
 def offered(observed: Observations, correction: TabulatedCorrection) -> tuple[list[Mechanism], dict[str, str]]:

@@ -38,8 +38,7 @@ _ORDER = 5
 
 def base_case() -> CorrectionCase:
     """Return the table's leg, of tissue alike in all directions."""
-    settings = replace(IdealisedLegSettings(), mesh=MESH)
-    return CorrectionCase(leg=LEG, material=AT, settings=settings, depth=DEPTH_MM)
+    return CorrectionCase(leg=LEG, material=AT, settings=replace(IdealisedLegSettings(), mesh=MESH), depth=DEPTH_MM)
 
 
 def varied() -> Mapping[str, tuple[CorrectionCase, ...]]:
@@ -109,8 +108,7 @@ def tabulate(folder: Path, jobs: int, progress: Progress) -> FibreTable:
     errors = {
         name: _error(name, [log_factor(case, AT_RATIO) for case in group], own) for name, group in varied().items()
     }
-    given = _description(base, solved)
-    return FibreTable(np.array(RATIOS), at, table, errors, given)
+    return FibreTable(np.array(RATIOS), at, table, errors, _description(base, solved))
 
 
 def smooth_log(fibrous: ForceCurve, plain: ForceCurve, at: FloatArray) -> FloatArray:

@@ -194,8 +194,7 @@ def _grows_with_depth(result: StudyResult) -> ClaimFinding:
             return ClaimFinding(None, "fewer than two windows", "")
         parts.append(f"{kind} " + ", ".join(f"{value:.2g}" for value in sums))
         falls += [kind for value in sums[1:] if value <= sums[0]]
-    text = f"SSR by window: {'; '.join(parts)}"
-    return ClaimFinding(not falls, text, "the table of the analysis of variance")
+    return ClaimFinding(not falls, f"SSR by window: {'; '.join(parts)}", "the table of the analysis of variance")
 
 
 def _small_fascia(result: StudyResult) -> ClaimFinding:

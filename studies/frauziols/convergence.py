@@ -186,8 +186,7 @@ def run(
     subject = load_subject(subject_dir or SUBJECTS.find(subject_id), need_recordings=False)
     given = tissues_of(subject)
     c10, c20 = (kpa_to_mpa(value) for value in deep_kpa)
-    deep = ReducedPolynomial(c10, given.deep.D1, c20, given.deep.D1)
-    tissues = Tissues(deep, given.superficial, given.fascia)
+    tissues = Tissues(ReducedPolynomial(c10, given.deep.D1, c20, given.deep.D1), given.superficial, given.fascia)
     with progress_on(quiet=quiet) as progress:
         found = study_convergence(subject.section, subject.indenter, tissues, progress, depth, jobs)
     print(f"Convergence of the force (N)\n{table(*_cells(found))}\n{_verdict(found)}")

@@ -61,8 +61,7 @@ def _draw_spatial(axes: Any, case: CorrectionCase, found: Calibrated) -> None:
         color=FAINT,
         alpha=0.35,
     )
-    sides = [np.ptp(limits()) for limits in (axes.get_xlim, axes.get_ylim, axes.get_zlim)]
-    axes.set_box_aspect(sides, zoom=0.8)
+    axes.set_box_aspect([np.ptp(limits()) for limits in (axes.get_xlim, axes.get_ylim, axes.get_zlim)], zoom=0.8)
     axes.view_init(elev=30, azim=-50)
     axes.set_xlabel("x (mm)")
     axes.set_ylabel("along the leg (mm)", labelpad=8)

@@ -45,8 +45,7 @@ def hexahedra(deep: Hyperelastic) -> leg_3d.IdealisedLegIndentation:
 
 
 def _tissues() -> dict[str, Hyperelastic]:
-    laws = Planted().tissues
-    return {region: laws[region] for region in ("deep", "superficial")}
+    return {region: Planted().tissues[region] for region in ("deep", "superficial")}
 
 
 def refined(test: leg_3d.LegIndentation3D, finer: float, contact: float) -> leg_3d.LegIndentation3D:

@@ -129,16 +129,14 @@ def true_curve(planted: Planted, kept: Path, cylinder: Cylinder = CYLINDER) -> F
         test = IdealisedLegIndentation(LEG, cylinder, planted.tissues, 3, settings, mechanisms=planted.mechanisms)
         return whole_curve(test, planted.depth)
 
-    store = Store(kept, ForceCurve, modules=(__name__,))
-    return store.get_or_make((planted, cylinder), solved)
+    return Store(kept, ForceCurve, modules=(__name__,)).get_or_make((planted, cylinder), solved)
 
 
 def recorded(curve: ForceCurve, depth: float, seed: int) -> list[Recording]:
     """Return trials of a curve to a depth (mm), with a lab's errors."""
     time = np.arange(0.0, depth / RATE + 1e-9, 0.1)
     course = Course(time, RATE * time, curve(RATE * time))
-    generator = np.random.default_rng(seed)
-    return record([course] * TRIALS, LabErrors(gain_sd=0.01), generator)
+    return record([course] * TRIALS, LabErrors(gain_sd=0.01), np.random.default_rng(seed))
 
 
 def folder_of(planted: Planted, curve: ForceCurve, out: Path, seed: int) -> Path:

@@ -100,8 +100,7 @@ def plant_result(planted: Planted, seed: int, folder: Path, progress: Progress) 
         gc.collect()
         return found
 
-    store = Store(folder / "plants", PlantResult, modules=(__name__,))
-    return store.get_or_make((planted, seed), made)
+    return Store(folder / "plants", PlantResult, modules=(__name__,)).get_or_make((planted, seed), made)
 
 
 def plant_row(number: int, planted: Planted, result: PlantResult) -> list[str]:

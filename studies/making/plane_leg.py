@@ -253,8 +253,7 @@ class OtherCode(OtherPressing):
         self.face: SlidingFace | None = None
         if case.sliding is not None:
             self.mesh, self.face = parted(self.mesh, _BETWEEN * modulus / self.radius, kpa_to_mpa(case.sliding))
-        bodies = list(self._made(at_skin, travel))
-        super().__init__(bodies, self._kept(), travel, indenter.length)
+        super().__init__(list(self._made(at_skin, travel)), self._kept(), travel, indenter.length)
         self.penalty = _PENALTY * modulus / self.radius
         self._shape = _SHAPE
 

@@ -96,8 +96,7 @@ def _resampled(points: FloatArray, step: float) -> FloatArray:
 
 def _loop(gmsh: Any, points: FloatArray) -> int:
     tags = [gmsh.model.occ.addPoint(x, y, 0.0) for x, y in points]
-    spline = gmsh.model.occ.addSpline([*tags, tags[0]])
-    return int(gmsh.model.occ.addCurveLoop([spline]))
+    return int(gmsh.model.occ.addCurveLoop([gmsh.model.occ.addSpline([*tags, tags[0]])]))
 
 
 def _sizes(gmsh: Any, touch: FloatArray, section: LegSection, finer: float) -> None:
