@@ -97,6 +97,11 @@ def test_a_file_in_the_way_of_results_is_told(leg, tmp_path) -> None:
         assert line.startswith(f"{name}: ") and line.endswith("is a file; give a folder")
 
 
+def test_none_is_as_good_as_no_list(leg) -> None:
+    assert line_of(lf.identify, leg, prior=None, leave_out=None, jobs=0).startswith("jobs: 0")
+    assert line_of(lf.diagnose, leg, prior=None, specimens=None, jobs=0).startswith("jobs: 0")
+
+
 def test_what_is_wrong_with_a_diagnosis_is_told(leg, bars) -> None:
     assert line_of(lf.diagnose, leg, seed=-1).startswith("seed: -1: is not possible here")
     assert line_of(lf.diagnose, leg, jobs=0).startswith("jobs: 0: is not possible here")

@@ -91,7 +91,7 @@ class Wanted:
 
 
 type Folder = Annotated[str | Path, Wanted("give a folder's path")]
-type Texts = Annotated[Sequence[str], Wanted("give a list of texts")]
+type Texts = Annotated[Sequence[str] | None, Wanted("give a list of texts")]
 type Pair = Annotated[tuple[float, float], Field(strict=False), Wanted("give two numbers of kPa")]
 type Jobs = Annotated[int, Field(ge=1), Wanted("give a whole number from 1")]
 type Seed = Annotated[int, Field(ge=0, le=2**32 - 1), Wanted("give a whole number from 0 to 4294967295")]

@@ -45,7 +45,7 @@ def hexahedra(deep: Hyperelastic) -> leg_3d.IdealisedLegIndentation:
 
 
 def _tissues() -> dict[str, Hyperelastic]:
-    return {region: Planted().tissues[region] for region in ("deep", "superficial")}
+    return {region: law for region, law in Planted().tissues.items() if region in ("deep", "superficial")}
 
 
 def refined(test: leg_3d.LegIndentation3D, finer: float, contact: float) -> leg_3d.LegIndentation3D:
