@@ -162,7 +162,7 @@ def test_the_error_of_the_fibres_ratio_is_that_of_the_leg_s_own_derivatives(tmp_
 class Values:
     """Passes for an experiment, and keeps the values that it is asked to solve."""
 
-    comm = MPI.COMM_SELF
+    comm, muscles = MPI.COMM_SELF, ()
 
     def solve(self, values, depth, sensitivities, on_step, keep_in):
         self.values = values

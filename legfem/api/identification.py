@@ -232,9 +232,6 @@ def _of_leg(
         wanted = wanted.renamed("pad", "deep")
     leg = replace(leg, sites=tuple(one.with_muscles(wanted.names) for one in leg.sites))
     solid = searches_in_3d(leg, wanted.names, in_3d)
-    if (solid or in_3d) and (apart := leg.sites[0].muscles):
-        remedy = "name deep, or leave out what asks for 3D"
-        raise InputError(Argument("identify"), apart[0], "is no region of a leg in 3D", remedy)
     elsewhere = solid or in_3d or len(leg.sites) > 1 or leg.sites[0].muscles or leg.sites[0].section.lacks
     if request.as_field and (elsewhere or request.settings.weighting == "paper"):
         problem = "can be mapped only in the section of one site, for muscles that are identified as one"

@@ -7,6 +7,7 @@ from typing import Literal
 
 import numpy as np
 from mpi4py import MPI
+from shapely import Polygon, union_all
 
 from legfem.channels.kinds import files_of
 from legfem.channels.log import ChannelReader
@@ -21,7 +22,7 @@ from legfem.geometry.leg_shape import SKIN, LegShape, PartSurface
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.model import LegModel, Term
-from legfem.mechanics.terms import Fascia, Fibres
+from legfem.mechanics.terms import Fascia
 from legfem.meshing.grid import Support
 from legfem.meshing.leg_sizes import FineStrip, SolidMeshSettings
 from legfem.meshing.solid_leg import mesh_solid_leg
@@ -63,15 +64,6 @@ def membrane_of(fascia: Hyperelastic, thickness: float) -> Fascia:
     return Fascia(2 * fascia.C10 * thickness, fascia.D1 * fascia.C10)
 
 
-FIBRE_PARAMETERS = tuple(Fibres("deep").parameters)
-"""Parameters by which the force is differentiated, for the error from uncertain fibres."""
-
-
-def fibres_of(c10: float, ratio: float) -> Fibres:
-    """Return the muscle's fibres along the leg, of a C10 (MPa) across them and a ratio."""
-    return Fibres.of_ratio("deep", c10, ratio)
-
-
 @dataclass(frozen=True, eq=False)
 class LegIndentation3D(IndentationTest):
     """The test on a leg's own shape; its end faces stay in their planes, its bones are held.
@@ -83,7 +75,7 @@ class LegIndentation3D(IndentationTest):
     indenter, pose
         Indenter and its pose.
     tissues
-        Laws of the deep and the superficial tissue, by region.
+        Laws of the deep and the superficial tissue, and of muscles that have one of their own, by region.
     fascia
         Fascia as a membrane, see `membrane_of`; none by default.
     settings
@@ -92,6 +84,8 @@ class LegIndentation3D(IndentationTest):
         Ranks that one solution is spread over.
     mechanisms
         Terms that are added to the model.
+    muscles
+        Outlines (n, 2), mm, of the muscles of which tissues have a law, alike at all levels.
 
     Raises
     ------
@@ -107,6 +101,7 @@ class LegIndentation3D(IndentationTest):
     settings: SolidLegSettings = field(default_factory=SolidLegSettings)
     comm: MPI.Intracomm = field(default_factory=lambda: MPI.COMM_SELF, repr=False)
     mechanisms: tuple[Term, ...] = ()
+    muscles: Mapping[str, tuple[FloatArray, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check that the indenter lies over the leg."""
@@ -128,7 +123,7 @@ class LegIndentation3D(IndentationTest):
     @cached_property
     def model(self) -> LegModel:
         """Mechanical model: the sum of its terms."""
-        laws = {region: self.tissues[region] for region in ("superficial", "deep")}
+        laws = {region: self.tissues[region] for region in ("superficial", "deep", *self.muscles)}
         base = leg_model(laws, self.indenter.placed(self.pose), self.settings.contact, "continuous")
         return base.with_terms((self.fascia, *self.mechanisms))
 
@@ -158,7 +153,8 @@ class LegIndentation3D(IndentationTest):
         low, high = (middle + side * half * frame[0] for side in (-1, 1))
         reach, size = 1.2 * self.indenter.radius, self.settings.contact_size
         strip = FineStrip((_triple(low), _triple(high)), reach, size)
-        return mesh_solid_leg(self.shape, replace(self.settings.mesh, strip=strip), self.comm)
+        muscles = {name: union_all(list(map(Polygon, own))) for name, own in self.muscles.items()}
+        return mesh_solid_leg(self.shape, replace(self.settings.mesh, strip=strip), self.comm, muscles)
 
     def _made(self) -> IndentationModel:
         meshed, settings = self.leg_mesh, self.settings

@@ -297,22 +297,15 @@ def _hull(spaces: LegSpaces, degree: int) -> Any:
     facets = spaces.facet_tags.find(HULL)
     if mesh.comm.allreduce(len(facets)) == 0:
         return None
-    mesh.topology.create_connectivity(dimension - 1, dimension)
     mesh.topology.create_connectivity(dimension, dimension - 1)
-    cells_of = mesh.topology.connectivity(dimension - 1, dimension)
-    facets_of = mesh.topology.connectivity(dimension, dimension - 1)
-    deep = set(map(int, spaces.cells("deep")))
-    owned = mesh.topology.index_map(dimension).size_local
-    pairs = [
-        (cell, int(np.flatnonzero(facets_of.links(cell) == facet)[0]))
-        for facet in facets
-        for cell in cells_of.links(facet)
-        if cell < owned and int(cell) in deep
-    ]
+    facets_of = mesh.topology.connectivity(dimension, dimension - 1).array.reshape(-1, dimension + 1)
+    inner = np.setdiff1d(np.arange(mesh.topology.index_map(dimension).size_local), spaces.cells("superficial"))
+    cell, number = np.nonzero(np.isin(facets_of[inner], facets))
+    pairs = np.column_stack([inner[cell], number])
     return ufl.Measure(
         "ds",
         domain=mesh,
-        subdomain_data=[(HULL, np.array(pairs, dtype=np.int32).ravel())],
+        subdomain_data=[(HULL, pairs.astype(np.int32).ravel())],
         metadata={"quadrature_degree": degree},
     )(HULL)
 

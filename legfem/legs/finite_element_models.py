@@ -12,7 +12,7 @@ from mpi4py import MPI
 from legfem.channels.kinds import planned_sights
 from legfem.experiments.experiment import Picklable, Solved, cached_in_process
 from legfem.experiments.indenter_pose import Ball, Cylinder, LegIndenter, Pose, Punch
-from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, fibres_of, membrane_of
+from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, membrane_of
 from legfem.experiments.plane_strain import LateralPlacement, PlaneStrainIndentation, PlaneStrainSettings, Tissues
 from legfem.geometry.indenter import Site
 from legfem.geometry.motion import without_layer
@@ -25,6 +25,7 @@ from legfem.legs.placement import SpatialLeg
 from legfem.legs.subject import Subject, TissueParameters
 from legfem.mechanics.materials import Hyperelastic, NeoHookean, ReducedPolynomial
 from legfem.mechanics.model import Term
+from legfem.mechanics.terms import Fibres
 from legfem.mechanisms import Solution, TissueMechanism, mechanisms, shown_in
 from legfem.solve.protocol import Protocol
 
@@ -208,19 +209,21 @@ def spatial_test(
     The fascia's layer has no thickness here, and between soft tissues it doesn't yield across
     it: it is taken out of the leg, so that fat and muscle are as thick as they are.
     """
-    given, tissues, fibres = subject.indenter, tissues_of(subject), subject.fibres
-    thickness = subject.section.fascia_thickness
+    given, tissues, fibres, section = subject.indenter, tissues_of(subject), subject.fibres, subject.section
+    thickness = section.fascia_thickness
     aim = float(given.aim[0]), float(given.aim[1])
     indenter: LegIndenter = Ball(given.radius)
     if given.shape != "ball":
         indenter = (Punch if given.shape == "punch" else Cylinder)(given.radius, given.length)
+    muscle = {"deep": tissues.deep, **tissues.muscles}
     return LegIndentation3D(
         without_layer(leg.shape, thickness),
         indenter,
         Pose(aim, 0.0, given.direction_deg, given.axis_deg),
-        {"deep": tissues.deep, "superficial": tissues.superficial},
+        {**muscle, "superficial": tissues.superficial},
         membrane_of(tissues.fascia, thickness),
         settings or SolidLegSettings(),
         comm,
-        () if fibres is None else (fibres_of(tissues.deep.C10, fibres.value),),
+        () if fibres is None else tuple(Fibres.of_ratio(one, law.C10, fibres.value) for one, law in muscle.items()),
+        {name: tuple(map(section.contour, section.muscles_of(name))) for name in subject.muscles},
     )

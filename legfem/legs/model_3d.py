@@ -14,7 +14,7 @@ from legfem.experiments.indentation import OnStep
 from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, membrane_of
 from legfem.inverse.catalogue import DEEP_RATIO, Values, stiffness_in_words
 from legfem.inverse.elastography import FibreRatio
-from legfem.inverse.fibre_ratio import USUAL_RATIO, moduli, slopes_at_ratio
+from legfem.inverse.fibre_ratio import USUAL_RATIO, moduli, ratio_of, slopes_at_ratio
 from legfem.inverse.outcome import Chain, Forward, Outcome, needed_for, through
 from legfem.inverse.settings import SearchRequest
 from legfem.jobs.pool import Together
@@ -56,7 +56,7 @@ class SpatialForward(Picklable):
     depth
         mm.
     fibre_ratio
-        Of the muscle's shear moduli along the leg and across, with whose C10 its fibres stiffen,
+        Of the shear moduli of all muscle along the leg and across, with whose C10 its fibres stiffen,
         where values have no ``deep.fibre_ratio``; alike in all directions without it.
     states
         Folder for the states of the solve in hand, from which one that was killed goes on.
@@ -90,22 +90,26 @@ class SpatialForward(Picklable):
 
     def solve_here(self, values: Values, sensitivities: Sequence[str]) -> Outcome:
         """As `solve`; collective over the ranks."""
-        every = {**self.nominal, **values}
+        every, muscle = {**self.nominal, **values}, ("deep", *self.experiment.muscles)
         if self.fibre_ratio is not None:
             every = {DEEP_RATIO: self.fibre_ratio, **every}
-        fibrous = ("deep",) if DEEP_RATIO in every else ()
+        fibrous = muscle if DEEP_RATIO in every else ()
+        ratios = {ratio_of(one): every[DEEP_RATIO] for one in fibrous}
         fascia = NeoHookean(every["fascia.C10"], every["fascia.D1"])
         own = {name: value for name, value in every.items() if not name.startswith(_FASCIA) and name != DEEP_RATIO}
+        every |= ratios
         own |= membrane_of(fascia, self.fascia_thickness).parameters | moduli(every, fibrous)
         stiffness, compressibility = Fascia().parameters
         of_fascia: Chain = {
             "fascia.C10": {stiffness: 2 * self.fascia_thickness, compressibility: fascia.D1},
             "fascia.D1": {compressibility: fascia.C10},
         }
-        chain = {
-            name: of_fascia.get(name, {}) if name.startswith(_FASCIA) else slopes_at_ratio(name, every, fibrous)
-            for name in sensitivities
-        }
+
+        def slopes(name: str) -> dict[str, float]:
+            alike = ratios if name == DEEP_RATIO else (name,)
+            return {key: by for one in alike for key, by in slopes_at_ratio(one, every, fibrous).items()}
+
+        chain = {name: of_fascia.get(name, {}) if name.startswith(_FASCIA) else slopes(name) for name in sensitivities}
         solved = self.experiment.solve(
             own, self.depth, needed_for(chain), on_step=self._on_step(values), keep_in=self.states
         )
@@ -168,6 +172,8 @@ class LegModels:
         Folder of the solves.
     fibres
         Of the muscle, where they are known.
+    muscle
+        Regions that have them.
     """
 
     full: Forward
@@ -177,6 +183,7 @@ class LegModels:
     depth: float
     kept: Path | None = None
     fibres: FibreRatio | None = None
+    muscle: tuple[str, ...] = ("deep",)
 
     @classmethod
     def of_subject(
@@ -221,7 +228,7 @@ class LegModels:
 
         full, rough = pressed(leg, settings, film), pressed(leg, larger)
         shorter = pressed(trimmed, larger)
-        return cls(full, rough, shorter, leg, depth, kept, fibres)
+        return cls(full, rough, shorter, leg, depth, kept, fibres, ("deep", *subject.muscles))
 
     def pressed(self, outcome: Outcome) -> PressedLeg | None:
         """Return a full solve to be looked at; None where its states were not kept."""

@@ -6,15 +6,14 @@ only the bend of the curve could tell, and real fibres bend it otherwise than th
 `legfem.inverse.fibre_ratio.SHAPE_SD_OF_FIBRES` says so.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from legfem.common.progress import Progress, Silent
 from legfem.common.units import FloatArray
-from legfem.experiments.leg_3d import FIBRE_PARAMETERS, fibres_of
-from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO, IdentifiedLaw, Values
+from legfem.inverse.catalogue import DEEP_RATIO, IdentifiedLaw, Values
 from legfem.inverse.correction import (
     FIBRES,
     FIRST_RATIO,
@@ -33,6 +32,7 @@ from legfem.jobs.pool import Workers
 from legfem.legs.details import SpatialSites
 from legfem.legs.model_3d import ROUGHER, LegModels
 from legfem.legs.subject import SitedLeg
+from legfem.mechanics.terms import Fibres
 from legfem.solve.path import ForceCurve
 
 ROUGH_SOLVES = 2
@@ -70,8 +70,8 @@ class LegSolver:
         models = self.models
         self._full, self._shorter = self._solver(models.full), self._solver(models.shorter)
         # A solve with derivatives keeps no states to go on from: the quicker one has them.
-        fibres = () if models.fibres is None else FIBRE_PARAMETERS
-        self._rough = self._solver(models.rough, fibres)
+        fibres = () if models.fibres is None else models.muscle
+        self._rough = self._solver(models.rough, tuple(name for one in fibres for name in Fibres(one).parameters))
         self.grid = np.linspace(0.0, models.depth, 1 + max(2, round(models.depth / _GRID)))
 
     @property
@@ -109,7 +109,8 @@ class LegSolver:
         self.rough_solves = ROUGH_SOLVES
         self._lasting = {"mesh": mesh_error(P, rough, 1 / ROUGHER), "leg's length": shorter - rough}
         if self.models.fibres is not None:
-            errors = fibre_errors(curves[0], self.models.fibres, values[DEEP_C10], self.grid)
+            c10 = {one: values[f"{one}.C10"] for one in self.models.muscle}
+            errors = fibre_errors(curves[0], self.models.fibres, c10, self.grid)
             self._lasting |= {name: (P - 1) * share for name, share in errors.items()}
         return self._lasting
 
@@ -129,7 +130,9 @@ class LegSolver:
 FIBRE_ERRORS = (f"{FIBRES}ratio", f"{FIBRES}stiffness in tension")
 
 
-def fibre_errors(curve: ForceCurve, fibres: FibreRatio, c10: float, displacement: FloatArray) -> dict[str, FloatArray]:
+def fibre_errors(
+    curve: ForceCurve, fibres: FibreRatio, c10: Mapping[str, float], displacement: FloatArray
+) -> dict[str, FloatArray]:
     """Return errors (n,) as shares of a leg's force: of the ratio, and of fibres in tension.
 
     How stiff fibres are in tension isn't known: a standard deviation is a factor of 2.
@@ -137,20 +140,20 @@ def fibre_errors(curve: ForceCurve, fibres: FibreRatio, c10: float, displacement
     Parameters
     ----------
     curve
-        With the derivatives by `FIBRE_PARAMETERS`.
+        With the derivatives by the parameters of `legfem.mechanics.terms.Fibres` of these regions.
     fibres
         The ratio and its error.
     c10
-        Across the fibres, MPa.
+        Across the fibres, MPa, of every region that has them.
     displacement
         (n,), mm. Before `legfem.inverse.correction.FIRST_RATIO` it is level.
     """
     at = np.maximum(displacement, min(FIRST_RATIO, curve.depth))
-    by = {name: curve.sensitivity(name, at) for name in FIBRE_PARAMETERS}
-    at_two = fibres_of(c10, 2.0)
+    at_two = [Fibres.of_ratio(region, value, 2.0) for region, value in c10.items()]
+    by = {name: curve.sensitivity(name, at) for one in at_two for name in one.parameters}
     # In the ratio both moduli are linear, so that those at two are the derivatives.
-    by_ratio = sum(value * by[name] for name, value in at_two.parameters.items())
-    by_extension = at_two.extension * by[f"{at_two.name}.extension"]
+    by_ratio = sum(value * by[name] for one in at_two for name, value in one.parameters.items())
+    by_extension = sum(one.extension * by[f"{one.name}.extension"] for one in at_two)
     in_tension = by_extension * (fibres.value - 1) * np.log(2.0)
     return dict(zip(FIBRE_ERRORS, (by_ratio * fibres.sd / curve(at), in_tension / curve(at)), strict=True))
 
@@ -254,12 +257,8 @@ def model_errors(
 
 def _greatest(corrections: Sequence[TabulatedCorrection]) -> dict[str, float]:
     """Return the greatest share of a site's force by cause."""
-    errors: dict[str, float] = {}
-    for one in corrections:
-        for name, mode in one.errors.items():
-            greatest = float(np.abs(mode[one.displacement >= FIRST_RATIO]).max(initial=0.0))
-            errors[name] = max(errors.get(name, 0.0), greatest)
-    return errors
+    each = [(name, mode[one.displacement >= FIRST_RATIO]) for one in corrections for name, mode in one.errors.items()]
+    return {name: max(float(np.abs(m).max(initial=0.0)) for n, m in each if n == name) for name, _ in each}
 
 
 type _NearOptimum = tuple[LegModels, Values, ForceCurve]

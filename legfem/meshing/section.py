@@ -145,7 +145,12 @@ _FIRST_MUSCLE = 21
 def section_regions(section: LegSection) -> dict[str, int]:
     """Return the cell tags of a section's tissues by name: `REGIONS`, and its muscles; without muscle, all is deep."""
     layers = {"deep": DEEP} if MUSCLE in section.lacks else REGIONS
-    return {**layers, **{muscle: tag for tag, muscle in enumerate(section.muscles, _FIRST_MUSCLE)}}
+    return {**layers, **muscle_tags(section.muscles)}
+
+
+def muscle_tags(muscles: Iterable[str]) -> dict[str, int]:
+    """Return the cell tags of muscles by name, in their order."""
+    return {muscle: tag for tag, muscle in enumerate(muscles, _FIRST_MUSCLE)}
 
 
 def bone_regions(section: LegSection) -> dict[str, int]:
@@ -243,7 +248,7 @@ def mesh_section(
         touch = first_touch(outline, radius, aim, direction)
         mesh, cell_tags, facet_tags = gmsh_mesh.mesh_from_gmsh(model, comm, gdim=2)
     if muscles:
-        cell_tags = _tagged(mesh, cell_tags, muscles)
+        cell_tags = tagged_muscles(mesh, cell_tags, muscles)
     return SectionMesh(mesh, cell_tags, facet_tags, touch, direction, outline, quality)
 
 
@@ -407,10 +412,10 @@ def _border(model: Any, line: shapely.LineString, size: Any) -> list[int]:
     return edges
 
 
-def _tagged(mesh: Any, cell_tags: Any, muscles: Covered) -> Any:
-    """Return cell tags with the muscles' in place of the deep tissue's where they cover it."""
-    values, deep = cell_tags.values.copy(), cell_tags.values == DEEP
-    middles = dolfinx_mesh.compute_midpoints(mesh, 2, cell_tags.indices[deep])[:, :2]
-    inside = [shapely.contains_xy(covered, middles) for covered in muscles.values()]
-    values[deep] = np.select(inside, range(_FIRST_MUSCLE, _FIRST_MUSCLE + len(inside)), DEEP)
-    return dolfinx_mesh.meshtags(mesh, 2, cell_tags.indices, values)
+def tagged_muscles(mesh: Any, cell_tags: Any, muscles: Mapping[str, BaseGeometry]) -> Any:
+    """Return cell tags with the muscles' in place of the deep tissue's where they cover it in section."""
+    values = cell_tags.values.copy()
+    middles = dolfinx_mesh.compute_midpoints(mesh, mesh.topology.dim, cell_tags.indices)[:, :2]
+    for tag, covered in zip(muscle_tags(muscles).values(), muscles.values(), strict=True):
+        values[(values == DEEP) & shapely.contains_xy(covered, middles)] = tag
+    return dolfinx_mesh.meshtags(mesh, mesh.topology.dim, cell_tags.indices, values)

@@ -17,6 +17,7 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
+from shapely.geometry.base import BaseGeometry
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
@@ -24,7 +25,7 @@ from legfem.geometry.leg_shape import HULL, SKIN, LegShape, PartSurface, check_s
 from legfem.meshing import gmsh_mesh
 from legfem.meshing.grid import Support
 from legfem.meshing.leg_sizes import SizeField, SolidMeshSettings, TissueGrid, bilinear, size_field
-from legfem.meshing.section import BONE, DEEP, SUPERFICIAL
+from legfem.meshing.section import BONE, DEEP, SUPERFICIAL, muscle_tags, tagged_muscles
 from legfem.meshing.section import HULL as HULL_TAG
 from legfem.meshing.section import SKIN as SKIN_TAG
 from legfem.meshing.structured import END, LegMesh
@@ -163,7 +164,10 @@ _REMEDY = "smooth the shape, leave more room between its parts, or ask for a fin
 
 
 def mesh_solid_leg(
-    shape: LegShape, settings: SolidMeshSettings | None = None, comm: MPI.Intracomm = MPI.COMM_SELF
+    shape: LegShape,
+    settings: SolidMeshSettings | None = None,
+    comm: MPI.Intracomm = MPI.COMM_SELF,
+    muscles: Mapping[str, BaseGeometry] | None = None,
 ) -> LegMesh:
     """Mesh a segment of a leg.
 
@@ -175,11 +179,13 @@ def mesh_solid_leg(
         Sizes; see `settings_for_cells`.
     comm : MPI.Intracomm
         Ranks of the mesh; gmsh runs on rank 0.
+    muscles : mapping of str to Polygon or MultiPolygon, optional
+        Regions of their own within the deep tissue, the same at all levels: the elements whose middle they hold.
 
     Returns
     -------
     LegMesh
-        Facets `SKIN`, `HULL`, `BONE` (held) and `END`; regions superficial and deep.
+        Facets `SKIN`, `HULL`, `BONE` (held) and `END`; regions superficial, deep, and muscles.
 
     Raises
     ------
@@ -202,8 +208,10 @@ def mesh_solid_leg(
 
         quality = gmsh_mesh.on_first_rank(comm, fill)
         mesh, cell_tags, facet_tags = gmsh_mesh.mesh_from_gmsh(model, comm, gdim=3)
-    supports = (Support(BONE, (0, 1, 2)),)
-    return LegMesh(mesh, cell_tags, facet_tags, SOLID_REGIONS, supports, 1, quality)
+    supports, muscles = (Support(BONE, (0, 1, 2)),), muscles or {}
+    cell_tags = tagged_muscles(mesh, cell_tags, muscles)
+    regions = {**SOLID_REGIONS, **muscle_tags(muscles)}
+    return LegMesh(mesh, cell_tags, facet_tags, regions, supports, 1, quality)
 
 
 def _fill(model: Any, shape: LegShape, shell: Shell, field: SizeField) -> None:

@@ -20,7 +20,7 @@ from legfem.legs.finite_element_models import spatial_test
 from legfem.legs.loading import load_subject
 from legfem.legs.placement import spatial_leg
 from legfem.mechanics.materials import Hyperelastic, NeoHookean, ReducedPolynomial
-from legfem.mechanics.terms import Fascia
+from legfem.mechanics.terms import Fascia, Fibres
 from legfem.meshing.structured import LegMeshSettings
 from studies.command_line import new_app
 from studies.leg3d.planted import CYLINDER, LEG, Planted, round_shape
@@ -60,7 +60,7 @@ def stiffened(test: leg_3d.LegIndentation3D, c10: float, c20: float, fibres: flo
     law: Hyperelastic = NeoHookean(c10, deep.D1)
     if c20:
         law = ReducedPolynomial(c10, deep.D1, kpa_to_mpa(c20))
-    own = () if fibres == 1 else (leg_3d.fibres_of(c10, fibres),)
+    own = () if fibres == 1 else (Fibres.of_ratio("deep", c10, fibres),)
     return replace(test, tissues={**test.tissues, "deep": law}, mechanisms=own)
 
 

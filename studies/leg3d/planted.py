@@ -16,7 +16,7 @@ from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.data import Recording
 from legfem.experiments.indentation import IndentationTest
 from legfem.experiments.indenter_pose import Cylinder
-from legfem.experiments.leg_3d import IdealisedLegIndentation, IdealisedLegSettings, fibres_of
+from legfem.experiments.leg_3d import IdealisedLegIndentation, IdealisedLegSettings
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.section import LegSection
 from legfem.jobs.store import Store
@@ -76,7 +76,7 @@ class Planted:
     @property
     def mechanisms(self) -> tuple[Fibres, ...]:
         """What the muscle's law is stiffened by."""
-        return () if self.fibres == 1 else (fibres_of(kpa_to_mpa(self.c10), self.fibres),)
+        return () if self.fibres == 1 else (Fibres.of_ratio("deep", kpa_to_mpa(self.c10), self.fibres),)
 
     @property
     def name(self) -> str:

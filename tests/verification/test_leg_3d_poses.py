@@ -7,9 +7,10 @@ import pytest
 import shapely
 
 from legfem.experiments.indenter_pose import Ball, Cylinder, LegIndenter, Pose, Punch
-from legfem.experiments.leg_3d import FIBRE_PARAMETERS, LegIndentation3D, SolidLegSettings, fibres_of
+from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings
 from legfem.geometry.leg_shape import LegShape
 from legfem.mechanics.materials import NeoHookean
+from legfem.mechanics.terms import Fibres
 from legfem.meshing.leg_sizes import SolidMeshSettings
 
 pytestmark = pytest.mark.slow
@@ -55,7 +56,7 @@ def pressed(
     shape: LegShape | None = None,
     mesh: SolidMeshSettings = COARSE,
 ) -> LegIndentation3D:
-    fibres = () if ratio == 1 else (fibres_of(C10, ratio),)
+    fibres = () if ratio == 1 else (Fibres.of_ratio("deep", C10, ratio),)
     return LegIndentation3D(
         shape or round_leg(),
         given,
@@ -80,7 +81,7 @@ def test_on_a_flat_body_that_is_alike_in_all_directions_a_cylinder_may_lie_as_it
 @pytest.fixture(scope="module")
 def across():
     """Press a cylinder that lies across a leg with fibres, with derivatives."""
-    by = ("deep.C10", *FIBRE_PARAMETERS)
+    by = ("deep.C10", *Fibres("deep").parameters)
     test = pressed(CYLINDER, 90.0, 2.0)
     solved = test.solve(depth=4.0, sensitivities=by)
     assert solved.report.complete
@@ -95,7 +96,7 @@ def test_forces_balance_under_a_cylinder_across_the_leg(across):
     assert np.linalg.norm(balance.contact_force) == pytest.approx(curve.force[-1], rel=1e-3)
 
 
-@pytest.mark.parametrize("name", ["deep.C10", *FIBRE_PARAMETERS])
+@pytest.mark.parametrize("name", ["deep.C10", *Fibres("deep").parameters])
 def test_derivatives_across_the_leg_are_those_of_solves_beside(across, name):
     test, curve, _ = across
     at, step = np.array([2.0, 3.0, 4.0]), 1e-2 * C10
