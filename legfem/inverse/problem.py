@@ -77,7 +77,7 @@ def fit_with[C: Comparison](
 ) -> list[Fit[Any]]:
     """Return a problem's fits by a solver that is kept for more, about a search that came near where there was one."""
     if near is None and problem.weighs_shared_errors:
-        near = Searches(problem, solver, settings, refines=False).nearest(laws)
+        near = Searches(problem, solver, settings, refines=False).nearest(list(problem.unknowns))
     return [problem.assessed(found) for found in Searches(problem, solver, settings, near).find(laws)]
 
 

@@ -139,7 +139,9 @@ class Searches[C: Comparison]:
         search = self._search(name)
         best, limit, law = search.best, False, search.law
         k = law.index(DEEP_C20)
-        if k is not None and "neo-hookean" in self.problem.unknowns:
+        # At the limit itself another search for it would end where this one did.
+        reached = search.ends_near and best.values.get(DEEP_C20) == 0.0
+        if k is not None and "neo-hookean" in self.problem.unknowns and not reached:
             near = bool(best.point[k] <= _NEAR_LIMIT * search.standard_error()[k])
             if near or "neo-hookean" in self._searches:
                 neo_hookean = search.reread(self._search("neo-hookean").best)
@@ -176,8 +178,12 @@ class Searches[C: Comparison]:
     def _new(self, name: LawName) -> Search[C]:
         law = self.problem.unknowns[name]
         misfit = self.problem.comparison(law, self.near)
-        if self.near is not None and self.near.search.law.name == name:
-            return replace(self.near.search, law=law, settings=self.settings).beside(misfit)
+        if self.near is not None:
+            if self.near.search.law.name == name:
+                return replace(self.near.search, law=law, settings=self.settings).beside(misfit)
+            # Of a limit that was reached the other law begins where this one ended.
+            if self.near.best.values.get(DEEP_C20) == 0.0:
+                law = replace(law, starts=(self.near.best.values,))
         return Search(law, misfit, self.settings, self.solver)
 
 

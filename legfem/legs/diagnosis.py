@@ -27,6 +27,7 @@ from legfem.inverse.library_build import base_library, build_library, geometric_
 from legfem.inverse.library_tasks import ROUND, STIFFENING, STIFFENINGS, middle_of, rounded, stiffness_at
 from legfem.inverse.mechanism import shown_mechanisms
 from legfem.inverse.observations import Observations, observe
+from legfem.inverse.problem import fit
 from legfem.inverse.responses import SolvedResponses
 from legfem.inverse.screening import Complete
 from legfem.inverse.settings import SearchRequest
@@ -34,10 +35,11 @@ from legfem.inverse.trial_noise import trial_covariance
 from legfem.inverse.verdict import Diagnosis, solution_notices
 from legfem.legs.correction_of_leg import choose_correction, why_without_fibres
 from legfem.legs.finite_element_models import solved_responses
-from legfem.legs.identification import fit_leg
+from legfem.legs.identification import as_leg
 from legfem.legs.notices import LegNotice
 from legfem.legs.nuisances import ShapeAccuracy, accuracy_of_shape
 from legfem.legs.plausibility import doubts_about, doubts_about_stiffness
+from legfem.legs.problem import leg_problem
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import Subject
 from legfem.legs.unknowns import Geometry
@@ -142,8 +144,7 @@ class Diagnoser:
         )
         # A neo-Hookean fit is weighed by errors about one with C20, as where both laws are identified.
         laws, corrections = LAWS if law == LAWS[0] else [law], [choose_correction("auto", subject)]
-        every = fit_leg(subject, laws, request, corrections, geometry=geometry)
-        (found,) = (one for one in every if one.law == law)
+        (found,) = fit(leg_problem(as_leg(subject), laws, request, corrections, geometry=geometry), [law], request)
         return Identified(found, found.details.stations[0])
 
     def diagnose(self, subject: Subject, progress: Progress, seed: int = 0) -> Diagnosis:
