@@ -18,9 +18,10 @@ from legfem.inverse.catalogue import parameter_of
 from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.fit import Goodness
 from legfem.inverse.parameter import Prior
+from legfem.inverse.problem import fit
 from legfem.inverse.settings import IdentificationSettings, SearchRequest
-from legfem.legs.identification import fit_leg
 from legfem.legs.loading import load_sites, load_subject
+from legfem.legs.problem import leg_problem
 from legfem.legs.site import measured_curve
 from legfem.legs.unknowns import unknown_geometry
 from legfem.report.answers import sentences_of
@@ -32,7 +33,11 @@ C10 = "deep.C10"
 
 def joint(leg, **options):
     laws, corrections = options.pop("laws", NEO_HOOKEAN), options.pop("corrections", None)
-    return fit_leg(leg, laws, SearchRequest(**options), corrections, sites_model(), geometry=unknown_geometry)
+    return fitted(leg, laws, SearchRequest(**options), corrections, sites_model())
+
+
+def fitted(leg, laws, request, corrections, model):
+    return fit(leg_problem(leg, laws, request, corrections, model, unknown_geometry), laws, request)
 
 
 def width(found):
@@ -150,7 +155,7 @@ def test_one_site_gives_what_the_leg_by_itself_gives(tmp_path):
     first = replace(leg, sites=leg.sites[:1])
     model = replace(sites_model(), models=sites_model().models[:1])
     settings = IdentificationSettings(weighting="covariance")
-    (found,) = fit_leg(first, NEO_HOOKEAN, SearchRequest(settings=settings), forward=model, geometry=unknown_geometry)
+    (found,) = fitted(first, NEO_HOOKEAN, SearchRequest(settings=settings), None, model)
     (alone,) = identify(pressed_leg(tmp_path, 1.0, 0.0), settings, laws=NEO_HOOKEAN)
     assert found.estimates[C10].value == pytest.approx(alone.estimates[C10].value, rel=1e-4)
     assert found.estimates[C10].ci95 == pytest.approx(alone.estimates[C10].ci95, rel=2e-3)

@@ -340,19 +340,15 @@ class System:
         internal = fem.Function(self.spaces.space)
         self._add_internal(internal.x.array)
         internal.x.scatter_reverse(la.InsertMode.add)
-        owned = self._owned
-        pinned = self.spaces.bone
-        at_bone = np.zeros_like(internal.x.array)
-        at_bone[pinned] = internal.x.array[pinned]
-        at_bone[owned:] = 0.0
+        own = np.where(np.arange(len(internal.x.array)) < self._owned, internal.x.array, 0.0)
+        at_bone = np.zeros_like(own)
+        at_bone[self.spaces.bone] = own[self.spaces.bone]
         reaction = at_bone[self.spaces.displacement_dofs].reshape(-1, self.spaces.dimension)
-        trace_work = float(self._skin_force.x.array @ self.skin.domain.unknown.x.array)
-        bulk_work = float(internal.x.array[:owned] @ self.unknown.x.array[:owned])
         return Balance(
             contact,
             sum_over(self.comm, reaction.sum(axis=0)),
-            -float(self.comm.allreduce(trace_work)),
-            float(self.comm.allreduce(bulk_work)),
+            -float(sum_over(self.comm, self._skin_force.x.array @ self.skin.domain.unknown.x.array)),
+            float(sum_over(self.comm, own @ self.unknown.x.array)),
         )
 
     def contact_force(self) -> FloatArray:

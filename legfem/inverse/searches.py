@@ -110,7 +110,8 @@ class Searches[C: Comparison]:
     near : Found, optional
         An earlier search about which readings are weighed, with whose solves that of the same law begins.
     refines : bool
-        Whether a search goes on beside comparisons that are made anew about what it found.
+        Whether a search goes on beside comparisons that are made anew about what it found, to the optimum itself; else
+        it comes near that.
     """
 
     problem: Searched[C]
@@ -132,7 +133,7 @@ class Searches[C: Comparison]:
     def nearest(self, names: Sequence[LawName]) -> Found[C]:
         """Return what was found, near its optimum, of the law of most parameters."""
         most = max(names, key=lambda name: len(self.problem.unknowns[name].parameters))
-        self._run([most], ends_near=True)
+        self._run([most])
         return self._find(most)
 
     def _find(self, name: LawName) -> Found[C]:
@@ -140,13 +141,12 @@ class Searches[C: Comparison]:
         best, limit, law = search.best, False, search.law
         k = law.index(DEEP_C20)
         # At the limit itself another search for it would end where this one did.
-        reached = search.ends_near and best.values.get(DEEP_C20) == 0.0
+        reached = not self.refines and best.values.get(DEEP_C20) == 0.0
         if k is not None and "neo-hookean" in self.problem.unknowns and not reached:
             near = bool(best.point[k] <= _NEAR_LIMIT * search.standard_error()[k])
             if near or "neo-hookean" in self._searches:
-                neo_hookean = search.reread(self._search("neo-hookean").best)
-                if neo_hookean.objective <= best.objective:
-                    best = neo_hookean
+                limits = search.reread(self._search("neo-hookean").best)
+                best = min(limits, best, key=lambda one: one.objective)
         if k is not None and best.values[DEEP_C20] == 0.0:
             limit = True
             search, best = _at_limit(search, best)
@@ -157,33 +157,41 @@ class Searches[C: Comparison]:
             self._run([name])
         return self._searches[name]
 
-    def _run(self, names: Sequence[LawName], ends_near: bool = False) -> None:
+    def _run(self, names: Sequence[LawName]) -> None:
         """Search for laws side by side."""
-        new = {name: replace(self._new(name), ends_near=ends_near) for name in names}
+        new = {name: replace(self._new(name), ends_near=True) for name in names}
         self.solver.progress.stage(f"identifying the {' and the '.join(new)} law")
         started = time.perf_counter()
         run_together(list(new.values()))
-        for name in new:
-            for _ in range(_MOST_REFINED if self.refines else 0):
-                if (comparison := self.problem.refined(new[name])) is None:
-                    break
-                new[name] = new[name].beside(comparison)
-                run_together([new[name]])
+        if self.refines:
+            # What is found by comparisons that are left again isn't worth the last solves.
+            new = {name: self._refined(search) for name, search in new.items()}
+            new = {name: replace(one, ends_near=False).beside(one.misfit) for name, one in new.items()}
+            run_together(list(new.values()))
+            new = {name: self._refined(search) for name, search in new.items()}
         spent = time.perf_counter() - started
         solves = sum(len(search.trials) for search in new.values())
         for name, search in new.items():
             self._searches[name] = search
             self._seconds[name] = spent * len(search.trials) / solves
 
+    def _refined(self, search: Search[C]) -> Search[C]:
+        """Return a search by the comparison that its own optimum leads to."""
+        for _ in range(_MOST_REFINED):
+            if (comparison := self.problem.refined(search)) is None:
+                break
+            search = search.beside(comparison)
+            run_together([search])
+        return search
+
     def _new(self, name: LawName) -> Search[C]:
-        law = self.problem.unknowns[name]
-        misfit = self.problem.comparison(law, self.near)
-        if self.near is not None:
-            if self.near.search.law.name == name:
-                return replace(self.near.search, law=law, settings=self.settings).beside(misfit)
-            # Of a limit that was reached the other law begins where this one ended.
-            if self.near.best.values.get(DEEP_C20) == 0.0:
-                law = replace(law, starts=(self.near.best.values,))
+        law, near = self.problem.unknowns[name], self.near
+        misfit = self.problem.comparison(law, near)
+        if near is not None and near.search.law.name == name:
+            return replace(near.search, law=law, settings=self.settings).beside(misfit)
+        # The limit of a law that ended at it begins there.
+        if near is not None and near.best.values.get(DEEP_C20) == 0.0:
+            law = replace(law, starts=(near.best.values,))
         return Search(law, misfit, self.settings, self.solver)
 
 
@@ -194,7 +202,6 @@ def _at_limit[C: Comparison](search: Search[C], best: Trial) -> tuple[Search[C],
         replace(one, bounds=(0.0, one.bounds[1])) if one.name == DEEP_C20 else one for one in law.parameters
     )
     law = replace(law, parameters=parameters)
-    point = Domain(parameters).inside(law.point({**law.fixed, **best.values}))
-    if best in search.trials:
-        return replace(search, law=law), best
-    return replace(search, law=law), replace(best, point=point)
+    if best not in search.trials:
+        best = replace(best, point=Domain(parameters).inside(law.point({**law.fixed, **best.values})))
+    return replace(search, law=law), best

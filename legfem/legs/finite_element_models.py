@@ -210,18 +210,17 @@ def spatial_test(
     it: it is taken out of the leg, so that fat and muscle are as thick as they are.
     """
     given, tissues, fibres, section = subject.indenter, tissues_of(subject), subject.fibres, subject.section
-    thickness = section.fascia_thickness
     aim = float(given.aim[0]), float(given.aim[1])
     indenter: LegIndenter = Ball(given.radius)
     if given.shape != "ball":
         indenter = (Punch if given.shape == "punch" else Cylinder)(given.radius, given.length)
     muscle = {"deep": tissues.deep, **tissues.muscles}
     return LegIndentation3D(
-        without_layer(leg.shape, thickness),
+        without_layer(leg.shape, section.fascia_thickness),
         indenter,
         Pose(aim, 0.0, given.direction_deg, given.axis_deg),
         {**muscle, "superficial": tissues.superficial},
-        membrane_of(tissues.fascia, thickness),
+        membrane_of(tissues.fascia, section.fascia_thickness),
         settings or SolidLegSettings(),
         comm,
         () if fibres is None else tuple(Fibres.of_ratio(one, law.C10, fibres.value) for one, law in muscle.items()),

@@ -46,7 +46,7 @@ from legfem.legs.problem import LegProblem, leg_problem, pressed_depth, split_in
 from legfem.legs.site import measured_curve, site_test
 from legfem.legs.solver_3d import FIBRE_ERRORS, LegSolver, model_errors
 from legfem.legs.subject import SitedLeg, Subject
-from legfem.legs.unknowns import Geometry, unknown_geometry
+from legfem.legs.unknowns import unknown_geometry
 
 MOST_SOLVES = 8
 """In 3D, of all laws together, those that measure the errors among them."""
@@ -369,13 +369,12 @@ def fit_leg(
     corrections: Sequence[TabulatedCorrection | None] | None = None,
     forward: Forward | None = None,
     models: LegModels | None = None,
-    geometry: Geometry | None = None,
 ) -> list[Fit[LegDetails]]:
     """Fit laws to sections in plane strain.
 
     Parameters
     ----------
-    given, laws, request, corrections, forward, geometry
+    given, laws, request, corrections, forward
         See `legfem.legs.problem.leg_problem`.
     models
         Of the only site in 3D: its solves confirm the correction; see `legfem.legs.identification.TwoFidelities`.
@@ -388,7 +387,7 @@ def fit_leg(
         If too few full solves reach the measured depths.
     """
     request = request or SearchRequest()
-    problem = leg_problem(as_leg(given), laws, request, corrections, forward, geometry)
+    problem = leg_problem(as_leg(given), laws, request, corrections, forward)
     if models is None:
         fits = fit(problem, laws, request)
         if request.as_field:
