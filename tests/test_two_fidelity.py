@@ -229,6 +229,11 @@ def test_recordings_in_plane_strain_are_refused(tmp_path):
     assert models.rough.fingerprint() != models.full.fingerprint() != models.shorter.fingerprint()
 
 
+def test_a_leg_that_was_solved_itself_is_not_beyond_a_table():
+    far = replace(table(0.3), beyond={"girth": 377.0, "depth": 78.0})
+    assert not confirmed_correction("own", far, (1e-3, 0.0), GRID, P_of(1.0, GRID), {}, {}).beyond
+
+
 def test_a_confirmed_correction_is_what_was_solved_and_follows_the_table_from_there():
     P = P_of(1.0, GRID) + 0.02
     for trend in (None, table(0.3)):

@@ -35,7 +35,7 @@ type Names = Annotated[
 ]
 type Held = Annotated[
     Mapping[str, float] | Sequence[str],
-    loading.Wanted("give values by full name, as {'deep.D1': 28.0}, or texts, as 'deep.D1=28 1/MPa'"),
+    loading.Wanted("give values by full name, as {'deep.D1': 28.0}, or a list of texts, as ['deep.D1=28 1/MPa']"),
 ]
 type Correction = Annotated[str | Path, loading.Wanted("give own, none, auto or a file", "is not a correction")]
 type Settings = Annotated[IdentificationSettings, loading.Wanted("give legfem.inverse.settings.IdentificationSettings")]

@@ -345,7 +345,7 @@ def confirmed_correction(
     across, q = trend.c10[:, None], trend.stiffening[None, :]
     table = trend.correction(displacement, across + 0 * q, across * q / (1 - q))
     there = trend.correction(displacement, np.asarray(c10), np.asarray(c20))
-    of_leg = replace(trend, name=name, displacement=displacement, values=P + table - there, given={})
+    of_leg = replace(trend, name=name, displacement=displacement, values=P + table - there, given={}, beyond={})
     return replace(of_leg, errors=errors, sources=sources)
 
 
