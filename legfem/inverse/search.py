@@ -26,6 +26,8 @@ _LAST_STEP_OF_ERROR, _LAST_STEP_OF_VALUE = 0.05, 5e-3
 # Of what the sum of squares rises by within a standard error: what nothing is gained by, and what solves by other steps
 # differ by.
 _FLAT, _UNTOLD = 0.1, 1.0
+# Distance over the standard error that is near enough where another search, by other weights, goes on.
+_NEAR_OF_ERROR = 0.5
 # Of the least sum of squares: what a further solve has to gain where numbers are read off a curve.
 _WORTH = 1e-4
 # Optima of the emulator, one after another, that full solves showed to be none.
@@ -124,8 +126,8 @@ class Search[C: Comparison]:
         if not self.misfit.told_by(outcome):
             return Trial(point, values, outcome, stage, None, math.inf)
         prediction = self.misfit.predict(outcome, self.law.readings(point))
-        objective = float(objective_of(self.law, self.misfit, prediction.values, point))
-        return Trial(point, values, outcome, stage, prediction, objective)
+        objective = objective_of(self.law, self.misfit, prediction.values, point)
+        return Trial(point, values, outcome, stage, prediction, float(objective))
 
     def beside(self, misfit: C) -> "Search[C]":
         """Return a search beside another reading of the recordings, with what was solved so far."""
@@ -171,8 +173,9 @@ class Search[C: Comparison]:
             emulated = self.emulated()
             proposal = self.propose(emulated, attempt)
             # Near the optimum the full model's own derivatives are exact where the emulator isn't.
-            near = self._is_short(proposal - self.best.point, _AGREE_OF_ERROR, _AGREE_OF_VALUE)
-            if near and self.ends_near:
+            away = proposal - self.best.point
+            near = self._is_short(away, _AGREE_OF_ERROR, _AGREE_OF_VALUE)
+            if self.ends_near and self._is_short(away, _NEAR_OF_ERROR, _AGREE_OF_VALUE):
                 self.converged = True
                 return
             step = self.domain.inside(self.best.point + self.newton_step())
@@ -276,8 +279,7 @@ class Search[C: Comparison]:
 
     def standard_error(self, trial: Trial | None = None) -> FloatArray:
         """Return the standard errors (p,) at a full solve, or the best one."""
-        spread = self.linearised(trial or self.best).errors(self.misfit.covariance)
-        return np.asarray(np.sqrt(np.diag(spread)))
+        return np.sqrt(np.diag(self.linearised(trial or self.best).errors(self.misfit.covariance)))
 
     def is_stationary(self) -> bool:
         """Whether Gauss-Newton hardly leaves the best full solve."""
@@ -308,8 +310,7 @@ class Search[C: Comparison]:
 
     def _gains_nothing(self, emulated: Emulated, proposal: FloatArray, open_share: float = _AGREE_OF_ERROR**2) -> bool:
         """Whether the emulator's optimum lowers the sum of squares by less than errors leave open."""
-        to_gain = self.best.objective - float(emulated.objective(proposal))
-        return to_gain < open_share * self._rise_of_error()
+        return self.best.objective - float(emulated.objective(proposal)) < open_share * self._rise_of_error()
 
     def _rise_of_error(self, trial: Trial | None = None) -> float:
         """Return by how much the sum of squares rises within the least known direction's standard error."""
