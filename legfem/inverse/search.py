@@ -173,9 +173,8 @@ class Search[C: Comparison]:
             emulated = self.emulated()
             proposal = self.propose(emulated, attempt)
             # Near the optimum the full model's own derivatives are exact where the emulator isn't.
-            away = proposal - self.best.point
-            near = self._is_short(away, _AGREE_OF_ERROR, _AGREE_OF_VALUE)
-            if self.ends_near and self._is_short(away, _NEAR_OF_ERROR, _AGREE_OF_VALUE):
+            near = self._is_short(proposal - self.best.point, _AGREE_OF_ERROR, _AGREE_OF_VALUE)
+            if self.ends_near and self._is_short(proposal - self.best.point, _NEAR_OF_ERROR, _AGREE_OF_VALUE):
                 self.converged = True
                 return
             step = self.domain.inside(self.best.point + self.newton_step())
