@@ -27,6 +27,7 @@ from legfem.geometry.section import across
 from legfem.legs.diagnosis import Diagnoser
 from legfem.legs.finite_element_models import plane_strain_test, spatial_test
 from legfem.legs.loading import load_subject
+from legfem.legs.model_3d import LegModels
 from legfem.legs.placement import SpatialLeg
 from legfem.legs.plan import Expected, plan_before
 from legfem.legs.subject import Subject
@@ -297,6 +298,11 @@ def test_a_leg_in_3d_has_its_muscles_as_regions(calf: Subject):
         area = volumes[tags.values == test.leg_mesh.regions[muscle]].sum() / LENGTH
         assert area == pytest.approx(calf.section.polygon(muscle).area, rel=0.05)
     assert {f"{muscle}.C10" for muscle in ("gastrocnemius", "soleus")} < set(test.parameters)
+
+
+def test_it_is_said_that_muscles_are_extruded(calf: Subject):
+    plain, apart = (LegModels.of_subject(leg, 10.0).leg.source for leg in (calf, calf.with_muscles(BOTH)))
+    assert "muscles" not in plain and apart == f"{plain}, muscles as in the section all along"
 
 
 @pytest.mark.slow

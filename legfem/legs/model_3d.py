@@ -207,6 +207,7 @@ class LegModels:
             If the leg's shape can't be had.
         """
         settings, leg = settings or SolidLegSettings(), spatial_leg(subject)
+        leg = replace(leg, source=leg.source + ", muscles as in the section all along" * bool(subject.muscles))
         larger = replace(
             settings, mesh=settings.mesh.refined(1 / ROUGHER), contact_size=ROUGHER * settings.contact_size
         )
