@@ -174,7 +174,7 @@ def test_errors_of_fibres_in_3d_follow_the_chain_of_the_ratio():
         return d**1.5 * (1 + 40 * shear + 9 * 4 * shear * tension)
 
     curve = ForceCurve(d, force(ratio), {"deep.fibres.shear": 40 * d**1.5, "deep.fibres.extension": 9 * d**1.5})
-    found = fibre_errors(curve, KNOWN, c10, d)
+    found = fibre_errors(curve, KNOWN, {"deep": c10}, d)
     step = 1e-6
     slope = (force(ratio + step) - force(ratio - step))[40] / (2 * step) / force(ratio)[40]
     assert found[f"{FIBRES}ratio"][40] == pytest.approx(0.4 * slope, rel=1e-5)

@@ -10,7 +10,6 @@ from making_legs_3d import cone_folder
 from test_leg_film import COARSE
 
 from legfem.common.progress import Silent
-from legfem.experiments.leg_3d import FIBRE_PARAMETERS
 from legfem.inverse.catalogue import DEEP_RATIO
 from legfem.inverse.correction import FIBRES
 from legfem.inverse.elastography import FibreRatio
@@ -18,6 +17,7 @@ from legfem.inverse.outcome import FullSolver, JointForward
 from legfem.legs.loading import load_subject
 from legfem.legs.model_3d import LegModels
 from legfem.legs.solver_3d import fibre_errors
+from legfem.mechanics.terms import Fibres
 
 pytestmark = pytest.mark.slow
 DEPTH, C10, RATIO = 5.0, {"deep.C10": 1.2e-3}, 2.5
@@ -38,7 +38,7 @@ def solved(tmp_path_factory):
         return outcome.curve
 
     ratios = {ratio: curve(ratio) for ratio in (None, 1.0, RATIO - 0.02, RATIO + 0.02)}
-    return ratios, curve(RATIO, FIBRE_PARAMETERS)
+    return ratios, curve(RATIO, tuple(Fibres("deep").parameters))
 
 
 def test_fibres_of_a_ratio_of_one_do_nothing_and_stiffer_ones_press_back(solved):
@@ -53,7 +53,7 @@ def test_the_error_by_the_ratio_is_that_of_solves_beside_it(solved):
     ratios, fibrous = solved
     known = FibreRatio(RATIO, 0.3, "measured", "shear waves")
     at = np.array([3.0, 5.0])
-    found = fibre_errors(fibrous, known, C10["deep.C10"], at)[f"{FIBRES}ratio"]
+    found = fibre_errors(fibrous, known, {"deep": C10["deep.C10"]}, at)[f"{FIBRES}ratio"]
     slope = (ratios[RATIO + 0.02](at) - ratios[RATIO - 0.02](at)) / 0.04 / fibrous(at)
     np.testing.assert_allclose(found, 0.3 * slope, rtol=0.01)
 
