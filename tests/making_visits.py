@@ -33,8 +33,9 @@ from legfem.report.answers import headline_of
 from legfem.solve.protocol import Protocol
 from studies.cases.instruments import recorded
 from studies.cases.sealed import AIR_MM, Lab
-from studies.cases.sealed_case import SealedCase
-from studies.cases.sealed_draw import PROGRAMMES, SUBSETS, channel_cases, truths_of
+from studies.cases.sealed_case import SealedCase, sealed_leg
+from studies.cases.sealed_draw import PROGRAMMES, SUBSETS, channel_cases, true_sights, truths_of
+from studies.cases.truth import Truths
 
 CAN = ("hold", "rates", *SUBSETS["all"][1])
 WANTED_PERCENT, MOST, PLAIN = 10.0, 6, 3
@@ -42,6 +43,8 @@ BETWEEN_S = 60.0
 """From the end of a trial to the next one's start."""
 A_LEG = 5
 """Cases of each leg."""
+HOW = {"hold": "hold at", "rates": "press at"}
+"""How the advice begins, by what is to be done."""
 
 
 @dataclass(frozen=True)
@@ -68,17 +71,15 @@ class Visited:
     @cached_property
     def trials(self) -> dict[str, list[Recording]]:
         """All trials that can be made, by what they are, with all channels."""
-        found = dict[str, list[Recording]]()
-        for programme in ("loading", "holds"):
-            if self.lab.recordings(self.case, programme) is None:
-                raise UnsolvedError("a true leg can't be solved")
-            truth = self.lab._truths[self.case.leg].of(self.case, PROGRAMMES[programme])
-            assert truth is not None
-            found[programme] = recorded(self.case, self.lab.seed, truth, AIR_MM)
-            again = replace(self.case, noise_seed=self.case.noise_seed + 1)
-            found[f"{programme}, again"] = recorded(again, self.lab.seed, truth, AIR_MM)
-        hold, slow = found["holds"][:2], found["holds"][2:]
-        return {"press again": found["loading"] + found["loading, again"], "hold": hold, "rates": slow}
+        leg, seed = self.case.leg, self.lab.seed
+        truths = Truths(sealed_leg(leg, seed).true, self.lab.folder / "truth", true_sights(leg, seed))
+        loading, holding = (truths.of(self.case, PROGRAMMES[name]) for name in ("loading", "holds"))
+        if loading is None or holding is None:
+            raise UnsolvedError("a true leg can't be solved")
+        again = replace(self.case, noise_seed=self.case.noise_seed + 1)
+        pressed = [one for case in (self.case, again) for one in recorded(case, seed, loading, AIR_MM)]
+        held = recorded(self.case, seed, holding, AIR_MM)
+        return {"press again": pressed, "hold": held[:2], "rates": held[2:]}
 
     def leg(self, made: list[tuple[str, frozenset[str]]]) -> Subject:
         """Return the leg with trials that were made, each with its channels."""
@@ -132,9 +133,6 @@ class Visited:
         """Yield what is known after each of some loadings by force alone."""
         for trials in range(1, PLAIN + 1):
             yield self.answer(self.leg([("press again", frozenset())] * trials))[0]
-
-
-HOW = {"hold": "hold at", "rates": "press at"}
 
 
 def main(seed: int, first: int, last: int) -> None:

@@ -138,17 +138,15 @@ class Searches[C: Comparison]:
 
     def _find(self, name: LawName) -> Found[C]:
         search = self._search(name)
-        best, limit, law = search.best, False, search.law
-        k = law.index(DEEP_C20)
+        best, k = search.best, search.law.index(DEEP_C20)
         # At the limit itself another search for it would end where this one did.
         reached = not self.refines and best.values.get(DEEP_C20) == 0.0
         if k is not None and "neo-hookean" in self.problem.unknowns and not reached:
             near = bool(best.point[k] <= _NEAR_LIMIT * search.standard_error()[k])
             if near or "neo-hookean" in self._searches:
-                limits = search.reread(self._search("neo-hookean").best)
-                best = min(limits, best, key=lambda one: one.objective)
-        if k is not None and best.values[DEEP_C20] == 0.0:
-            limit = True
+                neo_hookean = search.reread(self._search("neo-hookean").best)
+                best = min(neo_hookean, best, key=lambda one: one.objective)
+        if limit := k is not None and best.values[DEEP_C20] == 0.0:
             search, best = _at_limit(search, best)
         return Found(search, best, limit, self._seconds[name])
 

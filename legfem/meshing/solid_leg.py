@@ -208,7 +208,8 @@ def mesh_solid_leg(
 
         quality = gmsh_mesh.on_first_rank(comm, fill)
         mesh, cell_tags, facet_tags = gmsh_mesh.mesh_from_gmsh(model, comm, gdim=3)
-    cell_tags, regions = tagged_muscles(mesh, cell_tags, muscles or {}), {**SOLID_REGIONS, **muscle_tags(muscles or {})}
+    cell_tags = tagged_muscles(mesh, cell_tags, muscles or {})
+    regions = {**SOLID_REGIONS, **muscle_tags(muscles or ())}
     return LegMesh(mesh, cell_tags, facet_tags, regions, (Support(BONE, (0, 1, 2)),), 1, quality)
 
 
