@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from making_diagnosed import diagnosed
 from making_diagnosis import NOISE
 
+import legfem as lf
 from legfem.geometry.section import CALF, LIMBS
 from legfem.inverse import plan as reckoning
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.linearised import nuisance_effects
+from legfem.inverse.observations import Observations, blank_observations
 from legfem.inverse.plan import Candidate, Design, evaluate_design
 from legfem.inverse.predictor import onset_name
 from legfem.inverse.verdict import Diagnosis
+from legfem.legs.finite_element_models import solved_responses
 from legfem.legs.nuisances import ShapeAccuracy
+from legfem.legs.plan import plan_after
 from legfem.mechanisms import mechanism_named
 from legfem.solve.protocol import Protocol
 
@@ -92,3 +97,26 @@ def test_what_has_no_effect_has_no_form(found):
     predictor = found.weighted_base.problem.predictor
     force = predictor(nothing.fit.values)
     assert not np.any(reckoning._inexact(predictor.observed, force, np.zeros_like(force)))
+
+
+class AskedError(Exception):
+    """What is to be solved for a plan."""
+
+
+class Noting:
+    """A diagnoser that is asked."""
+
+    def tabulating(self, subject: lf.Readings, observed: Observations, *_: object) -> None:
+        raise AskedError(solved_responses(subject, observed, None)[1].depth)
+
+
+@pytest.mark.parametrize("depth", [29.8, 24.65, 20.0, 19.99])
+def test_what_could_be_done_next_is_foretold_by_the_diagnosis_own_responses(depth: float):
+    leg, observed = lf.load_subject("3"), blank_observations([Protocol.ramp(depth, 0.4)])
+    responses = solved_responses(leg, observed, None)[1]
+    predictor = SimpleNamespace(library=SimpleNamespace(grid=responses.grid, middle=1e-3))
+    base = SimpleNamespace(problem=SimpleNamespace(predictor=predictor))
+    found = SimpleNamespace(verdict="ambiguous", models=[], observed=observed, base_model=base)
+    with pytest.raises(AskedError) as asked:
+        plan_after(found, leg, Noting(), None)  # type: ignore[arg-type]
+    assert asked.value.args == (responses.depth,)

@@ -86,7 +86,8 @@ def plan_after(found: Diagnosis, subject: Subject, diagnoser: Diagnoser, progres
         return []
     models = found.models
     library = found.base_model.problem.predictor.library
-    deepest, site = float(library.grid[-1]), Site(subject.section, subject.indenter)
+    # Responses reach beyond a test: one to their end would ask for deeper ones.
+    deepest, site = float(library.grid[-2]), Site(subject.section, subject.indenter)
     tests = designs(found.observed.depth, found.observed.rates[0], deepest, site, found.observed)
     tests = _beside(tests, found.observed.channels)
     asked = list(dict.fromkeys(m for model in models for m in model.fit.mechanisms))
