@@ -7,6 +7,7 @@ from typing import Annotated
 
 import numpy as np
 import pandas as pd
+import tomlkit
 import typer
 
 from legfem.channels.kinds import CHANNELS
@@ -15,7 +16,7 @@ from legfem.common.documents import write_atomically
 from legfem.data import Recording, write_recording
 from legfem.data.recording import RecordedChannel
 from studies.command_line import DONE_IS_KEPT, Out, new_app
-from studies.people.__main__ import CALF
+from studies.people.__main__ import CALF, TISSUES
 from studies.people.data import Indentations, read_indentations
 
 app = new_app()
@@ -25,51 +26,25 @@ _FRAMES = 25
 _SECONDS = 5.0
 """Of a press: the table's rates have no unit."""
 _FORCE_SHARE, _LOSS_SD_MM = 0.02, 0.2
-_FOLDER = """\
-id = "{name}"
-title = "Calf of {name}, skin and fat over muscle, by a flat ultrasound probe"
-origin = "measured"
-confirmed = ["punch.punch_diameter_mm"]
-
-[punch]
-punch_diameter_mm = {diameter:.3f}
-diameter_mm = {around:.3f}
-
-[[layers]]
-name = "superficial"
-thickness_mm = {superficial:.3f}
-
-[[layers]]
-name = "deep"
-thickness_mm = {deep:.3f}
-
-[tissue]
-poisson_ratio = 0.49
-
-[instrument]
-force_sd_N = {force_sd:.4f}
-displacement_sd_mm = {loss_sd}
-
-[recordings]
-starts_at_contact = true
-"""
 
 
 def write_person(folder: Path, rows: Indentations, k: int) -> None:
     """Write a person's press as a specimen of two layers: a straight line, which is all that the table has."""
     share = np.linspace(0.0, 1.0, _FRAMES)
     force, diameter = float(rows.force[k]), 2 * float(rows.radius[k])
-    text = _FOLDER.format(
-        name=folder.name,
-        diameter=diameter,
-        around=_AROUND * diameter / 2,
-        superficial=rows.superficial[k],
-        deep=rows.deep[k],
-        force_sd=_FORCE_SHARE * force,
-        loss_sd=_LOSS_SD_MM,
-    )
+    document = {
+        "id": folder.name,
+        "title": f"Calf of {folder.name}, skin and fat over muscle, by a flat ultrasound probe",
+        "origin": "measured",
+        "confirmed": ["punch.punch_diameter_mm"],
+        "punch": {"punch_diameter_mm": round(diameter, 3), "diameter_mm": round(_AROUND * diameter / 2, 3)},
+        "layers": [{"name": name, "thickness_mm": round(float(getattr(rows, name)[k]), 3)} for name in TISSUES],
+        "tissue": {"poisson_ratio": 0.49},
+        "instrument": {"force_sd_N": round(_FORCE_SHARE * force, 4), "displacement_sd_mm": _LOSS_SD_MM},
+        "recordings": {"starts_at_contact": True},
+    }
     (folder / "recordings").mkdir(parents=True, exist_ok=True)
-    write_atomically(folder / "specimen.toml", text)
+    write_atomically(folder / "specimen.toml", tomlkit.dumps(document))
     lost = float(rows.superficial_loss[k] + rows.deep_loss[k])
     frame = {"fat_thickness": rows.superficial - rows.superficial_loss, "muscle_thickness": rows.deep - rows.deep_loss}
     seen = tuple(

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+
+import tomlkit
 
 from legfem.common.documents import write_atomically
 from legfem.data import Recording, write_recording
@@ -18,23 +20,6 @@ class Assumed:
 
     ball_radius: float = 5.0
     layer_radius: float = 40.0
-
-
-_HEAD = """\
-id = {id}
-title = {title}
-origin = "measured"
-
-{test}
-"""
-
-
-_SPECIMEN = """\
-[[specimen]]
-name = {name}
-recordings = {recordings}
-{sizes}
-"""
 
 
 def write_specimen_folders(data: Path, out: Path, assumed: Assumed) -> list[Path]:
@@ -54,14 +39,13 @@ def write_specimen_folders(data: Path, out: Path, assumed: Assumed) -> list[Path
 
 
 def _meat_folder(tests: Sequence[MeatTest], out: Path, assumed: Assumed) -> Path:
-    ball = f"[ball]\nball_diameter_mm = {2 * assumed.ball_radius}\ndiameter_mm = {2 * assumed.layer_radius}"
-    blocks = [_HEAD.format(id=json.dumps(out.name), title=json.dumps(out.name), test=ball)]
+    ball = {"ball_diameter_mm": 2 * assumed.ball_radius, "diameter_mm": 2 * assumed.layer_radius}
+    specimens = []
     for test in tests:
         name = test.name.replace("|", "-").replace("/", "-")
         file = _written(test.recording, out, name)
-        sizes = f"thickness_mm = {test.thickness}"
-        blocks.append(_SPECIMEN.format(name=json.dumps(name), recordings=json.dumps([file]), sizes=sizes))
-    return _finished(out, blocks)
+        specimens.append({"name": name, "recordings": [file], "thickness_mm": test.thickness})
+    return _finished(out, {"ball": ball, "specimen": specimens})
 
 
 def _written(recording: Recording, out: Path, name: str) -> str:
@@ -74,12 +58,13 @@ def _written(recording: Recording, out: Path, name: str) -> str:
 def write_phantom(phantoms: Sequence[Phantom], out: Path, ends: str) -> Path:
     """Write a folder of phantoms of one kind; return it."""
     first = phantoms[0]
-    plates = f'[plates]\ndiameter_mm = {2 * first.radius}\nheight_mm = {first.height}\nends = "{ends}"'
     for phantom in phantoms:
         _written(phantom.recording, out, phantom.recording.trial)
-    return _finished(out, [_HEAD.format(id=json.dumps(out.name), title=json.dumps(out.name), test=plates)])
+    plates = {"diameter_mm": 2 * first.radius, "height_mm": first.height, "ends": ends}
+    return _finished(out, {"plates": plates})
 
 
-def _finished(out: Path, blocks: Sequence[str]) -> Path:
-    write_atomically(out / "specimen.toml", "\n".join(blocks))
+def _finished(out: Path, test: Mapping[str, Any]) -> Path:
+    document = {"id": out.name, "title": out.name, "origin": "measured", **test}
+    write_atomically(out / "specimen.toml", tomlkit.dumps(document))
     return out

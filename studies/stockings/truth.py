@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import tomlkit
 from scipy.spatial.transform import Rotation
 
 from legfem.common.documents import write_atomically
@@ -97,25 +98,16 @@ def write_subject(name: str, made: TrueLeg, folder: Path, seed: int, noise: Segm
 
 def _toml(name: str, made: TrueLeg, noise: SegmentationNoise | None) -> str:
     sd = float(np.hypot(VOXEL_SD, noise.boundary_sd if noise else 0.0))
-    length = noise.correlation_length if noise else 5.0
-    return f"""id = "{name}"
-title = "Leg {name}, simulated"
-origin = "simulated"
-
-[bare]
-scan = "bare.nii.gz"
-
-[compressed]
-scan = "compressed.nii.gz"
-
-[stocking]
-stiffness_N_per_mm = {made.stocking.stiffness:g}
-unstretched = "stocking.csv"
-
-[accuracy]
-contour_sd_mm = {sd:g}
-correlation_mm = {length:g}
-"""
+    document = {
+        "id": name,
+        "title": f"Leg {name}, simulated",
+        "origin": "simulated",
+        "bare": {"scan": "bare.nii.gz"},
+        "compressed": {"scan": "compressed.nii.gz"},
+        "stocking": {"stiffness_N_per_mm": float(f"{made.stocking.stiffness:g}"), "unstretched": "stocking.csv"},
+        "accuracy": {"contour_sd_mm": float(f"{sd:g}"), "correlation_mm": noise.correlation_length if noise else 5.0},
+    }
+    return tomlkit.dumps(document)
 
 
 @dataclass(frozen=True)
