@@ -7,7 +7,7 @@ boundary's bias, the speed of sound and the clocks' lag are uniform, and what is
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -19,7 +19,6 @@ from legfem.api.identification import identify
 from legfem.channels.kinds import CHANNELS
 from legfem.common.documents import markdown_table
 from legfem.common.errors import UnsolvedError
-from legfem.common.units import FloatArray
 from legfem.data.recording import RecordedChannel, Recording
 from legfem.geometry.section import LegSection
 from legfem.legs.subject import Subject
@@ -29,7 +28,7 @@ from studies.cases.outcomes import Interval, Rate
 from studies.making.plane_leg import OtherCase, OtherCode
 from studies.making.pressed_legs import stated_leg
 from studies.making.pressing import OtherCurve
-from studies.making.recording import Course, LabErrors, flicker, record
+from studies.making.recording import LabErrors, flicker, loading, record
 
 type Body = Literal["limb", "calf"]
 DEPTH_MM, LEAST_MM, RATE_MM_PER_S = 12.0, 5.0, 0.5
@@ -139,9 +138,7 @@ def leg_of(truth: Layers, fat_kpa: float) -> Subject:
 
 def recorded(truth: Layers, curve: OtherCurve) -> Subject:
     """Return the leg as the lab gives it, its fat assumed as usual, with trials and what ultrasound saw in them."""
-    motion = np.arange(0.0, curve.displacement[-1] / RATE_MM_PER_S + 1e-9, 0.1)
-    depth = RATE_MM_PER_S * motion
-    course = Course(motion, depth, np.interp(depth, curve.displacement, curve.force))
+    course = loading(lambda d: np.interp(d, curve.displacement, curve.force), curve.displacement[-1], RATE_MM_PER_S)
     stream = [truth.seed, truth.number, 1]
     trials = record([course] * TRIALS, LAB, np.random.default_rng(stream))
     # What `record` draws first: travel in air, which ultrasound's clock begins with too.
@@ -149,30 +146,18 @@ def recorded(truth: Layers, curve: OtherCurve) -> Subject:
     generator = np.random.default_rng([truth.seed, truth.number, 2])
     errors = {name: generator.uniform(-1, 1, 2) * (BIAS_MM, GAIN) for name in THICKNESSES}
     lag = float(generator.uniform(-LAG_S, LAG_S))
-    seen = [
-        replace(trial, channels=_frames(curve, trial, float(wait), errors, lag, generator))
-        for trial, wait in zip(trials, late, strict=True)
-    ]
+
+    def frames(trial: Recording, late: float) -> Iterator[RecordedChannel]:
+        clock = np.arange(late, trial.time[-1], 1 / FRAMES_HZ)
+        depth = np.clip(RATE_MM_PER_S * (clock - lag - late), 0.0, curve.displacement[-1])
+        for name, (bias, gain) in errors.items():
+            true = np.interp(depth, curve.displacement, curve.channels[name])
+            noise = generator.laplace(0.0, READING_MM / np.sqrt(2), len(clock))
+            read = (1 + gain) * true + bias + SLOW_MM * flicker(len(clock), generator) + noise
+            yield RecordedChannel(name, clock, read, CHANNELS[name].usual)
+
+    seen = [replace(one, channels=tuple(frames(one, float(wait)))) for one, wait in zip(trials, late, strict=True)]
     return replace(leg_of(truth, USUAL_KPA["superficial"]), recordings=tuple(seen))
-
-
-def _frames(
-    curve: OtherCurve,
-    trial: Recording,
-    late: float,
-    errors: Mapping[str, FloatArray],
-    lag: float,
-    generator: np.random.Generator,
-) -> tuple[RecordedChannel, ...]:
-    clock = np.arange(late, trial.time[-1], 1 / FRAMES_HZ)
-    depth = np.clip(RATE_MM_PER_S * (clock - lag - late), 0.0, curve.displacement[-1])
-    found = []
-    for name, (bias, gain) in errors.items():
-        true = np.interp(depth, curve.displacement, curve.channels[name])
-        noise = generator.laplace(0.0, READING_MM / np.sqrt(2), len(clock))
-        read = (1 + gain) * true + bias + SLOW_MM * flicker(len(clock), generator) + noise
-        found.append(RecordedChannel(name, clock, read, CHANNELS[name].usual))
-    return tuple(found)
 
 
 def outcome_of(folder: Path, truth: Layers) -> LayersOutcome:

@@ -24,7 +24,7 @@ from studies.cases.outcomes import Interval, Rate
 from studies.cases.reach import bone_within, drawn_layers
 from studies.making.plane_leg import OtherCase
 from studies.making.pressed_legs import stated_leg, true_force
-from studies.making.recording import Course, record
+from studies.making.recording import loading, record
 from studies.making.stated import drawn_errors, drawn_misstatement, misstated
 
 type Ends = tuple[float, float]
@@ -145,8 +145,7 @@ def identified(folder: Path, plant: Plant) -> FoundLimb:
             break
     c10 = float(np.exp(generator.uniform(*np.log(limb.c10_kPa))))
     curve = true_force(replace(usual, tissues=drawn.tissues), OtherCase(c10), depth, LEAST_MM)
-    at = RATE_MM_PER_S * np.arange(0.0, curve.depth / RATE_MM_PER_S + 1e-9, 0.1)
-    course = Course(at / RATE_MM_PER_S, at, curve(at))
+    course = loading(curve, curve.depth, RATE_MM_PER_S)
     trials = record([course] * TRIALS, drawn_errors(generator), generator)
     stated = replace(drawn, tissues=usual.tissues, recordings=tuple(trials))
     if limb.tape:

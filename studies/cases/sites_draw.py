@@ -18,7 +18,7 @@ from legfem.solve.path import ForceCurve
 from studies.cases.truth import FINE
 from studies.making.plane_leg import OtherCase
 from studies.making.pressed_legs import stated_leg, true_force
-from studies.making.recording import Course, LabErrors, record
+from studies.making.recording import LabErrors, loading, record
 
 RATE_MM_PER_S, TRIALS = 0.5, 3
 LEAST_MM = 8.0
@@ -78,10 +78,7 @@ def leg_of(truth: Truth, kept: Path) -> SitedLeg:
     sites = []
     for name in _SITES:
         curve = _true_curve(truth, name, kept)
-        time = np.arange(0.0, curve.depth / RATE_MM_PER_S + 1e-9, 0.1)
-        displacement = RATE_MM_PER_S * time
-        course = Course(time, displacement, curve(displacement))
-        trials = record([course] * TRIALS, LAB, generator)
+        trials = record([loading(curve, curve.depth, RATE_MM_PER_S)] * TRIALS, LAB, generator)
         sites.append(replace(_site(truth, name), recordings=tuple(trials)))
     return SitedLeg(f"leg-{truth.number}", "A calf, simulated", tuple(sites), kept)
 

@@ -34,7 +34,7 @@ from studies.cases.truth import FINE
 from studies.command_line import DONE_IS_KEPT, Jobs, Out, Seed, new_app
 from studies.making.plane_leg import Lump, OtherCase
 from studies.making.pressed_legs import true_force
-from studies.making.recording import INSTRUMENT, Course, LabErrors, record
+from studies.making.recording import INSTRUMENT, LabErrors, loading, record
 
 app = new_app()
 SHAPES, DEPTH_MM, RATE_MM_PER_S, TRIALS = 8, 14.0, 0.5, 3
@@ -192,11 +192,8 @@ def between(curves: FloatArray, c10: float) -> FloatArray:
 def recorded(test: Tested, force: FloatArray, spread: Spread, seed: int) -> list[Recording]:
     """Return what the lab records."""
     generator = np.random.default_rng([seed, test.person, test.side == "left", test.session])
-    time = np.arange(0.0, DEPTH_MM / RATE_MM_PER_S + 1e-9, 0.1)
-    at = RATE_MM_PER_S * time
-    factor = spread.drift if test.drifted else 1.0
-    course = Course(time, at, factor * np.asarray(CubicSpline(KEPT_AT, force)(at)))
-    return record([course] * TRIALS, LAB, generator)
+    curve = CubicSpline(KEPT_AT, (spread.drift if test.drifted else 1.0) * force)
+    return record([loading(curve, DEPTH_MM, RATE_MM_PER_S)] * TRIALS, LAB, generator)
 
 
 def table_of(tests: Sequence[Tested]) -> pd.DataFrame:

@@ -34,7 +34,7 @@ from legfem.solve.path import ForceCurve
 from legfem.study.correction.cases import CorrectionCase, Material
 from studies.fibres.plane_base import DEPTH_MM, MECHANISMS, PLANE, RATE_MM_PER_S, TRIALS, plane_library, plane_responses
 from studies.leg3d.planted import whole_curve
-from studies.making.recording import INSTRUMENT, Course, LabErrors, record
+from studies.making.recording import INSTRUMENT, LabErrors, loading, record
 
 MESH = LegMeshSettings(contact_size=4.5, depth_size=9, edge_size=5, growth=0.45, far_size=24)
 SEED, GAIN_SD, AIR_MM = 2026, 0.01, 2.0
@@ -93,8 +93,7 @@ def diagnosed(given: Concealed, number: int, folder: Path, jobs: int, progress: 
         given.case.asked, lambda: _solved(given.case)
     )
     progress.advance(f"ratio {given.ratio:.2g}, {curve.force[-1]:.1f} N at {curve.depth:g} mm")
-    time = np.linspace(0.0, DEPTH_MM / RATE_MM_PER_S, 476)
-    course = Course(time, RATE_MM_PER_S * time, curve(RATE_MM_PER_S * time))
+    course = loading(curve, DEPTH_MM, RATE_MM_PER_S)
     errors = LabErrors(gain_sd=GAIN_SD, air=AIR_MM if given.in_air else 0.0)
     recordings = record([course] * TRIALS, errors, np.random.default_rng(SEED + number))
     observed = observe(segment_all(recordings, INSTRUMENT, not given.in_air))

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from legfem.common.errors import UnsolvedError
-from legfem.common.units import FloatArray, kpa_to_mpa
+from legfem.common.units import kpa_to_mpa
 from legfem.data import Recording
 from legfem.experiments.indentation import IndentationTest
 from legfem.experiments.indenter_pose import Cylinder
@@ -25,7 +25,7 @@ from legfem.mechanics.materials import Hyperelastic, NeoHookean, ReducedPolynomi
 from legfem.mechanics.terms import Fibres
 from legfem.meshing.structured import IdealisedLeg, LegMeshSettings
 from legfem.solve.path import ForceCurve
-from studies.making.recording import INSTRUMENT, Course, LabErrors, record
+from studies.making.recording import INSTRUMENT, LabErrors, loading, record
 
 LEG = IdealisedLeg(radius=40.0, bone_radius=12.0, length=70.0, fat=9.0, fascia=0.6, ends="held")
 CYLINDER = Cylinder(length=30.0)
@@ -134,9 +134,7 @@ def true_curve(planted: Planted, kept: Path, cylinder: Cylinder = CYLINDER) -> F
 
 def recorded(curve: ForceCurve, depth: float, seed: int) -> list[Recording]:
     """Return trials of a curve to a depth (mm), with a lab's errors."""
-    time = np.arange(0.0, depth / RATE + 1e-9, 0.1)
-    course = Course(time, RATE * time, curve(RATE * time))
-    return record([course] * TRIALS, LabErrors(gain_sd=0.01), np.random.default_rng(seed))
+    return record([loading(curve, depth, RATE)] * TRIALS, LabErrors(gain_sd=0.01), np.random.default_rng(seed))
 
 
 def folder_of(planted: Planted, curve: ForceCurve, out: Path, seed: int) -> Path:
@@ -172,11 +170,5 @@ def with_fibres(text: str, ratio: float) -> str:
 
 
 def _section() -> LegSection:
-    angle = np.linspace(0, 2 * np.pi, _POINTS, endpoint=False)
-    ring = np.column_stack([np.cos(angle), np.sin(angle)])
-
-    def circle(radius: float, y: float = 0.0) -> FloatArray:
-        return radius * ring + np.array([0.0, y])
-
-    bones = {"tibia": circle(LEG.bone_radius), "fibula": circle(*FIBULA)}
-    return LegSection(circle(LEG.radius), circle(LEG.radius - LEG.fat), bones, LEG.fascia)
+    outlines = {part: levels[0] for part, levels in round_shape(_POINTS, 2, fibula=True).contours.items()}
+    return LegSection(outlines.pop(SKIN), outlines.pop(HULL), outlines, LEG.fascia)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -45,6 +45,12 @@ class Course:
     channels: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
+def loading(force: Callable[[FloatArray], FloatArray], depth: float, rate: float) -> Course:
+    """Return what a leg does of a force (N) at displacements (mm), pressed to a depth at a speed (mm/s)."""
+    time = np.arange(0.0, depth / rate + 1e-9, 1 / SAMPLING_HZ)
+    return Course(time, rate * time, force(rate * time))
+
+
 @dataclass(frozen=True)
 class LabErrors:
     """Sizes of a lab's errors.
@@ -78,10 +84,26 @@ def record(
     if errors.same_travel:
         travel = min(float(c.displacement.max()) + a for c, a in zip(courses, air, strict=True))
         courses = [shortened(c, travel - a) for c, a in zip(courses, air, strict=True)]
-    return [
-        _recorded(f"trial{k + 1}", course, float(above), float(gain), float(zero), instrument, generator)
-        for k, (course, above, gain, zero) in enumerate(zip(courses, air, gains, zeros, strict=True))
-    ]
+    found = []
+    for k, (course, above, gain, zero) in enumerate(zip(courses, air, gains, zeros, strict=True)):
+        rate = float(course.displacement[1] - course.displacement[0]) / float(course.time[1] - course.time[0])
+        late = float(above) / rate
+        time = np.arange(0.0, late + course.time[-1] + 1e-9, 1 / SAMPLING_HZ)
+        since = time - late
+        pressed = np.interp(since, course.time, course.displacement)
+        displacement = np.where(since < 0, rate * since, pressed) + above
+        force = np.where(since < 0, 0.0, np.interp(since, course.time, course.force))
+        sd = instrument.force_sd
+        t = generator.standard_t(_WHITE_FREEDOM, len(time)) / np.sqrt(_WHITE_FREEDOM / (_WHITE_FREEDOM - 2))
+        force = gain * force + zero + sd * np.sqrt(WHITE_SHARE) * t
+        force = force + sd * np.sqrt(1 - WHITE_SHARE) * flicker(len(time), generator)
+        # Rounding makes an error of a step over the root of 12; the rest of what is stated wanders.
+        rest = np.sqrt(max(instrument.displacement_sd**2 - ENCODER_STEP_MM**2 / 12, 0.0))
+        displacement = displacement + rest * flicker(len(time), generator)
+        offset = generator.uniform(0.0, ENCODER_STEP_MM)
+        rounded = ENCODER_STEP_MM * np.round((displacement + offset) / ENCODER_STEP_MM) - offset
+        found.append(Recording(time, rounded, force, f"trial{k + 1}"))
+    return found
 
 
 def shortened(course: Course, depth: float) -> Course:
@@ -91,34 +113,6 @@ def shortened(course: Course, depth: float) -> Course:
     kept = course.displacement <= depth
     beside = {name: values[kept] for name, values in course.channels.items()}
     return Course(course.time[kept], course.displacement[kept], course.force[kept], beside)
-
-
-def _recorded(
-    name: str,
-    course: Course,
-    air: float,
-    gain: float,
-    zero: float,
-    instrument: Instrument,
-    generator: np.random.Generator,
-) -> Recording:
-    rate = float(course.displacement[1] - course.displacement[0]) / float(course.time[1] - course.time[0])
-    late = air / rate
-    time = np.arange(0.0, late + course.time[-1] + 1e-9, 1 / SAMPLING_HZ)
-    since = time - late
-    pressed = np.interp(since, course.time, course.displacement)
-    displacement = np.where(since < 0, rate * since, pressed) + air
-    force = np.where(since < 0, 0.0, np.interp(since, course.time, course.force))
-    sd = instrument.force_sd
-    t = generator.standard_t(_WHITE_FREEDOM, len(time)) / np.sqrt(_WHITE_FREEDOM / (_WHITE_FREEDOM - 2))
-    force = gain * force + zero + sd * np.sqrt(WHITE_SHARE) * t
-    force = force + sd * np.sqrt(1 - WHITE_SHARE) * flicker(len(time), generator)
-    # Rounding makes an error of a step over the root of 12; the rest of what is stated wanders.
-    rest = np.sqrt(max(instrument.displacement_sd**2 - ENCODER_STEP_MM**2 / 12, 0.0))
-    displacement = displacement + rest * flicker(len(time), generator)
-    offset = generator.uniform(0.0, ENCODER_STEP_MM)
-    rounded = ENCODER_STEP_MM * np.round((displacement + offset) / ENCODER_STEP_MM) - offset
-    return Recording(time, rounded, force, name)
 
 
 def _standard(count: int, heavy: bool, generator: np.random.Generator) -> FloatArray:
