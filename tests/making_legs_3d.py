@@ -1,4 +1,4 @@
-"""A small cone of a leg, as a subject's folder with stacked contours."""
+"""A small cone of a leg, as a subject's folder with stacked contours, and a round leg's shape."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from legfem.data import Instrument, Recording
 from legfem.data.recording import write_recording
+from legfem.geometry.leg_shape import HULL, SKIN, LegShape, shape_of_contours
 from legfem.legs.folder import subject_text
 
 FAT, BONE = 9.0, 9.0
@@ -68,3 +69,18 @@ def cone_folder(
         write_recording(recording, folder / "recordings" / f"{recording.trial}.csv")
     (folder / "subject.toml").write_text(text)
     return folder
+
+
+def round_leg(
+    radius: float = 57.0,
+    hull_radius: float = 51.0,
+    core_radius: float = 15.0,
+    length: float = 60.0,
+    n_levels: int = 13,
+    n_points: int = 180,
+) -> LegShape:
+    """Return a thick-walled cylinder about a round core, the bone ``core``; mm, z from 0."""
+    levels = np.linspace(0.0, length, n_levels)
+    radii = {SKIN: radius, HULL: hull_radius, "core": core_radius}
+    unit = np.column_stack([f(2 * np.pi * np.arange(720) / 720) for f in (np.cos, np.sin)])
+    return shape_of_contours(levels, {part: [r * unit] * n_levels for part, r in radii.items()}, n_points)

@@ -19,6 +19,7 @@ from making import press, write_recording, write_subject
 from making_cohort import fabricated
 from making_diagnosed import diagnosed
 from making_doe import SpringLeg, definition
+from making_legs_3d import round_leg
 from making_mechanics import subject_3
 from making_results import measured_curve, result
 from making_specimens import write_bars
@@ -80,7 +81,6 @@ from legfem.study.doe.command import study_web_page
 from legfem.study.doe.design import read_definition
 from legfem.study.doe.runs import Workshop
 from legfem.study.doe.study import StudyResult, study
-from studies.making.shapes import round_leg
 
 COMMAND = "legfem identify --subject-dir 'my <leg>'"
 DEPTH = 4.0

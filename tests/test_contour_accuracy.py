@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from making_legs_3d import round_leg
 from scipy.ndimage import gaussian_filter1d
 
 from legfem.geometry.leg_shape import SKIN, LegShape
 from legfem.imaging.outlines import smoothed
 from legfem.stockings.contour_distances import ContourAccuracy
-from studies.making.shapes import round_leg
 
 
 def test_without_smoothing_the_errors_are_the_segmentation_s():

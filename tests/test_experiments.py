@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from making_legs_3d import round_leg
 from making_mechanics import COARSE, subject_3
 
 from legfem.experiments.axisymmetric import AxisymmetricSettings, BallIndentation, CylinderCompression
@@ -24,7 +25,6 @@ from legfem.meshing.structured import IdealisedLeg, LegMeshSettings, MeridianMes
 from legfem.solve.protocol import Protocol
 from legfem.solve.settings import StepSettings
 from legfem.stockings.equilibrium import LegModel3D
-from studies.making.shapes import round_leg
 from studies.reconstruct import solve_once
 
 LAW = NeoHookean(5e-3, 0.2)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import ufl
 from dolfinx import fem
+from making_legs_3d import round_leg
 from scipy.optimize import minimize_scalar
 
 from legfem.experiments.compression import LegCompression
@@ -14,7 +15,6 @@ from legfem.mechanics.terms import Fascia
 from legfem.mechanics.terms.membranes import face_strain, free_volume_ratio
 from legfem.meshing.leg_sizes import SolidMeshSettings
 from legfem.meshing.solid_leg import mesh_solid_leg
-from studies.making.shapes import round_leg
 
 STIFFNESS = 0.2
 """N/mm."""

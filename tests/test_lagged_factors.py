@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from making_legs_3d import round_leg
 
 from legfem.experiments.compression import CompressionSettings, LegCompression
 from legfem.mechanics.materials import NeoHookean
@@ -12,7 +13,6 @@ from legfem.meshing.leg_sizes import SolidMeshSettings
 from legfem.meshing.solid_leg import mesh_solid_leg
 from legfem.solve.linear import LinearSettings
 from legfem.solve.settings import NewtonSettings
-from studies.making.shapes import round_leg
 
 
 def test_lagged_factors_lead_to_the_same_state_with_fewer_factorisations():

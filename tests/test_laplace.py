@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from making_legs_3d import round_leg
 
 from legfem.common.errors import InputError
 from legfem.common.units import MPA_PER_MMHG
 from legfem.geometry.leg_shape import LegShape, corresponding
 from legfem.stockings.fabric import ANKLE_LIMITS, CALF_SHARE, Stocking, fitted_stocking, stocking_load
-from studies.making.shapes import round_leg
 
 
 def _leg(skin: np.ndarray) -> LegShape:

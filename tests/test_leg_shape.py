@@ -7,6 +7,7 @@ import re
 import numpy as np
 import pytest
 from making import circle
+from making_legs_3d import round_leg
 from making_stocking import write_shape
 from scipy.spatial.transform import Rotation
 
@@ -23,7 +24,7 @@ from legfem.geometry.leg_shape import (
 )
 from legfem.geometry.motion import displaced, rigidly_moved, without_layer
 from legfem.imaging.outlines import read_shape, smoothed
-from studies.making.shapes import horizontal_curvature, round_leg
+from studies.making.shapes import horizontal_curvature
 
 
 def cone(slope: float = 0.1) -> LegShape:

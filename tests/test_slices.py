@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from making import circle
+from making_legs_3d import round_leg
 
 from legfem.common.errors import InputError
 from legfem.geometry.leg_shape import LegShape, shape_of_contours
 from legfem.geometry.slices import SliceSet, calf_levels, signed_distances, slice_distances
-from studies.making.shapes import round_leg
 
 
 def barrel(shift: float = 0.0) -> LegShape:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import ufl
 from making import circle
+from making_legs_3d import round_leg
 from making_ranks import run_on_ranks
 from mpi4py import MPI
 
@@ -19,7 +20,6 @@ from legfem.meshing.leg_sizes import SolidMeshSettings, settings_for_cells
 from legfem.meshing.section import BONE, DEEP, SKIN, SUPERFICIAL
 from legfem.meshing.solid_leg import mesh_solid_leg
 from legfem.meshing.structured import END, LegMesh
-from studies.making.shapes import round_leg
 
 
 def measure(leg: LegMesh, tag: int) -> float:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from making_legs_3d import round_leg
 from matplotlib.image import imread
 from reading_page import read
 
@@ -42,7 +43,7 @@ from legfem.stockings.identification import assessed, compared, identify_in_stoc
 from legfem.stockings.leg import Posture, StockingLeg, default_veins
 from legfem.stockings.pressures import too_low_by
 from legfem.stockings.scan_fit import stiffness_priors
-from studies.making.shapes import parametric_leg, read_legs, round_leg
+from studies.making.shapes import parametric_leg, read_legs
 
 LEGS = Path(__file__).resolve().parents[1] / "studies" / "stockings" / "legs.toml"
 MESH = SolidMeshSettings(skin_size=16, inside_size=20, bone_size=13, layer_elements=0.35, turn_elements=8)

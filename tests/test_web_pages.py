@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from driving import DRAWN, Driven
 from making import write_subject
+from making_legs_3d import round_leg
 from reading_page import read
 from typer.testing import CliRunner
 
@@ -35,7 +36,6 @@ from legfem.specimens.laws import SpecimenTissue
 from legfem.study.correction.command import correction_web_page
 from legfem.study.doe.command import study_web_page
 from legfem.study.doe.tables import not_seen, to_measure
-from studies.making.shapes import round_leg
 
 MOST_BYTES = 700_000
 LEGS_IN_3D = ("stocking", "identification-3d")

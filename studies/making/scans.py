@@ -191,8 +191,7 @@ def _displaced(
     field = gaussian_filter1d(field, deviation / around, axis=1, mode="wrap")
     # White noise smoothed in two directions has this deviation.
     field *= np.sqrt(4 * np.pi * (deviation / along) * (deviation / around))
-    moved: FloatArray = xy + noise.boundary_sd * field[..., None] * outward_normals(xy)
-    return moved
+    return np.asarray(xy + noise.boundary_sd * field[..., None] * outward_normals(xy))
 
 
 def write_volume(volume: LabelVolume, path: Path) -> None:

@@ -102,21 +102,6 @@ def read_legs(path: Path) -> dict[str, ParametricLeg]:
     return parse_toml(path, _LegsFile, "legs in 3D").legs
 
 
-def round_leg(
-    radius: float = 57.0,
-    hull_radius: float = 51.0,
-    core_radius: float = 15.0,
-    length: float = 60.0,
-    n_levels: int = 13,
-    n_points: int = 180,
-) -> LegShape:
-    """Return a thick-walled cylinder about a round core, the bone ``core``; mm, z from 0."""
-    levels = np.linspace(0.0, length, n_levels)
-    radii = {SKIN: radius, HULL: hull_radius, "core": core_radius}
-    unit = np.column_stack([f(2 * np.pi * np.arange(720) / 720) for f in (np.cos, np.sin)])
-    return shape_of_contours(levels, {part: [r * unit] * n_levels for part, r in radii.items()}, n_points)
-
-
 class _LegsFile(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -131,8 +116,7 @@ def _girths(leg: ParametricLeg, levels: FloatArray) -> FloatArray:
     curve = CubicHermiteSpline(
         [0.0, peak, leg.length_mm], [leg.girth_below_mm, leg.girth_mm, leg.girth_above_mm], [below, 0.0, above]
     )
-    girths: FloatArray = curve(levels)
-    return girths
+    return np.asarray(curve(levels))
 
 
 def _section(leg: ParametricLeg, share: float, girth: float, points: int = 360) -> dict[str, FloatArray]:
@@ -177,8 +161,7 @@ def _section(leg: ParametricLeg, share: float, girth: float, points: int = 360) 
 
 
 def _apart(angle: FloatArray, direction: float) -> FloatArray:
-    apart: FloatArray = np.mod(angle - direction + np.pi, 2 * np.pi) - np.pi
-    return apart
+    return np.asarray(np.mod(angle - direction + np.pi, 2 * np.pi) - np.pi)
 
 
 def horizontal_curvature(shape: LegShape, part: str = SKIN) -> FloatArray:
@@ -196,5 +179,4 @@ def horizontal_curvature(shape: LegShape, part: str = SKIN) -> FloatArray:
     first = (8 * (one[0] - one[1]) - (two[0] - two[1])) / 12
     second = (16 * (one[0] + one[1]) - (two[0] + two[1]) - 30 * xy) / 12
     turning = first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]
-    curvature: FloatArray = turning / np.linalg.norm(first, axis=2) ** 3
-    return curvature
+    return np.asarray(turning / np.linalg.norm(first, axis=2) ** 3)
