@@ -177,15 +177,18 @@ class Truths:
         for name, v in effects.items():
             mechanism = mechanism_named(name, self.leg.section)
             assert isinstance(mechanism, TissueMechanism)
-            first = mechanism.parameters[0].name
+            first, more = mechanism.parameters[0].name, Solution()
             if name == "contact-slip":
                 contact = replace(settings.contact, tangential="coulomb", friction=v["strength"])
                 settings = replace(settings, contact=contact)
             elif name == "viscoelasticity":
-                solution = _joined(solution, _branches(mechanism.region, mechanism.variant, v))  # type: ignore[attr-defined]
+                more = _branches(mechanism.region, mechanism.variant, v)  # type: ignore[attr-defined]
             else:
                 rest = {key: value for key, value in v.items() if key != "strength"}
-                solution = _joined(solution, mechanism.solution({first: v["strength"], **rest}))
+                more = mechanism.solution({first: v["strength"], **rest})
+            joined = solution.joined(more)
+            assert joined is not None, f"no model shows {', '.join(effects)}"
+            solution = joined
         variants = self._variants.setdefault(repr(settings.contact), self._made(settings))
         solved = variants.follow(protocol, deep, solution)
         if not solved.report.complete:
@@ -238,16 +241,6 @@ def _other_case(case: SealedCase, effects: dict[str, dict[str, float]]) -> Any:
         None if compliance is None else 0.5 / compliance,
         lumps,
         0.0 if "fat-sliding" in effects else None,
-    )
-
-
-def _joined(one: Solution, other: Solution) -> Solution:
-    """Return the solution with what both change."""
-    return replace(
-        other if one.variant == "elastic" else one,
-        parameters={**one.parameters, **other.parameters},
-        scaled={**one.scaled, **other.scaled},
-        tilt_deg=one.tilt_deg + other.tilt_deg,
     )
 
 

@@ -153,8 +153,7 @@ def draw_convergence(found: Convergence, path: Path) -> None:
     left.plot(fine, found.default(fine), color="#0072B2", label="F(d)")
     left.plot(found.default.displacement, found.default.force, "o", ms=3, color="#0072B2", label="solved steps")
     left.plot(found.depths, found.richardson.extrapolated, "x", color="#111111", label="extrapolated to zero size")
-    left.set_xlabel("displacement of the indenter (mm)")
-    left.set_ylabel("force (N)")
+    left.set(xlabel="displacement of the indenter (mm)", ylabel="force (N)")
     left.legend()
 
     panel(right, "B", "distance from the extrapolated force")
@@ -167,8 +166,7 @@ def draw_convergence(found: Convergence, path: Path) -> None:
         right.plot(found.depths, error, "o-", color=colour, label=label)
     right.plot(found.depths, 100 * found.default_error, "s--", color="#0072B2", label="default")
     right.plot(found.depths, 100 * found.contact_change, ":", color="#CC79A7", label="change with contact x4")
-    right.set_xlabel("displacement of the indenter (mm)")
-    right.set_ylabel("%")
+    right.set(xlabel="displacement of the indenter (mm)", ylabel="%")
     right.legend(fontsize=8)
     save(figure, path.parent, path.stem)
 

@@ -63,9 +63,8 @@ def _draw_spatial(axes: Any, case: CorrectionCase, found: Calibrated) -> None:
     )
     axes.set_box_aspect([np.ptp(limits()) for limits in (axes.get_xlim, axes.get_ylim, axes.get_zlim)], zoom=0.8)
     axes.view_init(elev=30, azim=-50)
-    axes.set_xlabel("x (mm)")
+    axes.set(xlabel="x (mm)", zlabel="y (mm)")
     axes.set_ylabel("along the leg (mm)", labelpad=8)
-    axes.set_zlabel("y (mm)")
     panel(axes, "A1", f"3D: the skin at {case.depth:g} mm")
     axes.computed_zorder = False  # the cylinder in front
     axes.figure.colorbar(shown, ax=axes, shrink=0.5, label="pressure (kPa)", location="bottom")
@@ -85,9 +84,7 @@ def _draw_section(axes: Any, case: CorrectionCase) -> None:
         leg.bone_radius * np.sin(turn), leg.bone_offset + leg.bone_radius * np.cos(turn), color="white", ec="black"
     )
     axes.fill(cylinder.radius * np.sin(turn), leg.radius + cylinder.radius * (1 + np.cos(turn)), color=FAINT)
-    axes.set_aspect("equal")
-    axes.set_xlabel("x (mm)")
-    axes.set_ylabel("y (mm)")
+    axes.set(aspect="equal", xlabel="x (mm)", ylabel="y (mm)")
 
 
 def _draw_pressure(axes: Any, skin: FloatArray) -> None:
@@ -101,8 +98,7 @@ def _draw_pressure(axes: Any, skin: FloatArray) -> None:
         line = line[np.argsort(place[line])]
         line = line[place[line] < 60]
         axes.plot(place[line], skin[line, 6], ".-", color=colour, ms=3, lw=1, label=name)
-    axes.set_xlabel("distance on the undeformed skin from the middle (mm)")
-    axes.set_ylabel("kPa")
+    axes.set(xlabel="distance on the undeformed skin from the middle (mm)", ylabel="kPa")
     axes.legend()
 
 
@@ -118,6 +114,5 @@ def _draw_curves(axes: Any, case: CorrectionCase, found: Calibrated, lengths: di
     for (length, curve), colour in zip(lengths.items(), COLOURS, strict=False):
         axes.plot(displacement, curve, "--", color=colour, label=f"cylinder of {length} mm, coarser mesh")
     axes.axhline(0, color=FAINT, lw=0.8)
-    axes.set_xlabel("displacement of the cylinder (mm)")
-    axes.set_ylabel("P")
+    axes.set(xlabel="displacement of the cylinder (mm)", ylabel="P")
     axes.legend(fontsize=8)

@@ -19,13 +19,13 @@ from legfem.common.progress import progress_on
 from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.inverse.population import TABLE, Population
 from legfem.report.style import DATA_COLOUR, FAINT, REGION_COLOURS, panel, save, styled, titled
-from studies.command_line import DONE_IS_KEPT, Jobs, Out, new_app
+from studies.command_line import DONE_IS_KEPT, Jobs, Out, new_app, write_results
 from studies.people import prediction
 from studies.people.data import SITES, Indentations, read_indentations
 from studies.people.population import BOUNDARY_SD_MM, Drawn, draw_population
 from studies.people.probe import Losses, ProbeModel, ProbeResponse, points, solve_points, solved_for
 
-_TISSUES = (("superficial", "skin and fat"), ("deep", "muscle"))
+TISSUES = {"superficial": "skin and fat", "deep": "muscle"}
 
 
 @styled
@@ -39,7 +39,7 @@ def draw_stiffness(rows: Indentations, log_C10: FloatArray, site: str) -> Figure
         f"{len(rows.people)} people",
         "measured",
     )
-    for k, (axes, (region, name)) in enumerate(zip(figure.subplots(1, 2), _TISSUES, strict=True)):
+    for k, (axes, (region, name)) in enumerate(zip(figure.subplots(1, 2), TISSUES.items(), strict=True)):
         low, middle, high = mpa_to_kpa(np.exp(np.quantile(log_C10[:, own, k], (0.025, 0.5, 0.975), axis=0)))
         order = np.argsort(middle)
         at = np.arange(len(order))
@@ -76,7 +76,6 @@ def _against(axes: Axes, rows: Indentations, compliance: FloatArray, predicted: 
 POINTS, CHECKED = 200, 30
 SWEEPS, KEPT, THIN = 500, 300, 3
 CALF = "LL_P"
-TISSUES = ("superficial", "deep")
 
 
 @dataclass(frozen=True, eq=False)
@@ -279,17 +278,14 @@ def run(data: Path, model: ProbeModel, out: Path, jobs: int, seed: int) -> None:
             + np.array2string(found.drawn["mean_slope"].std(axis=0), precision=2),
         ]
     )
-    print(text)
-    write_atomically(out / "report.md", text + "\n")
     write_atomically(out / "people.csv", people_table(found).to_csv(index=False, float_format="%.4g"))
     if CALF in used.sites:
         save(draw_stiffness(used, found.drawn["theta"], CALF), out, "stiffness")
     save(draw_predicted(used, used.compliance, found.predicted), out, "predicted")
     write_document(out / TABLE.name, table_of(found).model_dump())
-    result = write_document(
-        out / "result.json",
+    write_results(
+        out,
         {
-            "schema": 1,
             "origin": "measured",
             "model": {"poisson_ratio": model.poisson_ratio, "face": model.face},
             "rows": len(used),
@@ -304,8 +300,8 @@ def run(data: Path, model: ProbeModel, out: Path, jobs: int, seed: int) -> None:
             "log_sd": spreads_of(found),
             "cpu_s": time.process_time() - started,
         },
+        text + "\n",
     )
-    print(f"result: {result}")
 
 
 app = new_app()

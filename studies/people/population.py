@@ -206,22 +206,10 @@ class _Chain:
         theta = state.theta
         inside = np.linalg.inv(state.within)
         of_thickness = state.centre(rows) - state.site[rows.site]
-        person = self._effects(
-            theta - state.centre(rows),
-            rows.person,
-            len(rows.people),
-            inside,
-            np.linalg.inv(state.between_people),
-            np.zeros(2),
-        )
-        site = self._effects(
-            theta - of_thickness - person[rows.person],
-            rows.site,
-            len(rows.sites),
-            inside,
-            np.linalg.inv(state.between_sites),
-            state.mean,
-        )
+        left = theta - state.centre(rows)
+        person = self._effects(left, rows.person, inside, state.between_people, np.zeros((len(rows.people), 2)))
+        left, means = theta - of_thickness - person[rows.person], np.tile(state.mean, (len(rows.sites), 1))
+        site = self._effects(left, rows.site, inside, state.between_sites, means)
         slope, mean_slope = state.slope, state.mean_slope
         if self.with_thickness:
             slope, mean_slope = self._slopes(theta - site[rows.site] - person[rows.person], inside, mean_slope)
@@ -260,21 +248,15 @@ class _Chain:
         return slope, middle + rng.standard_normal((2, 2)) / np.sqrt(precision)
 
     def _effects(
-        self,
-        left: FloatArray,
-        group: NDArray[np.int64],
-        count: int,
-        inside: FloatArray,
-        outside: FloatArray,
-        centre: FloatArray,
+        self, left: FloatArray, group: NDArray[np.int64], inside: FloatArray, between: FloatArray, centres: FloatArray
     ) -> FloatArray:
-        """Draw the means (count, 2) of groups of rows, given their covariances' inverses."""
-        sums = np.zeros((count, 2))
+        """Draw the means (count, 2) of groups of rows about centres, given the inverse of rows' covariance."""
+        sums, count, outside = np.zeros(centres.shape), len(centres), np.linalg.inv(between)
         np.add.at(sums, group, left)
         members = np.bincount(group, minlength=count)
         whole = outside + members[:, None, None] * inside
         covariance = np.linalg.inv(whole)
-        mean = np.einsum("gij,gj->gi", covariance, sums @ inside + outside @ centre)
+        mean = np.einsum("gij,gj->gi", covariance, sums @ inside + centres @ outside)
         root = np.linalg.cholesky(covariance)
         return mean + np.einsum("gij,gj->gi", root, self.rng.standard_normal((count, 2)))
 

@@ -108,12 +108,12 @@ def make(out: Path, seed: int, jobs: int) -> None:
 
 
 def _contents(out: Path, leg: str) -> str:
-    return key_of(*(Contents(_folder(out, kind, leg)) for kind in NOISE))
+    return key_of(*(Contents(out / kind / leg) for kind in NOISE))
 
 
 def identify(legs: Path, out: Path, cells: int, jobs: int) -> None:
     """Identify all legs made; what is done stays."""
-    tasks = [(kind, leg) for kind in NOISE for leg in TRUTHS if (_folder(legs, kind, leg) / "leg.toml").is_file()]
+    tasks = [(kind, leg) for kind in NOISE for leg in TRUTHS if (legs / kind / leg / "leg.toml").is_file()]
     if not tasks:
         raise InputError("--legs", str(legs), "contains no legs", "make them with --make first")
     modules = ("studies.stockings.truth",)
@@ -126,7 +126,7 @@ def identify(legs: Path, out: Path, cells: int, jobs: int) -> None:
             progress,
             "identification",
             lambda task, row: f"{task}: {row}",
-            asked=lambda task: (task, cells, Contents(_folder(legs, *task))),
+            asked=lambda task: (task, cells, Contents(legs.joinpath(*task))),
         )
     text = f"{recovery_summary(rows)}\n\n{recovery_table(rows)}\n"
     _write(out / "recovery.json", [asdict(row) for row in rows], text)
@@ -168,26 +168,22 @@ def sizes(cells: int) -> None:
         print(found)
 
 
-def _folder(out: Path, kind: str, leg: str) -> Path:
-    return out / kind / leg
-
-
 def _make(context: tuple[Path, int], leg: str) -> str:
     out, seed = context
     started = time.process_time()
     for kind in NOISE:
-        shutil.rmtree(_folder(out, kind, leg), ignore_errors=True)
+        shutil.rmtree(out / kind / leg, ignore_errors=True)
     made = true_leg(read_legs(LEGS)[leg], TRUTHS[leg])
     if not made.equilibrium.converged:
         return "no equilibrium with the stocking was found; nothing written"
     for kind, noise in NOISE.items():
-        write_subject(leg, made, _folder(out, kind, leg), seed, noise)
+        write_subject(leg, made, out / kind / leg, seed, noise)
     return f"{made.equilibrium.state.report}, {time.process_time() - started:.0f} s of processor time"
 
 
 def _identify(context: tuple[Path, int], task: tuple[str, str]) -> Recovery:
     legs, cells = context
-    return recover(_folder(legs, *task), task[0], cells)
+    return recover(legs.joinpath(*task), task[0], cells)
 
 
 def _claim(cells: int, variant: Variant) -> Pressures:
