@@ -7,11 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from making_diagnosis import SOUGHT, problem_of, ramps
 
-from studies.cases import peers
+from legfem.common.errors import InputError
+from legfem.mechanisms import OCCURRENCES
+from studies.cases import peers, peers_neural
 from studies.cases.outcomes import Interval
 from studies.cases.peers_discrepancy import calibrated
 from studies.cases.peers_fitted import Answer, Course, Loading, OtherCurves, fitted
+from studies.cases.peers_neural import Simulator, by_network, causes, features
 from studies.cases.peers_selected import lasso, least_bic
 
 
@@ -129,6 +133,65 @@ def test_no_pair_is_of_one_mechanism(whitened):
     left = responses[:, 0] - 20 * responses[:, 6] + noises[1]
     chosen = least_bic(left, base, responses, names)
     assert len({names[k] for k in chosen}) == len(chosen)
+
+
+@pytest.fixture(scope="module")
+def base():
+    return problem_of(ramps(2))[1]
+
+
+LOGS = np.log([0.0008, 0.0012])
+
+
+def test_simulations_have_none_one_or_two_mechanisms_as_often_as_a_diagnosis_expects(base):
+    true, forces = Simulator(base, SOUGHT, np.random.default_rng(2)).recordings(800, LOGS)
+    assert true.shape == (800, 1 + len(SOUGHT)) and forces.shape == (800, len(base.prediction))
+    assert LOGS[0] <= true[:, 0].min() and true[:, 0].max() <= LOGS[1]
+    shares = np.bincount(true[:, 1:].sum(axis=1).astype(int), minlength=3) / len(true)
+    assert shares == pytest.approx([0.4, 0.4, 0.2], abs=0.06)
+
+
+def test_simulations_are_alike_by_one_seed(base):
+    one, other, third = (Simulator(base, SOUGHT, np.random.default_rng(k)).recordings(5, LOGS)[1] for k in (1, 1, 2))
+    assert np.array_equal(one, other) and not np.array_equal(one, third)
+
+
+def test_simulated_errors_are_as_large_as_a_diagnosis_expects(base, monkeypatch):
+    """Errors about one true course, whitened by the fit's own."""
+    simulator = Simulator(base, (), np.random.default_rng(4))
+    monkeypatch.setattr(Simulator, "truth", lambda *_: (np.zeros(1), base.prediction))
+    off = simulator.recordings(400, LOGS)[1] - base.prediction
+    assert np.mean(base.problem.whitened(off.T) ** 2) == pytest.approx(1.0, abs=0.25)
+
+
+def test_simulated_strengths_are_possible_ones(base):
+    simulator = Simulator(base, SOUGHT, np.random.default_rng(5))
+    for one in SOUGHT:
+        drawn, possible = [simulator.value(one.parameters[0], one) for _ in range(200)], OCCURRENCES.get(one.name)
+        low, high = one.parameters[0].bounds if possible is None else (possible.low, possible.high)
+        assert low <= min(drawn) < max(drawn) <= high
+
+
+def test_features_tell_the_size_of_a_force_and_what_is_left_beside_it(base):
+    _, forces = Simulator(base, SOUGHT, np.random.default_rng(6)).recordings(60, LOGS)
+    plain, larger = (features(base, factor * base.prediction, forces)[0] for factor in (1.0, 1.1))
+    assert plain[0] == pytest.approx(0.0, abs=1e-9) and larger[0] == pytest.approx(np.log(1.1))
+    assert larger[1:] == pytest.approx(plain[1:], abs=1e-6)
+
+
+def test_the_cause_is_what_most_samples_have():
+    samples = np.array([[[1, 0], [0, 0]], [[1, 0], [1, 1]], [[0, 1], [1, 1]]], dtype=float)
+    assert causes(samples).tolist() == [[1, 0], [1, 1]]
+
+
+def test_a_neural_estimate_without_its_library_says_what_to_install_before_anything_is_solved(tmp_path, monkeypatch):
+    def missing(name: str) -> None:
+        raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+    monkeypatch.setattr(peers_neural, "import_module", missing)
+    with pytest.raises(InputError, match="pip install sbi"):
+        by_network(Leg(), tmp_path)
+    assert not list(tmp_path.iterdir())
 
 
 def test_the_page_counts_by_peer_beside_the_truth_and_a_rerun_recalls(tmp_path, monkeypatch):

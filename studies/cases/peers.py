@@ -26,6 +26,7 @@ from legfem.legs.subject import Subject
 from studies.cases.outcomes import Interval, Rate
 from studies.cases.peers_discrepancy import by_discrepancy
 from studies.cases.peers_fitted import Answer, by_other_code, by_own_code
+from studies.cases.peers_neural import by_network
 from studies.cases.peers_selected import by_bic, by_lasso
 from studies.command_line import DONE_IS_KEPT, Library, Out, write_results
 from studies.counting import counted
@@ -50,9 +51,10 @@ PEERS: Mapping[str, tuple[str, Callable[[Subject, Path], Answer]]] = {
     "Kennedy-O'Hagan": ("studies.cases.peers_discrepancy", by_discrepancy),
     "BIC": ("studies.cases.peers_selected", by_bic),
     "LASSO": ("studies.cases.peers_selected", by_lasso),
+    "neural posterior": ("studies.cases.peers_neural", by_network),
 }
 """With the module on which answers depend; those that select recall what the diagnosis kept in a folder."""
-NAMING = ("legfem's diagnosis", "BIC", "LASSO")
+NAMING = ("legfem's diagnosis", "BIC", "LASSO", "neural posterior")
 """The others name no cause."""
 NUMBERS = ("C10 off (%)", "half-width (%)", "processor (s)", "solves")
 COLUMNS = ("case", "truth", "C10 (kPa)", "by", "held", "named", "right", *NUMBERS)

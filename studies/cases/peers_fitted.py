@@ -38,6 +38,8 @@ class Answer:
     named: list[str] = field(default_factory=list)
     seconds: float = float("nan")
     """Of the processor."""
+    tried: list[float] = field(default_factory=list)
+    """Where it learned from simulations, of others: the share whose C10 it holds, and whose causes it names."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,7 @@ from legfem.inverse.library import Detail
 from legfem.inverse.library_tasks import STIFFENING, cross, rounded, tasks_for
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
 from legfem.inverse.map_fit import fit, ordinary_fit
-from legfem.inverse.mechanism import TissueMechanism, shown_mechanisms
+from legfem.inverse.mechanism import Mechanism, TissueMechanism, shown_mechanisms
 from legfem.inverse.predictor import Predictor
 from legfem.inverse.trial_noise import estimate_noise
 from legfem.legs.diagnosis import Diagnoser, ruled_out_of
@@ -88,8 +88,8 @@ def after(chosen: Chosen, base: LinearisedFit, responses: FloatArray) -> Interva
     return Interval(*(mpa_to_kpa(base.moved(one)[DEEP_C10]) for one in ends))
 
 
-def linearised(leg: Subject, diagnoser: Diagnoser) -> tuple[LinearisedFit, list[str], FloatArray, int]:
-    """Return the base model's fit, mechanisms' names, their whitened responses (n, k) and the solves that these took.
+def screened(leg: Subject, diagnoser: Diagnoser) -> tuple[LinearisedFit, list[Mechanism], int]:
+    """Return the base model's fit, the mechanisms that were screened, and the solves that these took.
 
     By a diagnosis' own errors and screening responses; those are recalled where it is kept.
     """
@@ -107,20 +107,25 @@ def linearised(leg: Subject, diagnoser: Diagnoser) -> tuple[LinearisedFit, list[
     plain = ordinary_fit(problem, starts(predictor.law, middle))
     noise = estimate_noise(observed, leg.instrument, plain.residual)
     problem = LinearisedProblem(predictor, error_model(observed, noise, plain.prediction))
-    base = fit(problem, (), plain.values)
-    names, columns = [], []
-    for mechanism in able:
-        for values in mechanism.starts(observed) if mechanism.name not in library.missing else ():
-            moved = predictor({**base.values, **mechanism.by_full_name(values)}, [mechanism]) - base.prediction
+    return fit(problem, (), plain.values), [m for m in able if m.name not in library.missing], len(tasks)
+
+
+def linearised(base: LinearisedFit, mechanisms: Sequence[Mechanism]) -> tuple[list[str], FloatArray]:
+    """Return mechanisms' names and their whitened responses (n, k) about the base model's fit."""
+    problem, names, columns = base.problem, [], []
+    for mechanism in mechanisms:
+        for values in mechanism.starts(problem.predictor.observed):
+            moved = problem.predictor({**base.values, **mechanism.by_full_name(values)}, [mechanism]) - base.prediction
             if np.isfinite(moved).all() and np.any(moved):
                 names.append(mechanism.name)
                 columns.append(problem.whitened(moved))
-    return base, names, np.column_stack(columns), len(tasks)
+    return names, np.column_stack(columns)
 
 
 def selected(choose: Callable[..., Chosen], leg: Subject, folder: Path) -> Answer:
     """Choose among the responses that a diagnosis keeps in a folder; ``solves`` are those that a first one takes."""
-    base, names, responses, solves = linearised(leg, Diagnoser(folder, None))
+    base, mechanisms, solves = screened(leg, Diagnoser(folder, None))
+    names, responses = linearised(base, mechanisms)
     chosen = choose(base.whitened, base.jacobian, responses, names)
     return Answer(after(chosen, base, responses), solves, list(dict.fromkeys(names[k] for k in chosen)))
 
