@@ -26,7 +26,7 @@ from legfem.legs.subject import Subject
 from studies.cases.outcomes import Interval, Rate
 from studies.cases.peers_discrepancy import by_discrepancy
 from studies.cases.peers_fitted import Answer, by_other_code, by_own_code
-from studies.cases.peers_neural import by_network
+from studies.cases.peers_neural import by_network, learning
 from studies.cases.peers_selected import by_bic, by_lasso
 from studies.command_line import DONE_IS_KEPT, Library, Out, write_results
 from studies.counting import counted
@@ -110,6 +110,7 @@ def peers(
     Example: python -m studies.cases peers ../shared/foreign/case-*
     """
     with study_context("peers", out, 1, DONE_IS_KEPT) as (folder, _), progress_on() as progress:
+        learning("sbi")
         progress.stage("cases", len(folders))
         rows: list[dict[str, Any]] = []
         for number, one in enumerate(folders, 1):
