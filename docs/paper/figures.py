@@ -19,7 +19,7 @@ from studies.cases.sealed_picture import COUNTED, draw, read_counted
 FONTS = str(Path(matplotlib.get_data_path()) / "fonts" / "ttf")
 SMALL = {"font.size": 8, "axes.titlesize": 8.5, "svg.fonttype": "none"}
 SUBJECT = "3"
-MARKS = dict(zip("osD^v<", (*COLOURS.values(), DATA_COLOUR, FAINT), strict=True))
+MARKS = dict(zip("osD^v<>", (*COLOURS.values(), DATA_COLOUR, FAINT, "#56B4E9"), strict=True))
 
 
 @styled
@@ -60,7 +60,7 @@ def peers(found: dict[str, Any]) -> Figure:
     for k, (way, (mark, colour)) in enumerate(zip(ways, MARKS.items(), strict=True)):
         own = [row for row in rows if row[3] == way]
         off, half = (np.array([float(row[column]) for row in own]) for column in (6, 7))
-        at = [cases.index(row[0]) + 0.13 * (k - 2.5) for row in own]
+        at = [cases.index(row[0]) + 0.11 * (k - 3) for row in own]
         axes.errorbar(off, at, xerr=half, fmt=mark, ms=3.5, color=colour, lw=1, capsize=1.5, label=way)
     truths = {row[0]: f"{row[0]}: {row[1].replace('-', ' ')}" for row in rows}
     axes.axvline(0, color=FAINT, lw=0.8, zorder=0)
