@@ -14,6 +14,7 @@ import typer
 
 from legfem.common.command_line import study_context
 from legfem.common.documents import Contents, markdown_table
+from legfem.common.numbers import number
 from legfem.common.progress import Silent, progress_on
 from legfem.common.units import mpa_to_kpa
 from legfem.inverse.catalogue import DEEP_C10
@@ -92,7 +93,7 @@ def page(rows: Sequence[Mapping[str, Any]]) -> str:
     for by, own in frame.groupby("by", sort=False):
         held, right = (str(Rate(int(own[name].sum()), len(own))) for name in ("held", "right"))
         sizes = own[list(NUMBERS)].abs()
-        middle = [f"{one:.2g}" for one in sizes.median()]
+        middle = [number(one) for one in sizes.median()]
         lines.append([str(by), held, right if by in NAMING else "-", f"{sizes[NUMBERS[0]].max():.0f}", *middle])
     head = ("", "interval holds C10", "first named is what is there", "most that C10 is off (%)", *NUMBERS)
     told = frame.drop(columns="right").assign(held=frame["held"].map({True: "yes", False: "no"}))
