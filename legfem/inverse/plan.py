@@ -22,13 +22,14 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
+from scipy.linalg import block_diag, inv
 from scipy.stats import norm
 
 from legfem.common.units import FloatArray
 from legfem.inverse.accuracy import Accuracy, measured_strength
+from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.channel_readings import PlannedChannel
-from legfem.inverse.errors import NuisanceEffect, error_model
+from legfem.inverse.errors import ErrorModel, NuisanceEffect, error_model
 from legfem.inverse.evidence import discrepancy_scales, possible_discrepancies
 from legfem.inverse.explanation import INEXACT
 from legfem.inverse.linearised import INEXACT_SHARE, LinearisedFit
@@ -129,6 +130,8 @@ class DesignValue:
     """Chance that data of the first explanation favour it over the second."""
     chance: float
     """Chance that whichever explanation holds is told from all others."""
+    narrows: tuple[float, ...] = ()
+    """By each explanation, the standard error of C10 after the test over that before."""
 
 
 type DesignedNuisances = Callable[[Design, Observations, FloatArray], Sequence[NuisanceEffect]]
@@ -165,12 +168,14 @@ def evaluate_design(
         return None
     told = [_told(new, c, own, design) for c, own in zip(candidates, readings, strict=True)]
     kept = np.all([_above_threshold(blank.with_values(own)) for own in readings], axis=0)
-    chances = {}
+    chances, narrows = {}, []
     for one, mine in zip(candidates, told, strict=True):
         effects = nuisances(design, blank, mine.readings)
         images = new.images_elsewhere(one.fit.moved(one.mean), one.fit.mechanisms)
         errors = error_model(blank.with_values(mine.readings), noise, mine.readings, effects, images=images)
-        known = replace(errors, gain_sd=gain_sd).covariance
+        errors = replace(errors, gain_sd=gain_sd)
+        known = errors.covariance
+        narrows.append(_narrowed(one, mine, errors, kept))
         for other, its in zip(candidates, told, strict=True):
             if other is one:
                 continue
@@ -179,7 +184,33 @@ def evaluate_design(
             inexact = total + mine.inexact + its.inexact
             left = chance_to_distinguish(apart[kept], inexact[np.ix_(kept, kept)])
             chances[one.name, other.name] = (1 - INEXACT) * exact + INEXACT * left
-    return design_value(design, chances, candidates)
+    return replace(design_value(design, chances, candidates), narrows=tuple(narrows))
+
+
+def _narrowed(candidate: Candidate, told: "_Told", errors: ErrorModel, kept: NDArray[np.bool_]) -> float:
+    """Return the standard error of a candidate's C10 after a test over that before it.
+
+    What isn't known exactly of the body errs alike in what was recorded and in what is to be.
+    """
+    fitted, before = candidate.fit, candidate.fit.problem.errors
+    known = list(dict.fromkeys((*before.names, *errors.names)))
+    own = len(fitted.parameters)
+    lasting = [k for k, one in enumerate(fitted.parameters) if one.role != "nuisance"]
+    size = own + told.slopes.shape[1] - len(lasting)
+
+    def information(slopes: FloatArray, places: Sequence[int], by: ErrorModel) -> FloatArray:
+        columns = np.zeros((len(slopes), size + len(known)))
+        columns[:, places] = slopes
+        columns[:, [size + known.index(name) for name in by.names]] = by.known
+        white = replace(by, known=by.known[:, :0]).whitened(columns)
+        return white.T @ white
+
+    prior = np.eye(size + len(known))
+    prior[own:size, own:size] /= told.onset_sd**2
+    now = prior + information(fitted.sensitivities, range(own), before)
+    then = now + information(told.slopes[kept], [*lasting, *range(own, size)], errors.part(kept))
+    at = fitted.free.index(DEEP_C10)
+    return float(np.sqrt(inv(then)[at, at] / inv(now)[at, at]))
 
 
 def _above_threshold(observed: Observations) -> NDArray[np.bool_]:
@@ -229,6 +260,10 @@ class _Told:
 
     readings: FloatArray
     """(N,)."""
+    slopes: FloatArray
+    """(N, p): what its lasting parameters and the new first contacts may change."""
+    onset_sd: float
+    """Of these contacts, mm."""
     taken: FloatArray
     """(N, N): what its parameters and first contacts may still take up."""
     inexact: FloatArray
@@ -238,11 +273,12 @@ class _Told:
 def _told(new: Predictor, candidate: Candidate, readings: FloatArray, design: Design) -> _Told:
     blank, fitted = new.observed, candidate.fit
     slopes, known = _slopes(new, candidate, readings, design), _known(candidate, design)
+    onset_sd = float(np.sqrt(known[-1, -1]))
     own = len(fitted.stiffness)
     refit = np.column_stack([slopes[:, :own], slopes[:, -len(design.protocols) :]])
     shown = readings - _readings(new, (), fitted.moved(candidate.mean), design)
     shown = shown - refit @ np.linalg.lstsq(refit, shown)[0]
-    return _Told(readings, slopes @ known @ slopes.T, _inexact(blank, readings, shown))
+    return _Told(readings, slopes, onset_sd, slopes @ known @ slopes.T, _inexact(blank, readings, shown))
 
 
 def _inexact(blank: Observations, readings: FloatArray, shown: FloatArray) -> FloatArray:

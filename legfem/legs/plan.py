@@ -105,8 +105,8 @@ def plan_after(found: Diagnosis, subject: Subject, diagnoser: Diagnoser, progres
 def bought_in_visit(found: Diagnosis, subject: Subject, can: Collection[str]) -> dict[str, float]:
     """Return factors on C10's interval that one more trial is expected to bring, by what to do, the best first.
 
-    Explanations that it tells apart weigh less by then. Nothing is solved for it: what follows a path, as relaxation
-    does, tells nothing here.
+    Explanations that it tells apart weigh less by then, and by each C10 is known better. Nothing is solved for it: what
+    follows a path, as relaxation does, tells nothing here.
 
     Parameters
     ----------
@@ -136,7 +136,8 @@ def bought_in_visit(found: Diagnosis, subject: Subject, can: Collection[str]) ->
         blank = blank_observations([*(own.protocol for own in observed.protocols), *further])
         told_from = [[one.chances.get((a.name, b.name), 0.0) for b in candidates] for a in candidates]
         less = np.exp(-POWER * expected_log_factor(np.array(told_from)))
-        then = [Mixture.joined([*(weights * left)], every).moments[1] for left in less]
+        narrower = [own.narrowed(factor) for own, factor in zip(every, one.narrows, strict=True)]
+        then = [Mixture.joined([*(weights * left)], narrower).moments[1] for left in less]
         stays = [u for u in problem.unseen if u.mechanism.hides_in_stiffness or u.mechanism.untestable(blank)]
         hidden, left = (variance_beside(found.explained, each) for each in (problem.unseen, stays))
         now, after = Mixture.joined([*weights], every).moments[1] + hidden, np.average(then, weights=weights) + left
