@@ -58,6 +58,24 @@ def against_nothing(found) -> list[Candidate]:
     return [candidate(stiff), candidate(found.weighted_base)]
 
 
+def narrowed(found: Diagnosis, base: Candidate, repeats: int) -> float:
+    predictor = found.weighted_base.problem.predictor
+    worth = evaluate_design(Design("again", (RAMP,) * repeats), [base], predictor, lambda *_: [], NOISE, 0.01)
+    assert worth is not None
+    return worth.narrows[0]
+
+
+def test_repeats_narrow_c10_down_to_what_errs_alike_in_all(found, against_nothing):
+    base = against_nothing[1]
+    known = [narrowed(found, base, repeats) for repeats in (1, 3, 12, 100)]
+    assert known == sorted(known, reverse=True) and known[0] < 1.0
+    problem = base.fit.problem
+    (gain,) = problem.errors.stated.values()
+    other = replace(problem, errors=replace(problem.errors, stated={"another load cell's gain": gain}))
+    # A second load cell errs by itself, and the mean of both is known better.
+    assert narrowed(found, replace(base, fit=replace(base.fit, problem=other)), 100) < 0.85 * known[-1]
+
+
 def test_twins_are_told_apart_by_no_repeat(found, against_nothing):
     twins = [candidate(m) for m in found.models]
     assert chance(found, twins) < 0.05 < chance(found, against_nothing)

@@ -368,7 +368,9 @@ def prior_candidates(base: LinearisedFit, mechanisms: Sequence[Mechanism]) -> li
         departure = np.zeros(len(parameters))
         departure[: len(base.free)] = base.prior_z
         departure[len(base.free)] = 0.7
-        fitted = replace(base, mechanisms=(mechanism,), parameters=parameters, prior_z=departure)
+        # Nothing was recorded that tells of its strength.
+        slopes = np.pad(base.sensitivities, ((0, 0), (0, len(parameters) - len(base.free))))
+        fitted = replace(base, mechanisms=(mechanism,), parameters=parameters, prior_z=departure, sensitivities=slopes)
         found.append(Candidate(mechanism.name, fitted, departure, np.eye(len(parameters)), 1.0))
     return found
 
