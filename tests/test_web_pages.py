@@ -27,7 +27,7 @@ from legfem.report.curves import Curves, Line
 from legfem.report.estimates import words_of
 from legfem.report.kinds import page_of
 from legfem.report.kinds.specimens import curves_of, procedure
-from legfem.report.leg_3d_view import Marked, SkinField, pressed_leg, turned_leg
+from legfem.report.leg_3d_view import SkinField, pressed_leg, turned_leg
 from legfem.report.page import Bars, LabelledBar, Slider, View
 from legfem.report.plan import plan_web_page
 from legfem.report.render import PAGE_FILES, embed, rendered
@@ -244,7 +244,7 @@ def test_the_turned_leg_holds_what_was_computed(shrunk):
         ["a"],
         [["1"]],
         "A leg",
-        [Marked("a vein", np.array([1.0, 2.0, 3.0]))],
+        [("a vein", np.array([1.0, 2.0, 3.0]))],
     )
     data = made.data
     assert data["stops"] == [0.0, 40.0, 100.0]

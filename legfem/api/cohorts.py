@@ -38,8 +38,7 @@ from legfem.legs.identification import as_leg
 from legfem.legs.subject import SitedLeg, Subject
 from legfem.report.answers import headline_of
 from legfem.report.cohort import ODD, cohort_web_page, write_cohort_page
-from legfem.report.cohort_statistics import TITLE as STATISTICS
-from legfem.report.cohort_statistics import agreement_curves, forest_figure, readings_page
+from legfem.report.cohort_statistics import STATISTICS, agreement_curves, forest_figure, readings_page
 from legfem.report.curves import curves_figure
 from legfem.report.folder import made_in_place
 from legfem.report.page import PAGE, WebPage, command_line

@@ -19,8 +19,7 @@ from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 from legfem.common.command_line import check_out_folder
 from legfem.common.errors import Argument, Command, Door, InputError, Remedy, log_doubts, missing_module
 from legfem.data.folder import Catalogue
-from legfem.legs.loading import load_sites as load_sites_folder
-from legfem.legs.loading import load_subject as load_subject_folder
+from legfem.legs import loading as of_legs
 from legfem.legs.plausibility import doubts_about
 from legfem.legs.schema import SUBJECTS, site_names
 from legfem.legs.subject import SitedLeg, Subject
@@ -190,6 +189,7 @@ def check_unused(what: str, given: Mapping[str, bool]) -> None:
 
 type Given = str | Path
 """Id of a subject that comes with legfem, or the path of a folder."""
+type Tested = Subject | SitedLeg | SpecimenFolder
 _TAKEN_BY = {
     "subject.toml": _LoadWith("load_subject", Command("identify"), " takes it"),
     "leg.toml": _LoadWith("load_leg", Command("stocking"), " takes it"),
@@ -218,7 +218,7 @@ def load_subject(subject: Given, site: str = "") -> Subject:
     >>> leg = lf.load_subject("3")  # or the path of a folder
     >>> leg.section, leg.recordings  # a notebook shows what they look like
     """
-    loaded = load_subject_folder(folder_of(subject, SUBJECTS), need_instrument=False, site=site)
+    loaded = of_legs.load_subject(folder_of(subject, SUBJECTS), need_instrument=False, site=site)
     log_doubts(doubts_about(loaded))
     return loaded
 
@@ -243,7 +243,7 @@ def load_sites(leg: Given) -> SitedLeg:
     >>> lf.identify(leg)
     """
     folder = folder_of(leg, SUBJECTS)
-    loaded = load_sites_folder(folder)
+    loaded = of_legs.load_sites(folder)
     if loaded is None:
         raise InputError(folder / SUBJECTS.file, "site", "the leg has none", "load it with load_subject")
     for site in loaded.sites:
@@ -260,9 +260,7 @@ def are_specimens(given: object) -> "TypeIs[SpecimenFolder]":
     return isinstance(given, SpecimenFolder)
 
 
-def opened(
-    given: "Subject | SitedLeg | SpecimenFolder | Given", site: str = ""
-) -> "Subject | SitedLeg | SpecimenFolder":
+def opened(given: Tested | Given, site: str = "") -> Tested:
     """Return what is to be identified: a leg, one of its sites, all of them, or specimens.
 
     Raises
@@ -290,9 +288,7 @@ def opened(
     raise wrong("site", site, "is not a site of the leg", remedy)
 
 
-def named(
-    subject: str | None, subject_dir: Path | None, specimen_dir: Path | None, site: str | None
-) -> "Subject | SitedLeg | SpecimenFolder":
+def named(subject: str | None, subject_dir: Path | None, specimen_dir: Path | None, site: str | None) -> Tested:
     """Return what a command's options name: a leg, one of its sites, all of them, or specimens.
 
     Raises
@@ -376,10 +372,9 @@ def load_leg(leg: Given, cells: int | None = None) -> "StockingLeg":
     >>> leg = lf.load_leg("1")
     >>> leg.stocking, leg.tissues
     """
-    from legfem.stockings.loading import LEGS
-    from legfem.stockings.loading import load_leg as load_leg_folder
+    from legfem.stockings import loading as of_stockings
 
-    loaded = load_leg_folder(folder_of(leg, LEGS), cells=cells)
+    loaded = of_stockings.load_leg(folder_of(leg, of_stockings.LEGS), cells=cells)
     log_doubts(loaded.doubts)
     return loaded
 

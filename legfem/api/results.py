@@ -128,8 +128,7 @@ class Identification(Result):
 
     def summary(self) -> str:
         """Values, intervals, which law fits better, whether sites agree, how well the rest is predicted, warnings."""
-        kind = kind_of(self.fits)
-        return brief(page_of(self.fits), kind.told)
+        return brief(page_of(self.fits), kind_of(self.fits).told)
 
     def document(self) -> dict[str, Any]:
         """What ``result.json`` holds; its laws are members."""

@@ -22,10 +22,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 from scipy.optimize import minimize
-from scipy.stats import f as f_distribution
-from scipy.stats import norm
-from scipy.stats import t as t_distribution
 from statsmodels.tools.numdiff import approx_hess3
 
 from legfem.common.units import FloatArray
@@ -50,8 +48,8 @@ class Fitted:
     def effect(self, number: int) -> tuple[float, float, float, float]:
         """Return an effect, the ends of its 95 % interval and its p-value."""
         value, sd = float(self.effects[number]), float(np.sqrt(self.covariance[number, number]))
-        half = float(t_distribution.ppf(0.975, self.freedom)) * sd
-        return value, value - half, value + half, float(2 * t_distribution.sf(abs(value) / sd, self.freedom))
+        half = float(stats.t.ppf(0.975, self.freedom)) * sd
+        return value, value - half, value + half, float(2 * stats.t.sf(abs(value) / sd, self.freedom))
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,16 +115,16 @@ class MixedModel:
         inner = both.T @ weighted
         log_det = float(np.sum(np.log(variance)))
         slips = self.alike / variance
-        grown = 1 + _by_group(self.leg, self.alike * slips)
-        slipped = _by_group(self.leg, self.alike[:, None] * weighted)
+        grown = 1 + sums_by(self.leg, self.alike * slips)
+        slipped = sums_by(self.leg, self.alike[:, None] * weighted)
         inner -= (slipped / grown[:, None]).T @ slipped
         log_det += float(np.sum(np.log(grown)))
         # What the other levels see of a leg: its sums less those along what its tests err by alike.
-        along = _by_group(self.leg, slips) / grown
-        precision = _by_group(self.leg, 1 / variance) - along * _by_group(self.leg, slips)
-        sums = _by_group(self.leg, weighted) - along[:, None] * slipped
+        along = sums_by(self.leg, slips) / grown
+        precision = sums_by(self.leg, 1 / variance) - along * sums_by(self.leg, slips)
+        sums = sums_by(self.leg, weighted) - along[:, None] * slipped
         for level, of in ((1, np.arange(len(owner))), (0, owner)):
-            total, summed = _by_group(of, precision), _by_group(of, sums)
+            total, summed = sums_by(of, precision), sums_by(of, sums)
             grown = 1 + sd[level] ** 2 * total
             inner -= (summed * (sd[level] ** 2 / grown)[:, None]).T @ summed
             log_det += float(np.sum(np.log(grown)))
@@ -138,7 +136,7 @@ class MixedModel:
         return log_det + left + float(np.linalg.slogdet(information)[1]), effects, covariance
 
 
-def _by_group(of: Numbers, values: FloatArray) -> FloatArray:
+def sums_by(of: Numbers, values: FloatArray) -> FloatArray:
     """Return the sums (g, ...) of values (n, ...) by numbers (n,) from 0."""
     size = int(of.max()) + 1
     if values.ndim == 1:
@@ -207,7 +205,7 @@ def agreement(table: FloatArray, people: int | None = None) -> Agreement:
     # Theirs times m (1 - ICC), which is zero where all agree wholly.
     a, b = k * icc * of_columns, (m * (1 - icc) + k * icc * (m - 1)) * of_rest
     freedom = (a + b) ** 2 / (a**2 / (k - 1) + b**2 / ((m - 1) * (k - 1))) if a or b else 1.0
-    above, below = f_distribution.ppf(0.975, m - 1, freedom), f_distribution.ppf(0.975, freedom, m - 1)
+    above, below = stats.f.ppf(0.975, m - 1, freedom), stats.f.ppf(0.975, freedom, m - 1)
     shared = k * of_columns + (k * m - k - m) * of_rest
     low = m * (of_rows - above * of_rest) / (above * shared + m * of_rows)
     high = m * (below * of_rows - of_rest) / (shared + m * below * of_rows)
@@ -233,7 +231,7 @@ def limits(differences: FloatArray, people: int | None = None) -> Limits:
     """
     n = people or len(differences)
     mean, sd = float(np.mean(differences)), float(np.std(differences, ddof=1))
-    z, t = norm.ppf(0.975), t_distribution.ppf(0.975, n - 1)
+    z, t = stats.norm.ppf(0.975), stats.t.ppf(0.975, n - 1)
     of_mean = t * sd / math.sqrt(n)
     of_limit = t * sd * math.sqrt(1 / n + z**2 / (2 * (n - 1)))
 

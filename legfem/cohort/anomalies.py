@@ -9,6 +9,7 @@ from datetime import date, datetime
 import numpy as np
 import pandas as pd
 
+from legfem.cohort.agreement import sums_by
 from legfem.cohort.members import Member
 from legfem.cohort.rows import Row, cohort_model, measured
 from legfem.cohort.statistics import values_of
@@ -103,11 +104,8 @@ def largest_step(days: FloatArray, person: np.ndarray, group: np.ndarray, values
         return None
 
     def centred(table: FloatArray) -> FloatArray:
-        sums = np.zeros((block.max() + 1, *table.shape[1:]))
-        np.add.at(sums, block, table)
         counts = np.bincount(block).reshape(-1, *[1] * (table.ndim - 1))
-        centred_table: FloatArray = table - (sums / counts)[block]
-        return centred_table
+        return table - (sums_by(block, table) / counts)[block]
 
     late = centred((days[:, None] >= starts).astype(np.float64))
     spread = (late**2).sum(axis=0)
@@ -116,8 +114,7 @@ def largest_step(days: FloatArray, person: np.ndarray, group: np.ndarray, values
     residual = centred(values)
 
     def gains(y: FloatArray) -> FloatArray:
-        gain: FloatArray = (late.T @ y) ** 2 / spread[:, None]
-        return gain
+        return np.asarray((late.T @ y) ** 2 / spread[:, None])
 
     generator = np.random.default_rng(0)
     order = np.lexsort((generator.random((_DRAWS, len(values))), np.broadcast_to(block, (_DRAWS, len(values)))), axis=1)
@@ -221,8 +218,7 @@ def missing(members: Sequence[Member], rows: Sequence[Row]) -> list[str]:
     lines = []
     if failed := [row.name for row in rows if not row.done]:
         lines.append(f"No result: {listed(failed)}.")
-    columns = dict.fromkeys(name for one in members for name in one.given)
-    for name in columns:
+    for name in dict.fromkeys(name for one in members for name in one.given):
         if lacking := [one.name for one in members if name not in one.given]:
             lines.append(f"The table says no {name} of {listed(lacking)}.")
     for name in ("side", "session"):

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from legfem.cohort.anomalies import day, rig_steps
 from legfem.cohort.members import Member, Members
-from legfem.cohort.rows import Measure, Row, cohort_model, measured
+from legfem.cohort.rows import NORMAL, Measure, Row, cohort_model, measured
 from legfem.cohort.statistics import COVARIATES, design_of, values_of
 from legfem.common.documents import json_types
 from legfem.common.errors import Argument, InputError
@@ -35,7 +35,6 @@ type Numbers = NDArray[np.int_]
 OPEN = 5.0
 """Standard deviation of a logarithm on a side that nothing closes."""
 LEAST_PEOPLE = 5
-_NORMAL = 1.96
 LEVELS: Mapping[str, float] = {"person": 0.5, "leg": 0.2, "visit": 0.1, "rater": 0.1, "rig": 0.05, "test": 0.1}
 """Scales of the half-normal priors of standard deviations, of logarithms."""
 MEAN_SD = 3.0
@@ -67,8 +66,8 @@ class Likelihoods:
         for i, parts in enumerate(every):
             for k, (weight, value, low, high) in enumerate(parts):
                 found.log_weight[i, k], found.centre[i, k] = math.log(weight), math.log(value)
-                found.below[i, k] = math.log(value / low) / _NORMAL if low and low < value else OPEN
-                found.above[i, k] = math.log(high / value) / _NORMAL if high and high > value else OPEN
+                found.below[i, k] = math.log(value / low) / NORMAL if low and low < value else OPEN
+                found.above[i, k] = math.log(high / value) / NORMAL if high and high > value else OPEN
         widths = np.array([_width(one) for one in measures])
         alike = np.array([one.alike if repeated and not one.explanations else 0.0 for one in measures])
         own = (widths * np.sqrt(1 - alike))[:, None]
@@ -85,7 +84,7 @@ def _width(one: Measure) -> float:
     """Return the standard error over a normal interval's: less than 1 where that allows for few repeats."""
     if one.explanations or one.sd is None or one.low is None or one.high is None or not one.high > one.low:
         return 1.0
-    return min(1.0, one.sd * 2 * _NORMAL / (one.high - one.low))
+    return min(1.0, one.sd * 2 * NORMAL / (one.high - one.low))
 
 
 @dataclass(frozen=True, eq=False)

@@ -124,7 +124,7 @@ class Row:
 _ALIKE: frozenset[ErrorSource] = frozenset({"model", "misfit", "ends", "fibres", "shape", "sizes", "priors"})
 """What all tests of a leg err by alike, whatever the day: its outlines and sizes, its layers' other stiffnesses, the
 model."""
-_NORMAL = 1.96
+NORMAL = 1.96
 """Standard errors in half a 95 % interval."""
 _POINTS = 40
 """Of a curve, which is drawn small."""
@@ -172,7 +172,7 @@ def _measures(model: StoredModel) -> dict[str, Measure]:
         low, high = map(_known, one.ci95)
         sd = _known(one.standard_error)
         if sd is None and low is not None and high is not None:
-            sd = (high - low) / (2 * _NORMAL)
+            sd = (high - low) / (2 * NORMAL)
         alike = sum(share for source, share in one.share_of_squared_error.items() if source in _ALIKE)
         if math.isfinite(one.value):
             found[name] = Measure(one.value, low, high, sd, one.unit, one.identifiability, alike=min(alike, 1.0))
@@ -261,8 +261,7 @@ def _columns(row: Row) -> Iterator[_Column]:
 
 def column(model: str, *parts: str) -> str:
     """Return the name of a model's column: ``neo_hookean_c10_deep_low_kPa``."""
-    words = [model.replace("-", "_").replace(" ", "_"), *parts]
-    return "_".join(word for word in words if word)
+    return "_".join(filter(None, [model.replace("-", "_").replace(" ", "_"), *parts]))
 
 
 def units_frame(frame: pd.DataFrame, rows: Sequence[Row]) -> pd.DataFrame:
@@ -384,8 +383,7 @@ class KnownRows:
         self.out, self.members, self.options = out, members, options
         priors = (Path(text.partition("=")[2].strip()) for text in options.given.get("prior", ()))
         depends = [options.task, options.given, [Contents(path) for path in priors if path.suffix == ".json"]]
-        place = itemgetter("place")
-        self._store = Store(out / "rows", list[Row], depends, _CODE[options.task], named=place)
+        self._store = Store(out / "rows", list[Row], depends, _CODE[options.task], named=itemgetter("place"))
         self._asked = {one.name: {"place": one.place.replace("/", "__"), "files": _files(one)} for one in members.every}
         self.rows: dict[str, list[Row]] = {}
         for one in members.every:

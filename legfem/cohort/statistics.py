@@ -232,8 +232,7 @@ def _effects(table: pd.DataFrame, reasons: dict[str, None]) -> tuple[tuple[Effec
         reasons[f"No mixed model: {people} people are too few for {count} effects ({need} are needed)."] = None
         return (), None
     own, alike = kept["own"].to_numpy(), kept["alike"].to_numpy()
-    model = MixedModel(kept["value"].to_numpy(), design, own, alike, person, leg)
-    fitted = model.fit()
+    fitted = MixedModel(kept["value"].to_numpy(), design, own, alike, person, leg).fit()
     effects = (Effect(text, *fitted.effect(k + 1), of_group) for k, (text, of_group) in enumerate(shown))
     return tuple(effects), fitted
 

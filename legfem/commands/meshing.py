@@ -139,8 +139,7 @@ def stocking_mesh(folder: Path, finer: float = 1.0) -> "NamedMesh":
     from legfem.stockings.loading import load_leg
 
     leg = load_leg(folder)
-    sizes = settings_for_cells(leg.bare, round(CELLS * finer**3))
-    made = mesh_solid_leg(leg.bare, sizes)
+    made = mesh_solid_leg(leg.bare, settings_for_cells(leg.bare, round(CELLS * finer**3)))
     return named_mesh(made.mesh, made.cell_tags, made.facet_tags, made.regions)
 
 

@@ -20,10 +20,15 @@ from legfem.inverse.catalogue import called
 from legfem.inverse.claims import check
 from legfem.report import cohort_statistics
 from legfem.report.answers import kind_of_notice, span_of
-from legfem.report.curves import Bundle, Cell, Forest, ForestMetric, Group, Grouped, SortableTable
+from legfem.report.curves import Bundle, Cell, Forest, ForestMetric, Grouped, SortableTable
 from legfem.report.render import plain_page, rendered
 from legfem.report.words import BEYOND_A_FIT, LAW_NAMES, WORDS, DataKind, capital
 from legfem.stockings.levels import WAYS, fewest
+
+type Found = Mapping[str, ModelResult]
+"""Members' results, by their names."""
+type Judgements = Mapping[str, Sequence[str]]
+"""How each tone is called: as a cell, of one member and of several."""
 
 
 def methods(members: Members, rows: Sequence[Row], task: str, model: str) -> list[str]:
@@ -155,7 +160,7 @@ def cohort_web_page(
     )
 
 
-def _check(found: Mapping[str, ModelResult], numbers: Statistics) -> None:
+def _check(found: Found, numbers: Statistics) -> None:
     """Check all that is claimed of a cohort; raises ContradictionError."""
     for member, one in found.items():
         for name, known in one.measures.items():
@@ -174,7 +179,7 @@ def write_cohort_page(page: web.WebPage, folder: Path) -> Path:
     return folder / TEXT
 
 
-def _answer(members: Sequence[Member], rows: Sequence[Row], found: Mapping[str, ModelResult]) -> str:
+def _answer(members: Sequence[Member], rows: Sequence[Row], found: Found) -> str:
     """What members have in the median and from the least to the greatest, by group; empty without a number."""
     trusted = [row for row in rows if row.name in found and row.judged.tone != "wrong"]
     names = list(dict.fromkeys(name for row in trusted for name in found[row.name].measures))
@@ -201,8 +206,8 @@ def _headline(
     rows: Sequence[Row],
     odd: Sequence[Suspicion],
     model: str,
-    judged: Mapping[str, Sequence[str]],
-    found: Mapping[str, ModelResult],
+    judged: Judgements,
+    found: Found,
 ) -> web.Headline:
     counts = Counter(row.judged.tone for row in rows)
     said = ", ".join(
@@ -224,9 +229,7 @@ def _headline(
     return web.Headline(tone, sentence, answers, f"{good} of {len(rows)} can be used")
 
 
-def _believed(
-    members: Sequence[Member], rows: Sequence[Row], task: str, judged: Mapping[str, Sequence[str]]
-) -> list[web.Block]:
+def _believed(members: Sequence[Member], rows: Sequence[Row], task: str, judged: Judgements) -> list[web.Block]:
     """A matrix of verdicts and warnings, the gravest first."""
     kinds = {row.name: set(map(kind_of_notice, row.judged.notices)) for row in rows}
     counts = Counter(kind for found in kinds.values() for kind in found)
@@ -264,9 +267,7 @@ def _believed(
     ]
 
 
-def _numbers(
-    members: Sequence[Member], rows: Sequence[Row], model: str, found: Mapping[str, ModelResult]
-) -> list[web.Block]:
+def _numbers(members: Sequence[Member], rows: Sequence[Row], model: str, found: Found) -> list[web.Block]:
     known = {one.name: one for one in members}
     names = list(dict.fromkeys(name for one in found.values() for name in one.measures))
     units = {name: next(one.measures[name].unit for one in found.values() if name in one.measures) for name in names}
@@ -327,13 +328,11 @@ def _grouped(members: Sequence[Member], rows: Sequence[Row]) -> Grouped:
     colours = cohort_statistics.colours_of(members)
     places = {name: k for k, name in enumerate(colours)}
     group = {one.name: one.group for one in members}
-    shown = [Group(name or ("no group" if len(colours) > 1 else "all"), colour) for name, colour in colours.items()]
+    shown = [(name or ("no group" if len(colours) > 1 else "all"), colour) for name, colour in colours.items()]
     return Grouped([row.name for row in rows], shown, [places[group[row.member]] for row in rows])
 
 
-def _forest(
-    members: Sequence[Member], rows: Sequence[Row], found: Mapping[str, ModelResult], units: Mapping[str, str]
-) -> Forest:
+def _forest(members: Sequence[Member], rows: Sequence[Row], found: Found, units: Mapping[str, str]) -> Forest:
     def digits(value: float | None) -> float | None:
         return None if value is None else float(f"{value:.5g}")
 
@@ -346,7 +345,7 @@ def _forest(
     return Forest(caption, _grouped(members, rows), list(map(metric, units, units.values())))
 
 
-def _bundle(members: Sequence[Member], rows: Sequence[Row], found: Mapping[str, ModelResult]) -> Bundle | None:
+def _bundle(members: Sequence[Member], rows: Sequence[Row], found: Found) -> Bundle | None:
     drawn = [(row, one) for row in rows if row.name in found and (one := found[row.name].curve) is not None]
     if not drawn:
         return None

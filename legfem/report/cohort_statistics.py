@@ -13,7 +13,7 @@ import legfem.report.page as web
 from legfem.cohort.agreement import ICC_FORM
 from legfem.cohort.members import Member, Members
 from legfem.cohort.population_model import EXPONENT, LEVELS, PopulationFit
-from legfem.cohort.rows import Measure, Row, cohort_model, measured
+from legfem.cohort.rows import NORMAL, Measure, Row, cohort_model, measured
 from legfem.cohort.statistics import LEVEL, POWER, Analysed, Pair, Repeated, Statistics, values_of
 from legfem.common.documents import versions_of
 from legfem.common.numbers import NOT_DETERMINED, between, is_determined, number, share, short_probability
@@ -23,10 +23,10 @@ from legfem.report.curves import Cell, Curves, Line, SortableTable, shown
 from legfem.report.style import DATA_COLOUR, new_figure, styled
 from legfem.report.words import LAW_NAMES
 
-TITLE = "Statistics"
+STATISTICS = "Statistics"
+"""A chapter."""
 _MOST_POINTS = 400
 """Of a plot."""
-_NORMAL = 1.96
 
 
 GROUP_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C6D1F", "#111111")
@@ -83,7 +83,7 @@ def chapter(found: Statistics) -> web.Chapter:
         blocks.append(web.WebTable.of(caption, rows))
     if found.not_done:
         blocks += [web.Prose("Not computed:"), web.Bullets(found.not_done)]
-    return web.Chapter(TITLE, blocks or [web.Prose("There is nothing to compare.")])
+    return web.Chapter(STATISTICS, blocks or [web.Prose("There is nothing to compare.")])
 
 
 def _difference(one: Analysed, value: float) -> str:
@@ -217,7 +217,7 @@ def population_chapter(found: Sequence[PopulationFit]) -> web.Chapter:
 
     rows = []
     for one in found:
-        low, middle, high = (math.exp(one.log_median + k * one.log_sd) for k in (-1.96, 0.0, 1.96))
+        low, middle, high = (math.exp(one.log_median + k * one.log_sd) for k in (-NORMAL, 0.0, NORMAL))
         sds = [relative(one.draws.sd[level]) if level in one.draws.sd else "" for level in levels]
         rows.append([called(one.key), f"{middle:.3g} kPa", f"{low:.3g} to {high:.3g} kPa", *sds])
     header = ["what", "median of people", "95 % of people", *(words.get(level, f"{level}s") for level in levels)]
@@ -301,13 +301,13 @@ def _among(name: str, norm: CohortParameter, table: pd.DataFrame) -> list[web.Bl
             z = math.log(test["value"] / median) / sd
             of = f"{test['row']}: {_text(test['measure'])} at {test['age']:g} years, more than in"
             below = f"{share(min(max(NormalDist().cdf(z), 0.01), 0.99))} of people of this age (median"
-            where = f"{'outside' if abs(z) > _NORMAL else 'within'} what 95 of 100 of them have"
+            where = f"{'outside' if abs(z) > NORMAL else 'within'} what 95 of 100 of them have"
             said.append(f"{of} {below} {number(median)}), {where}.")
     if norm.log_ages is None or not said:
         return []
     ages = np.sort([*np.exp(np.linspace(*norm.log_ages[2:], 40)[1:-1]), *table["age"].dropna()])
     medians, sds = np.array([norm.at(float(age)) for age in ages]).T
-    names = {"median": 0.0, "2.5 % have less": -_NORMAL, "2.5 % have more": _NORMAL}
+    names = {"median": 0.0, "2.5 % have less": -NORMAL, "2.5 % have more": NORMAL}
     lines = [Line(text, medians * np.exp(k * sds), None, dash="dashed" if k else "solid") for text, k in names.items()]
     own = np.array([table["value"][table["age"] == age].mean() for age in ages])
     lines.append(Line("members", own, None, GROUP_COLOURS[1], points=True))

@@ -259,14 +259,6 @@ def shown(cell: Cell) -> str:
 
 
 @dataclass(frozen=True)
-class Group:
-    """Members that are drawn in one colour."""
-
-    name: str
-    colour: str
-
-
-@dataclass(frozen=True)
 class SortableTable(Block):
     """A table that a reader sorts by any column and searches; only rows in view are drawn."""
 
@@ -308,14 +300,15 @@ class Grouped:
     """Members of whom something is drawn, coloured by group."""
 
     names: Sequence[str]
-    groups: Sequence[Group]
+    groups: Sequence[tuple[str, str]]
+    """Names and colours."""
     group: Sequence[int]
     """Number of each member's."""
 
     @property
     def data(self) -> dict[str, Any]:
         """What ``many.js`` reads of any."""
-        return {"names": self.names, "colours": [one.colour for one in self.groups], "group": self.group}
+        return {"names": self.names, "colours": [colour for _, colour in self.groups], "group": self.group}
 
 
 @dataclass(frozen=True)

@@ -110,8 +110,7 @@ def _signs(found: Diagnosis) -> NDArray[np.int_]:
 def _place(found: Diagnosis, protocol: int, segment: int, stations: NDArray[np.int_], trials: tuple[int, ...]) -> Place:
     observed, base = found.observed, found.base_model
     where = np.concatenate([np.flatnonzero(observed.trial == k)[stations] for k in trials])
-    windows = found.assessment.windows
-    touching = [w.p_value for w in windows if set(w.stations) & set(where.tolist())]
+    touching = [w.p_value for w in found.assessment.windows if set(w.stations) & set(where.tolist())]
     d, t = observed.displacement[where], observed.time[where]
     return Place(
         protocol,

@@ -37,25 +37,6 @@ class SkinField:
     """What is said of it beside the slider."""
 
 
-@dataclass(frozen=True, eq=False)
-class Marked:
-    """A point inside the leg that is named."""
-
-    name: str
-    position: FloatArray
-    """(3,), mm."""
-
-
-@dataclass(frozen=True, eq=False)
-class Tool:
-    """A rigid grid of points that touches the leg, drawn so that the leg is seen through it."""
-
-    points: FloatArray
-    """(n_levels, n_points, 3), mm, in the first state."""
-    moves: FloatArray
-    """(n_states, 3), mm."""
-
-
 def turned_leg(
     shape: LegShape,
     moved: Mapping[str, FloatArray],
@@ -65,8 +46,8 @@ def turned_leg(
     header: Sequence[str],
     rows: Sequence[Sequence[str]],
     caption: str,
-    marked: Sequence[Marked] = (),
-    tool: Tool | None = None,
+    marked: Sequence[tuple[str, FloatArray]] = (),
+    tool: tuple[FloatArray, FloatArray] | None = None,
 ) -> TurnedLeg:
     """Return a leg for a page.
 
@@ -85,12 +66,12 @@ def turned_leg(
     caption
         What is seen, in words.
     marked
-        Points that are named, of the leg without load.
+        Names and places (3,), mm, of points inside the leg without load.
     tool
-        What touches it.
+        A rigid grid that touches it, which is seen through: its points in the first state, (n_levels, n_points, 3), and
+        their movement in all, (n_states, 3), mm.
     """
-    middle = shape.contours[SKIN].mean(axis=(0, 1))
-    centre = np.array([*middle, shape.levels.mean()])
+    centre = np.array([*shape.contours[SKIN].mean(axis=(0, 1)), shape.levels.mean()])
     parts = []
     for part in shape.parts:
         step = max(1, -(-shape.contours[part].shape[1] // _POINTS))
@@ -102,17 +83,18 @@ def turned_leg(
         parts.append(entry)
     reach = float(np.abs(shape.points(SKIN) - centre)[..., :2].max())
     if tool is not None:
-        entry = _part(_TOOL, tool.points - centre)
-        moves = np.broadcast_to(tool.moves[:, None, None], (len(tool.moves), *tool.points.shape))
+        points, way = tool
+        entry = _part(_TOOL, points - centre)
+        moves = np.broadcast_to(way[:, None, None], (len(way), *points.shape))
         parts.append({**entry, "moves": packed(moves / _MOVE, "<i2")})
         # How far to the side it is seen in its last state, at most (mm).
-        last = tool.points + tool.moves[-1] - centre
+        last = points + way[-1] - centre
         reach = max(reach, float(np.linalg.norm(last[..., :2], axis=-1).max()))
     content = {
         "parts": parts,
         "mm_a_count": [_PLACE, _MOVE],
         "share_a_count": _VALUE,
-        "marked": [{"name": m.name, "at": (m.position - centre).round(2).tolist()} for m in marked],
+        "marked": [{"name": name, "at": (place - centre).round(2).tolist()} for name, place in marked],
         "stops": list(slider.stops),
         "force": list(slider.force),
         "unit": slider.unit,
@@ -176,7 +158,7 @@ def pressed_leg(pressed: PressedLeg, caption: str) -> TurnedLeg:
     pressure = from_none([state.pressure for state in pressed.states])
     movement = np.linalg.norm(moved[SKIN], axis=-1)
     grid = (_outline(pressed.indenter, pressed.pose) + pressed.touch) @ turn.T
-    tool = Tool(grid, stops[:, None] * (turn @ direction))
+    tool = grid, stops[:, None] * (turn @ direction)
     force = pressed.curve(stops)
     rows = [
         [f"{at:.1f}", f"{force[k]:.2f}", f"{pressure[k].max():.1f}", f"{movement[k].max():.1f}"]

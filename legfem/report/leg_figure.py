@@ -35,11 +35,9 @@ def placement_figure(subject: Subject, scanned: Mapping[str, Polygon] | None = N
         Outlines by part as the scan has them (mm), before they were given room.
     """
     section, indenter = subject.section, subject.indenter
-    what = "Section and cylinder at first touch"
-    figure = style.titled(6.4, 6.9, what, subject.title, subject.origin)
+    figure = style.titled(6.4, 6.9, "Section and cylinder at first touch", subject.title, subject.origin)
     axes = figure.subplots()
-    fascia = section.polygon("fascia")
-    inner = np.asarray(fascia.buffer(-section.fascia_thickness).exterior.coords)
+    inner = np.asarray(section.polygon("fascia").buffer(-section.fascia_thickness).exterior.coords)
     rings = {"superficial": section.skin, "fascia": section.fascia, "deep": inner}
     for name, (words, colour) in style.regions(section).items():
         axes.fill(*rings[name].T, facecolor=colour, edgecolor="black", linewidth=0.6, label=words)

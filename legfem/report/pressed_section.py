@@ -215,8 +215,7 @@ class Filmed:
     @property
     def fields(self) -> LegFields:
         """Fields of the system's present state, by the film's expressions where it has some."""
-        film = self.film
-        reader = FieldReader(self.experiment.system) if film is None else film.reader
+        reader = FieldReader(self.experiment.system) if self.film is None else self.film.reader
         return reader.read()
 
     def section(self, what: str) -> PressedSection | None:

@@ -10,7 +10,7 @@ from legfem.geometry.motion import inward, stretch_round
 from legfem.inverse.intervals import quantile
 from legfem.report.answers import span_of
 from legfem.report.curves import Curves, Dash, Line
-from legfem.report.leg_3d_view import Marked, SkinField, from_none, turned_leg
+from legfem.report.leg_3d_view import SkinField, from_none, turned_leg
 from legfem.report.page import Bars, Block, Known, LabelledBar, Prose, Slider, TurnedLeg, View, WebTable
 from legfem.report.style import DATA_COLOUR, FAINT
 from legfem.report.words import ROUND, WORDS, Directions, angle_round, round_leg, unwrapped
@@ -336,7 +336,7 @@ def dressed_leg(details: StockingDetails, moved: Mapping[str, FloatArray]) -> Tu
     each = [f"{name} ({unit}): {which}" for name, unit in dressed for which in ("mean", "least", "most")]
     directions = Directions.of(bare)
     marked = [
-        Marked(f"{vein.name}: {mpa_to_mmhg(p):.1f} mmHg", vein.position)
+        (f"{vein.name}: {mpa_to_mmhg(p):.1f} mmHg", vein.position)
         for vein, p in zip(details.leg.veins, found.at_veins, strict=True)
         if np.isfinite(p)
     ]

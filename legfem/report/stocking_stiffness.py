@@ -6,7 +6,6 @@ import numpy as np
 
 from legfem.common.numbers import short_probability
 from legfem.geometry.slices import CONTOURS
-from legfem.report import page as web
 from legfem.report.curves import Curves, Line
 from legfem.report.estimates import held_text, how_found, words_of
 from legfem.report.page import Block, Prose, WebTable
@@ -97,9 +96,9 @@ def contour_curves(details: StockingDetails) -> Iterator[Curves]:
         )
 
 
-def discrepancy_blocks(found: ModelDiscrepancy) -> list[web.Block]:
+def discrepancy_blocks(found: ModelDiscrepancy) -> list[Block]:
     """Return the verdict, the places that differ, and what was tried as a reason."""
-    blocks: list[web.Block] = [web.Prose(discrepancy_verdict(found))]
+    blocks: list[Block] = [Prose(discrepancy_verdict(found))]
     places = [
         {
             "contour": CONTOUR_NAMES[p.contour],

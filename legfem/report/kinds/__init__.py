@@ -80,8 +80,7 @@ class ReportKind(ABC):
 @cache
 def _named(kind: str) -> ReportKind:
     if find_spec(f"{__name__}.{kind}"):
-        found: ReportKind = made_in(import_module(f"{__name__}.{kind}"), ReportKind)[0]
-        return found
+        return next(one for one in made_in(import_module(f"{__name__}.{kind}"), ReportKind) if one.kind == kind)
     return next(one for one in registered(sys.modules[__name__], ReportKind, "legfem.reports") if one.kind == kind)
 
 

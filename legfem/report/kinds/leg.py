@@ -12,8 +12,8 @@ from legfem.data.ranges import REACHED_MM
 from legfem.geometry.section import MUSCLE
 from legfem.inverse.answer import Finding
 from legfem.inverse.catalogue import DEEP_C10, symbol_of
-from legfem.inverse.fit import Fit, preferred, value_of
-from legfem.legs.details import LegDetails, SpatialEvidence, SpatialSites
+from legfem.inverse.fit import preferred, value_of
+from legfem.legs.details import SpatialEvidence, SpatialSites
 from legfem.legs.site import curve_of
 from legfem.legs.subject import Subject
 from legfem.report import estimates
@@ -22,15 +22,13 @@ from legfem.report.curves import Curves, Dash, Line, curves_figure, law_line
 from legfem.report.folder import ReportFile
 from legfem.report.further_channels import SHOWS, channel_lines, channels_figure, drawn, mapped_muscle
 from legfem.report.kinds import ReportKind
-from legfem.report.kinds.leg_numbers import how_done, known_of
+from legfem.report.kinds.leg_numbers import LegFit, how_done, known_of
 from legfem.report.leg_3d_view import pressed_leg
 from legfem.report.leg_figure import SECTION_SHOWS, placement_figure
 from legfem.report.plan import options_of
 from legfem.report.pressed_section import still_section
 from legfem.report.style import DATA_COLOUR, FAINT, picture
 from legfem.report.words import BEYOND_A_FIT, LAW_NAMES, NOT_TESTED, region_words
-
-type LegFit = Fit[LegDetails]
 
 _DASHES: dict[str, Dash] = {"neo-hookean": "dashed", "reduced-polynomial": "solid"}
 _LIKEWISE = "a stated length_mm that is 10 % too low has the same effect as forces that are 10 % too high"

@@ -52,8 +52,7 @@ class MetricEmulator:
         fits = [
             minimize(self._cost, np.log([start] * k + [1e-6]), method="L-BFGS-B", bounds=bounds) for start in _STARTS
         ]
-        best = min(fits, key=lambda fit: float(fit.fun))
-        self._solve(best.x)
+        self._solve(min(fits, key=lambda fit: float(fit.fun)).x)
 
     def __call__(self, at: FloatArray) -> FloatArray:
         """Return the metric at coded points (m, k)."""
@@ -94,8 +93,7 @@ class EmulatorError:
 
 
 def _terms(at: FloatArray, squares: bool) -> FloatArray:
-    pairs = combinations(range(at.shape[1]), 2)
-    products = [at[:, i] * at[:, j] for i, j in pairs]
+    products = [at[:, i] * at[:, j] for i, j in combinations(range(at.shape[1]), 2)]
     columns = [np.ones(len(at)), *at.T, *products]
     return np.column_stack([*columns, *(at.T**2)] if squares else columns)
 

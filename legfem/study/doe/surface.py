@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import statsmodels.formula.api as smf
-from scipy.stats import shapiro
-from scipy.stats import t as student
+from scipy import stats
 from statsmodels.stats.diagnostic import lilliefors
 
 from legfem.common.units import FloatArray
@@ -232,7 +231,7 @@ def lenth_of(terms: tuple[str, ...], values: FloatArray) -> Lenth:
     small = size[size < 2.5 * first]
     pse = 1.5 * float(np.median(small)) if len(small) else first
     m = len(values)
-    margin, together = (float(student.ppf(at, m / 3)) * pse for at in (0.975, (1 + 0.95 ** (1 / m)) / 2))
+    margin, together = (float(stats.t.ppf(at, m / 3)) * pse for at in (0.975, (1 + 0.95 ** (1 / m)) / 2))
     return Lenth(terms, values, pse, margin, together)
 
 
@@ -248,9 +247,9 @@ def centre_curvature(table: pd.DataFrame, metric: Metric, found: Lenth, sse: flo
     t = float(difference / error) if error > 0 else np.inf
     relative = difference / float(np.abs(found.values).max())
     share = difference**2 * n / (n + 1) / sse
-    return CentreCurvature(difference, relative, share, t, float(2 * student.sf(abs(t), (n - 1) / 3)))
+    return CentreCurvature(difference, relative, share, t, float(2 * stats.t.sf(abs(t), (n - 1) / 3)))
 
 
 def normality(values: FloatArray) -> Normality:
     """Tests of Shapiro and Wilk, and of Lilliefors."""
-    return Normality(float(shapiro(values).pvalue), float(lilliefors(values, "norm")[1]))
+    return Normality(float(stats.shapiro(values).pvalue), float(lilliefors(values, "norm")[1]))
