@@ -22,7 +22,7 @@ from legfem.report import cohort_statistics
 from legfem.report.answers import kind_of_notice, span_of
 from legfem.report.curves import Bundle, Cell, Forest, ForestMetric, Grouped, SortableTable
 from legfem.report.render import plain_page, rendered
-from legfem.report.words import BEYOND_A_FIT, LAW_NAMES, WORDS, DataKind, capital
+from legfem.report.words import BEYOND_A_FIT, LAW_NAMES, TOLD, WORDS, DataKind, capital
 from legfem.stockings.levels import WAYS, fewest
 
 type Found = Mapping[str, ModelResult]
@@ -136,7 +136,7 @@ def cohort_web_page(
         web.Chapter(
             ODD,
             [
-                web.Prose(_LOOKED),
+                web.Prose(TOLD["looked_for"]),
                 web.Bullets([one.sentence for one in odd]) if odd else web.Prose("Nothing was found."),
                 *([web.Bullets(lacking)] if (lacking := missing(every, rows)) else []),
             ],
@@ -357,10 +357,3 @@ def _bundle(members: Sequence[Member], rows: Sequence[Row], found: Found) -> Bun
     caption = "Measured force of all members over displacement from first contact, coloured by group."
     shown = _grouped(members, [row for row, _ in drawn])
     return Bundle(caption, shown, x, "displacement (mm)", "force (N)", np.array(values))
-
-
-_LOOKED = (
-    "legfem looked for recordings that two members share, for sides that contradict the outlines, for rigs whose C10 "
-    "changes suddenly at a date, and for values more than 3.5 robust standard deviations from the median of their "
-    "group."
-)

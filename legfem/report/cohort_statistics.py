@@ -21,7 +21,7 @@ from legfem.inverse.catalogue import called
 from legfem.inverse.population import CohortParameter
 from legfem.report.curves import Cell, Curves, Line, SortableTable, shown
 from legfem.report.style import DATA_COLOUR, new_figure, styled
-from legfem.report.words import LAW_NAMES
+from legfem.report.words import LAW_NAMES, TOLD
 
 STATISTICS = "Statistics"
 """A chapter."""
@@ -178,12 +178,7 @@ def _effects(some: Sequence[Analysed]) -> web.WebTable:
         for one in some
         for effect in one.effects
     ]
-    caption = (
-        "Differences by a linear mixed model (restricted maximum likelihood; random effects of person and leg; members "
-        "are weighted by their own errors), with t tests whose degrees of freedom are the number of people minus the "
-        "number of effects, and with Holm's correction over all groups and parameters"
-    )
-    return web.WebTable.of(caption, rows)
+    return web.WebTable.of(TOLD["mixed_model"], rows)
 
 
 def _variances(some: Sequence[Analysed]) -> web.WebTable:
@@ -194,11 +189,7 @@ def _variances(some: Sequence[Analysed]) -> web.WebTable:
         cells = [_sd(one, sd, ends) for sd, ends in zip(one.fitted.sd, one.fitted.sd95, strict=True)]
         rows.append([called(one.name), f"{one.count} of {one.people}", *cells, _spread(one, one.own)])
     header = ["what", "members, of people", "people", "legs of a person", "tests of a leg", "own error"]
-    caption = (
-        "Standard deviations (95 %) by source, after the effects above; the last column is the root mean square of the "
-        "members' own errors"
-    )
-    return web.WebTable(caption, header, rows)
+    return web.WebTable(TOLD["deviations"], header, rows)
 
 
 def population_chapter(found: Sequence[PopulationFit]) -> web.Chapter:
@@ -222,14 +213,7 @@ def population_chapter(found: Sequence[PopulationFit]) -> web.Chapter:
         rows.append([called(one.key), f"{middle:.3g} kPa", f"{low:.3g} to {high:.3g} kPa", *sds])
     header = ["what", "median of people", "95 % of people", *(words.get(level, f"{level}s") for level in levels)]
     caption = "The population, and its standard deviations by source, without each test's own errors (95 %)"
-    blocks: list[web.Block] = [
-        web.Prose(
-            "A hierarchical model (NumPyro) was fitted to the likelihoods of all tests. Its file population.json is a "
-            "prior for new legs: --prior deep.C10=population.json. It also holds a value for each test that is drawn "
-            "towards the others; the less certain the test, the more it is drawn."
-        ),
-        web.WebTable(caption, header, rows),
-    ]
+    blocks: list[web.Block] = [web.Prose(TOLD["population"]), web.WebTable(caption, header, rows)]
     effects = [
         [f"{called(one.key)}: {name}", (drawn if name.endswith(EXPONENT) else relative)(values)]
         for one in found

@@ -24,7 +24,7 @@ from legfem.report.diagnosis_document import Recorded, versions
 from legfem.report.further_channels import channel_chapter, misfit_in_section
 from legfem.report.plan import chance_text
 from legfem.report.pressed_section import still_section
-from legfem.report.words import LAW_NAMES, DataKind, capital
+from legfem.report.words import LAW_NAMES, TOLD, DataKind, capital
 
 
 def next_blocks(found: Diagnosis, plan: Sequence[DesignValue]) -> list[web.Block]:
@@ -63,11 +63,7 @@ def next_blocks(found: Diagnosis, plan: Sequence[DesignValue]) -> list[web.Block
         for first in m.parameters[:1]
         if m.measured_sd is not None
     ]
-    caption = (
-        "If you measure one of these effects separately, add a [[measured]] table to subject.toml with its value, sd "
-        "and source, and diagnose again"
-    )
-    return [*blocks, web.WebTable.of(caption, stated)] if stated else blocks
+    return [*blocks, web.WebTable.of(TOLD["measured"], stated)] if stated else blocks
 
 
 def diagnosis_web_page(
@@ -167,11 +163,7 @@ def _physics(found: Diagnosis) -> list[web.Block]:
         web.Prose(diagnosis_sentences.verdict_sentence(found)),
         web.Prose(_looks(found)),
         tables.explanation_bars(found),
-        web.Prose(
-            "The next table compares the misfit in each phase (root mean square) with what errors would cause, and "
-            "gives the share of tests in which a correct model would miss by as much. Below 1 % the model's form is "
-            "wrong in that phase, however probable it is among the models that were tried."
-        ),
+        web.Prose(TOLD["phases"]),
         tables.phase_table(found),
     ]
     if found.verdict == "consistent":
@@ -197,10 +189,7 @@ def _physics(found: Diagnosis) -> list[web.Block]:
 
 def _hidden(found: Diagnosis) -> list[web.Block]:
     """Return what could hide, sorted by what it does to C10."""
-    how = (
-        "Each effect was made stronger, up to what is possible, and everything else was fitted again. “Open”: even the "
-        "greatest strength agrees with the recordings. C10 and the force's change are at the ends of each range."
-    )
+    how = TOLD["made_stronger"]
     change = f"change C10 by more than {100 * TRUSTED:.0f} % without being detected"
     table = tables.limit_table(found)
     if not found.hidden:
@@ -231,10 +220,7 @@ def _looks(found: Diagnosis) -> str:
 
 
 def _closest(found: Diagnosis) -> str:
-    text = (
-        "No mechanism that legfem knows explains the recordings. Each that they can show was added to the model, alone "
-        "and the best in pairs; something unknown is more probable than any of them that describes the recordings."
-    )
+    text = TOLD["no_mechanism"]
     named = [e for e in found.explained.every if e.names]
     if named and found.explained.describes(named[0]):
         text += (

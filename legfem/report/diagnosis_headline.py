@@ -21,7 +21,7 @@ from legfem.report.answers import headline_of
 from legfem.report.diagnosis_curves import places_of, relative_change
 from legfem.report.estimates import high_or_low
 from legfem.report.plan import chance_text
-from legfem.report.words import capital
+from legfem.report.words import TOLD, capital
 
 _MOST_CAUSES = 2
 """That find room on the first screen of a phone."""
@@ -46,7 +46,7 @@ def headline(
     aside = "" if found.aside is None else f"{sentences.aside_sentence(found.aside)} "
     answer = checked_answer(found, notices)
     if answer.finding is Finding.PROVISIONAL:
-        return headline_of(answer, [("Problems found so far", aside + _wrong(found)), ("What to do", _GO_ON)])
+        return headline_of(answer, [("Problems found so far", aside + _wrong(found)), ("What to do", TOLD["go_on"])])
     effect = _stiffness(found)
     if not found.withheld:
         unseen = _unseen(found)
@@ -69,12 +69,6 @@ def headline(
     )
 
 
-_GO_ON = (
-    "Run the same diagnosis without a limit of time: it goes on from what is solved. What was not weighed may change "
-    "the cause, C10 and its range."
-)
-
-
 def _wrong(found: Diagnosis) -> str:
     if found.verdict == "consistent":
         hides = f" But not every problem would show: {said}" if wide(found) and (said := _hides(found)) else ""
@@ -89,11 +83,7 @@ def _wrong(found: Diagnosis) -> str:
             low, high = (f"{end:.2g}" for end in most.displacement)
             at = f"between {low} and {high}" if low != high else f"at {high}"
             largest = f" The difference is largest {at} mm of {most.phase}: {abs(most.size):.1g} N."
-        misfit = (
-            "The computer model does not reproduce the recording, and no cause that this program knows explains the "
-            "difference."
-        )
-        return f"{misfit if found.withheld else sentences.misfit_sentence(found)}{largest}"
+        return f"{TOLD['no_cause'] if found.withheld else sentences.misfit_sentence(found)}{largest}"
     if found.verdict == "named":
         first = found.models[0]
         part = " That explains only a part of the difference." if first.in_part else ""

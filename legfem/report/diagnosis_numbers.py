@@ -18,7 +18,7 @@ from legfem.report.diagnosis_curves import BASE_NAME, UNKNOWN, Place, model_name
 from legfem.report.diagnosis_document import Recorded
 from legfem.report.estimates import wave_rows
 from legfem.report.page import Bars, Block, Known, LabelledBar, Prose, Provenance, WebTable
-from legfem.report.words import moduli_text
+from legfem.report.words import TOLD, moduli_text
 
 _WRONG = "DO NOT RELY ON IT: the model does not fit, and the interval does not include what was left out"
 
@@ -239,9 +239,5 @@ def score_blocks(found: Diagnosis) -> list[Block]:
         }
         for score in found.assessment.scores
     ]
-    said = (
-        "Each effect was tested for by itself. Among many tests some p-values are small by chance, and different "
-        "effects can look alike; the verdict allows for both."
-    )
     caption = "Tests for each mechanism in the difference between model and recordings"
-    return [Prose(said), WebTable.of(caption, rows)]
+    return [Prose(TOLD["by_itself"]), WebTable.of(caption, rows)]

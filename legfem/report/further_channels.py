@@ -29,7 +29,7 @@ from legfem.report.curves import Curves, Dash, Line, curves_figure, law_line
 from legfem.report.diagnosis_curves import BASE_COLOUR, BASE_NAME, REPAIRED_COLOUR, matched, plain, shown_models
 from legfem.report.pressed_section import still_section
 from legfem.report.style import DATA_COLOUR, FAINT
-from legfem.report.words import LAW_NAMES
+from legfem.report.words import LAW_NAMES, TOLD
 
 SHOWS = "what was recorded beside the force and what the model makes of it, and their difference"
 
@@ -104,13 +104,8 @@ def channel_curves(fits: Sequence[Fit[Any]], number: int, k: int) -> Curves:
         lines.append(law_line(fit.law, model.predicted[order], model.residual[order], points=True))
     kind = CHANNELS[first.name]
     where = f"{test.name}. " if len(fits[0].tests) > 1 else ""
-    more = (
-        ", over the cylinder's displacement after first contact; beneath, the model less the recording. The band has "
-        "the instrument's errors, which readings share in part, and those of the outlines."
-    )
-    return beside_curves(
-        f"channel{number}-{k}", (f"{where}The {kind.words}", more), kind, first.station[order], lines, first.sd[order]
-    )
+    caption = f"{where}The {kind.words}", TOLD["channel"]
+    return beside_curves(f"channel{number}-{k}", caption, kind, first.station[order], lines, first.sd[order])
 
 
 def channel_lines(fit: Fit[Any]) -> Iterator[str]:
@@ -246,13 +241,9 @@ def _channel_curves(found: Diagnosis, protocol: int) -> Iterator[Curves]:
             *(_line(shown.name, shown.model, at, REPAIRED_COLOUR, bool(one.places)) for shown in models),
         ]
         here = set(at.ravel().tolist())
-        more = (
-            ": recorded, and of the models, with what isn't known of the leg and of the instruments as fitted; "
-            "beneath, model less recorded."
-        )
         yield beside_curves(
             f"channel{protocol}-{one.name}",
-            (f"{one.kind.words.capitalize()}, {observed.protocols[protocol].label}", more),
+            (f"{one.kind.words.capitalize()}, {observed.protocols[protocol].label}", TOLD["channel_of_models"]),
             one.kind,
             one.displacement[rows].mean(axis=0),
             lines,
@@ -306,12 +297,7 @@ def misfit_in_section(found: Diagnosis, subject: Subject) -> list[web.StillSecti
                 marks.append(web.Mark(f"named: {plain(m.name)}", float(x), -float(y), radius, REPAIRED_COLOUR))
     if not (marks or arrows):
         return []
-    caption = (
-        "Where the misfit lies. Small circles: where a channel departs from the base model; arrows: by how much, at "
-        "each place. Large circles: where a stiffer or softer region of the muscle would match the misfit, and how "
-        "much of it; other causes may match it, too. A muscle by name is drawn as a circle as large, about its middle."
-    )
-    return [replace(still_section(subject), caption=caption, marks=marks, arrows=arrows)]
+    return [replace(still_section(subject), caption=TOLD["misfit_in_section"], marks=marks, arrows=arrows)]
 
 
 _FACTORS = (0.33, 0.5, 0.71, 1.4, 2.0, 3.0)

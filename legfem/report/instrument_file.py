@@ -25,7 +25,7 @@ from legfem.legs.folder import plain_id
 from legfem.report.curves import Curves, Line, curves_figure
 from legfem.report.page import Bullets, Chapter, Headline, Repeat, Verbatim, WebPage, WebTable
 from legfem.report.style import FAINT, save
-from legfem.report.words import WORDS, DataKind, capital
+from legfem.report.words import TOLD, WORDS, DataKind, capital
 from legfem.specimens.sizes import sizes_of_heading
 
 _MOST_PARTS = 12
@@ -270,16 +270,12 @@ def _headline(seen: Sequence[Looked], worst: str) -> Headline:
     read = ", ".join(
         f"{quantity} from '{one.column}' ({one.unit}{', reversed' if one.sign < 0 else ''})" for quantity, one in every
     )
-    how_sure = (
-        "Columns, units and directions are inferred from names and from the motion: compare the curves with what you "
-        "did. A grade judges the recording, not what was tested."
-    )
     return Headline(
         _TONES[worst],
         f"Of {len(seen)} recordings, {told}." if len(seen) > 1 else f"This recording {told}.",
         [
             ("What was read", f"{capital(read)}."),
-            ("How sure", how_sure),
+            ("How sure", TOLD["inferred"]),
             ("What to do", f"{do} If columns or directions are wrong, name them (--time, --displacement, --force)."),
         ],
         "The recording cannot be used" if len(seen) == 1 and worst == "D" else heading,

@@ -19,15 +19,10 @@ from legfem.report import page as web
 from legfem.report.answers import first_lines
 from legfem.report.diagnosis_curves import plain
 from legfem.report.pressed_section import still_section
-from legfem.report.words import LAW_NAMES, NOT_TESTED, DataKind
+from legfem.report.words import LAW_NAMES, NOT_TESTED, TOLD, DataKind
 
 SCHEMA = 1
 NOTHING = "nothing"
-NOTE = (
-    "The chance that a test detects an effect of usual strength (a Bayes factor of twenty against a leg without "
-    "it), with the stiffness fitted again and all uncertainties of the leg and the instruments. These "
-    "are simulations; no recording was used. An effect that no test shows may bias the stiffness unnoticed."
-)
 
 
 def effects_of(ranked: Sequence[DesignValue]) -> list[str]:
@@ -118,7 +113,7 @@ def plan_web_page(
         _known(subject, expected),
         [
             web.Chapter(RANKED, [web.Bars(whichever, ("test", "chance"), tests, greatest=100.0)]),
-            web.Chapter(SHOWN, [web.Prose(NOTE), *_tables(ranked, names, muscles)]),
+            web.Chapter(SHOWN, [web.Prose(TOLD["chances"]), *_tables(ranked, names, muscles)]),
             web.Chapter("The leg", [still_section(subject)]),
             web.Chapter("What to do next", [web.Bullets(steps)]),
             web.Chapter("What was not weighed", [web.Bullets(NOT_TESTED["plan"])]),
@@ -156,17 +151,13 @@ def _headline(ranked: Sequence[DesignValue], names: Sequence[str], never: Sequen
     hides = "Every effect that legfem knows would show in at least one of them."
     if never:
         hides = f"No test here would show {', '.join(never)}, which could bias the stiffness unnoticed."
-    how_sure = (
-        "The chances were calculated for effects of usual strength, from the shape of this leg and the errors of the "
-        "instruments. Nothing has been measured yet."
-    )
     return replace(
         first,
         tone="caution" if never else "sound",
         answers=[
             ("What it would show", shows),
             ("What no test here shows", hides),
-            ("How sure", how_sure),
+            ("How sure", TOLD["nothing_measured"]),
             ("What to do", "Make the test, then diagnose the recordings."),
         ],
     )

@@ -30,7 +30,7 @@ from legfem.report.page import PressedSection
 from legfem.report.pressed_section import Filmed, filmed
 from legfem.report.render import estimates_frame, write_page
 from legfem.report.style import picture
-from legfem.report.words import LAW_NAMES
+from legfem.report.words import LAW_NAMES, TOLD
 from legfem.solve.settings import NewtonSettings, StepSettings
 
 type LegFits = Sequence[Fit[LegDetails]]
@@ -103,11 +103,7 @@ def _deformed_state(
             f"the same mesh ({solved.reason}): its picture and fields are left out."
         )
         return [], None, note
-    fields = ReportFile(
-        write_fields(shot.fields, folder, solved.reached),
-        "the pressed section for ParaView: displacement (mm), hydrostatic pressure and von Mises stress "
-        "(kPa), greatest stretch, J, tissue; contact pressure on the skin (kPa)",
-    )
+    fields = ReportFile(write_fields(shot.fields, folder, solved.reached), TOLD["section_fields"])
     note = (
         f"The pressed section and its fields were computed in plane strain with {_under(best)} at {solved.reached:g} "
         f"mm, in one full solve in addition to the search's {best.log.forward_solves} "

@@ -13,7 +13,7 @@ from legfem.report.curves import Curves, Dash, Line
 from legfem.report.leg_3d_view import SkinField, from_none, turned_leg
 from legfem.report.page import Bars, Block, Known, LabelledBar, Prose, Slider, TurnedLeg, View, WebTable
 from legfem.report.style import DATA_COLOUR, FAINT
-from legfem.report.words import ROUND, WORDS, Directions, angle_round, round_leg, unwrapped
+from legfem.report.words import ROUND, TOLD, WORDS, Directions, angle_round, round_leg, unwrapped
 from legfem.stockings.details import StockingDetails
 from legfem.stockings.fabric import CALF_SHARE
 from legfem.stockings.levels import LEVELS, rises
@@ -167,11 +167,7 @@ def _postures(details: StockingDetails) -> list[Block]:
         inside = posture.inside(float(vein.position[2]))
         bears = ", ".join(f"{name} {both_units(p - tissue)}" for name, p in inside.items())
         rows.append((vein.name, bears if np.isfinite(tissue) else "not in the tissues"))
-    said = (
-        "Inside a vein less outside, by the blood's column from the heart when standing still; "
-        "below zero it is narrowed. The tissue's own weight is left out"
-    )
-    return [WebTable(said, ["vein", "pressure"], rows)]
+    return [WebTable(TOLD["inside_a_vein"], ["vein", "pressure"], rows)]
 
 
 def _bars(details: StockingDetails) -> Bars:
@@ -349,8 +345,7 @@ def dressed_leg(details: StockingDetails, moved: Mapping[str, FloatArray]) -> Tu
         View([directions.at(45.0 * k) for k in range(8)]),
         ["height z (mm)", "girth, bare (mm)", "girth, dressed (mm)", *each],
         by_height(bare, moved[SKIN], list(dressed.values())),
-        "The leg's skin, coloured by what the stocking does to it; inside it muscle, bones and "
-        "veins. Bare and dressed were computed; what lies between is drawn in proportion.",
+        TOLD["dressed_leg"],
         marked,
     )
 

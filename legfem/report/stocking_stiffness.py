@@ -10,7 +10,7 @@ from legfem.report.curves import Curves, Line
 from legfem.report.estimates import held_text, how_found, words_of
 from legfem.report.page import Block, Prose, WebTable
 from legfem.report.style import FAINT
-from legfem.report.words import ROUND, Directions, capital, round_leg, unwrapped
+from legfem.report.words import ROUND, TOLD, Directions, capital, round_leg, unwrapped
 from legfem.stockings.contour_distances import CONTOUR_NAMES
 from legfem.stockings.details import StockingDetails, StockingFit
 from legfem.stockings.discrepancy import ModelDiscrepancy
@@ -28,10 +28,7 @@ def stiffness_blocks(fit: StockingFit) -> list[Block]:
     if best is None:
         why = details.problem or "the leg was not scanned in its stocking"
         return [Prose(f"Not identified: {why}. Given: {given}.")]
-    fabric = (
-        "They do not include errors of the fabric's stiffness or size: a pressure that is 10 % higher "
-        "everywhere makes both tissues about 10 % stiffer."
-    )
+    fabric = TOLD["fabric_left_out"]
     if known := 100 * leg.accuracy.tension_sd:
         by = " and the sensors" if details.sensors else ""
         fabric = f"They include an error of {known:g} % (sd) of the fabric's tension, which the scans{by} narrow."
@@ -85,8 +82,7 @@ def contour_curves(details: StockingDetails) -> Iterator[Curves]:
         yield Curves(
             f"contour-{name}",
             capital(CONTOUR_NAMES[name]),
-            ": distance of the model outside the scan, round the leg at the heights that were compared; dotted: of "
-            "the bare leg, which is what the stocking did.",
+            TOLD["contour"],
             ROUND,
             Directions.of(leg.bare).axis(),
             "distance outside the scan (mm)",
@@ -126,10 +122,7 @@ def discrepancy_verdict(found: ModelDiscrepancy) -> str:
             "Consistent: what the fit does not describe lies within the errors of contours, registration and pressure."
         )
     if found.verdict == "unexplained":
-        return (
-            "Unexplained: the contours differ beyond their errors, and none of the mechanisms "
-            "below describes this. Do not rely on the stiffness."
-        )
+        return TOLD["unexplained_contours"]
     statements = {score.name: score.statement for score in found.scores}
     named = " or ".join(f"{name} ({statements[name]})" for name in found.named)
     text = f"{'Named' if found.verdict == 'named' else 'Ambiguous'}: {named}."

@@ -44,12 +44,10 @@ def region_words(section: LegSection) -> Mapping[str, str]:
 
 NOT_TESTED: Mapping[str, Sequence[str]] = WORDS["not_tested"]
 """What could not be tested, by the page."""
+TOLD: Mapping[str, str] = WORDS["told"]
+"""What pages explain, whatever the values are."""
 
-BEYOND_A_FIT = (
-    "A good fit does not rule out a hard region in the muscle, or fat that is stiffer or softer than assumed: they "
-    "look like another C10 (studies/cohort: a knot twelve times as stiff as the muscle made C10 21 % too high). legfem "
-    "diagnose says which effects may be hidden, and what C10 would be then."
-)
+BEYOND_A_FIT = TOLD["beyond_a_fit"]
 """Of an identification that shows nothing wrong."""
 
 

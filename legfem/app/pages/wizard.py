@@ -162,7 +162,7 @@ def _pressed(folder: Path, sources: list[str], lab: Mapping[str, Any]) -> Read:
             limb.on_value_change(lambda: place.update({("section", "limb"): limb.value}))
             put("section", "girth_mm", "with a tape, where it was pressed")
             put("section", "fat_mm", "by ultrasound, or half a skinfold; of a heel pad, down to the bone")
-        tag("p", _NO_CONTOURS, "quiet")
+        tag("p", WORDS["told"]["no_contours"], "quiet")
     tag("h2", "What pressed it?")
     rig = lab.get("indenter", {})
     with ui.element("div").classes("fields"):
@@ -188,14 +188,6 @@ def _pressed(folder: Path, sources: list[str], lab: Mapping[str, Any]) -> Read:
         return place | stated
 
     return read
-
-
-_NO_CONTOURS = (
-    "No outlines of this leg were given, so a typical limb of this size is taken; the interval of "
-    "C10 includes the error of doing so. Outlines of the section (a CSV file part,x_mm,y_mm with the parts skin, "
-    "fascia and bones) or a labelled scan narrow the interval, and let the leg be pressed anywhere: add them "
-    "under Files."
-)
 
 
 def _aimed(folder: Path, sources: list[str], place: Stated) -> None:
@@ -310,12 +302,7 @@ def _tested(looked: Mapping[str, Any]) -> Read:
             fields[test] = [(one, setting_field(one)) for one in settings]
     if heading:
         tag("p", f"Sizes are those that the heading of {looked['file']} states, where it does: check them.", "quiet")
-    tag(
-        "p",
-        "All recordings are taken to be of specimens of this size. If sizes differ, give each specimen its own "
-        "[[specimen]] in the file's text, under Assumed.",
-        "quiet",
-    )
+    tag("p", WORDS["told"]["one_size"], "quiet")
 
     def read() -> Stated:
         stated: Stated = {}

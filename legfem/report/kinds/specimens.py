@@ -20,7 +20,7 @@ from legfem.report.folder import ReportFile
 from legfem.report.further_channels import SHOWS, channel_lines, channels_figure, drawn
 from legfem.report.kinds import ReportKind
 from legfem.report.style import DATA_COLOUR, picture
-from legfem.report.words import LAW_NAMES, NOT_TESTED, WORDS, DataKind, capital
+from legfem.report.words import LAW_NAMES, NOT_TESTED, TOLD, WORDS, DataKind, capital
 from legfem.specimens.comparison import SHAPE_SD_OF_LAYERS
 from legfem.specimens.course import shows_quickening
 from legfem.specimens.details import RecordingFit, SpecimenDetails, compared, rms_percent
@@ -137,11 +137,7 @@ def _next(best: SpecimenFit) -> list[str]:
     elif details.agreement and details.agreement.differ:
         lines = [details.agreement.remedy]
     elif not best.goodness.fits:
-        lines = [
-            "Try the other laws (--law yeoh, --law exponential); if none fits, use the numbers "
-            "only to compare specimens of this test. The picture of what each depth asks for shows the form that a law "
-            "would need."
-        ]
+        lines = [TOLD["other_laws"]]
     elif details.ratio_undetermined:
         lines = [details.ratio_undetermined]
     else:
@@ -233,10 +229,7 @@ def _face_profile(fits: Sequence[SpecimenFit]) -> list[Curves]:
     lines = [Line("recorded", seen, None, DATA_COLOUR, points=True)]
     for law, (_, recorded, model) in faces:
         lines.append(law_line(law, model, model - recorded))
-    title = (
-        "Strain across of the specimen's face at the deepest readings, from its middle (0) towards its end (1), the "
-        "mean over recordings"
-    )
+    title = TOLD["face_profile"]
     more = "; beneath, the model less the recording. Ends that stick make a barrel of it."
     labels = "height from the middle, over half the specimen's", "strain across (-)"
     return [Curves("face-profile", title, more, heights, *labels, lines, below_label="model − recorded (-)")]

@@ -22,7 +22,7 @@ from legfem.report.folder import ReportFile
 from legfem.report.kinds import ReportKind
 from legfem.report.stocking_figures import stocking_pressure_figure, stocking_section_figure
 from legfem.report.style import picture
-from legfem.report.words import NOT_TESTED, WORDS, DataKind, capital
+from legfem.report.words import NOT_TESTED, TOLD, WORDS, DataKind, capital
 from legfem.stockings.details import StockingDetails, StockingFit
 from legfem.stockings.identification import KIND, TAPE
 from legfem.stockings.tape import TapeDetails, TapeFit
@@ -143,12 +143,8 @@ class StockingReport(ReportKind):
         if not details.equilibrium.state.report.complete:
             return []
         details.model.set_state(details.equilibrium.state, details.equilibrium.pressure, details.parameters)
-        shows = (
-            "the leg in its stocking for ParaView: displacement (mm), hydrostatic pressure and von "
-            "Mises stress (kPa), greatest stretch, J, tissue (1 fat, 3 muscle); interface pressure on "
-            "the skin (kPa)"
-        )
-        return [ReportFile(write_fields(fields_of(details.model.compression.system), folder), shows)]
+        written = write_fields(fields_of(details.model.compression.system), folder)
+        return [ReportFile(written, TOLD["stocking_fields"])]
 
 
 class TapeReport(ReportKind):
@@ -245,10 +241,7 @@ def _next(fit: StockingFit) -> Iterator[str]:
         yield "Run it again with a finer mesh (--cells), and look at the warnings."
         return
     if fit.answer.finding is Finding.MISFIT:
-        yield (
-            "Don't use the stiffness. Look at the contours where model and scan differ: at the "
-            "segmentation, the registration, and the stocking's size."
-        )
+        yield TOLD["look_at_contours"]
         return
     if unsure := fit.answer.parameters["unsure"]:
         yield (
@@ -257,10 +250,7 @@ def _next(fit: StockingFit) -> Iterator[str]:
         )
     if details.leg.compressed is None:
         yield "Scan the leg in its stocking, too: then the stiffness can be found."
-    yield (
-        "Compare the pressure on the skin with the stocking's class, or measure it at one place: "
-        "all pressures inside follow it."
-    )
+    yield TOLD["compare_pressure"]
 
 
 def _scanned(details: StockingDetails) -> list[web.Block]:

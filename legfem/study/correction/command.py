@@ -18,7 +18,7 @@ from legfem.report import page as web
 from legfem.report.curves import Curves, Dash, Line, curves_figure
 from legfem.report.render import brief, rendered
 from legfem.report.style import save
-from legfem.report.words import NOT_TESTED, DataKind
+from legfem.report.words import NOT_TESTED, TOLD, WORDS, DataKind
 from legfem.study.correction import calibration
 from legfem.study.correction.cases import CaseOutcome, CorrectionCase
 
@@ -201,10 +201,6 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#1
 
 
 _DASHES: tuple[Dash, ...] = ("dashed", "dotted", "dotdash", "solid")
-_THREE_PARTS = (
-    "The error of P has three parts, each a curve over the displacement: that of the mesh (Richardson's estimate), "
-    "that of a leg which is shorter or longer, and that of first contact."
-)
 
 
 def correction_web_page(found: calibration.Calibrated, trends: Trend, command: str) -> web.WebPage:
@@ -237,13 +233,13 @@ def correction_web_page(found: calibration.Calibrated, trends: Trend, command: s
             web.Chapter(
                 HOW_SURE,
                 [
-                    web.Prose(_THREE_PARTS),
+                    web.Prose(TOLD["three_parts"]),
                     web.WebTable("Forces, P and its errors by depth", *correction_cells(found)),
                     web.WebTable("P on three meshes, and in the limit", *meshes_cells(found)),
                 ],
             ),
             web.Chapter("What could not be tested", [web.Bullets(NOT_TESTED["correction"])]),
-            web.Chapter("What to do next", [web.Bullets(_next())]),
+            web.Chapter("What to do next", [web.Bullets(WORDS["after_correction"])]),
         ],
         repeat=web.Repeat(command, documents.versions_of("dolfinx", "python")),
         data=DataKind("simulated data", "an idealised leg; no leg was measured"),
@@ -273,7 +269,7 @@ def _headline(found: calibration.Calibrated) -> web.Headline:
                 "first contact).",
             ),
             ("What it does to C10", f"{without}; legfem identify applies it."),
-            ("What to do", _next()[0]),
+            ("What to do", WORDS["after_correction"][0]),
         ],
         "What plane strain leaves out",
     )
@@ -282,14 +278,6 @@ def _headline(found: calibration.Calibrated) -> web.Headline:
 def _warnings(found: calibration.Calibrated) -> list[str]:
     softened = sum(outcome.softened for outcome in found.outcomes)
     return [f"{softened} of {len(found.outcomes)} models needed a softer contact to go on."] if softened else []
-
-
-def _next() -> list[str]:
-    return [
-        "Give the file beside this page to an identification: legfem identify --subject-dir FOLDER --correction "
-        "correction.json",
-        "For a leg of another girth or depth to the bone, calibrate with --legs.",
-    ]
 
 
 def _known(found: calibration.Calibrated) -> list[web.Known]:

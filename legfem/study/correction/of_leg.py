@@ -24,15 +24,11 @@ from legfem.report import page as web
 from legfem.report.curves import Curves, Line, curves_figure
 from legfem.report.render import rendered, table
 from legfem.report.style import save
-from legfem.report.words import NOT_TESTED, DataKind
+from legfem.report.words import NOT_TESTED, TOLD, DataKind
 from legfem.solve.path import ForceCurve
 from legfem.study.correction.command import SHOWN, p_curves
 
 DOCUMENT = "leg.json"
-_HOW_SURE = (
-    "The mesh's error is Richardson's estimate from larger elements; the length's is what cutting a third of the leg "
-    "beyond the cylinder away does; that of first contact is what smoothing takes off the plain ratio of forces."
-)
 _LEG_COLOUR, _TABLE_COLOUR = "#0072B2", "#D55E00"
 
 
@@ -212,7 +208,7 @@ def _page(found: LegAndTable, curves: Curves, cells: Cells) -> web.WebPage:
         ],
         chapters=[
             web.Chapter("This leg and the table", [curves, web.WebTable("Forces, P and its errors by depth", *cells)]),
-            web.Chapter("How sure", [web.Prose(_HOW_SURE)]),
+            web.Chapter("How sure", [web.Prose(TOLD["leg_errors"])]),
             web.Chapter("What could not be tested", [web.Bullets(NOT_TESTED["correction_of_leg"])]),
         ],
         repeat=web.Repeat(web.command_line(), versions_of("dolfinx", "python")),

@@ -24,7 +24,7 @@ from legfem.report.folder import REPORT, RESULT, ReportFile
 from legfem.report.plan import errors_of_readings
 from legfem.report.render import write_page
 from legfem.report.style import DATA_COLOUR, FAINT
-from legfem.report.words import NOT_TESTED, DataKind
+from legfem.report.words import NOT_TESTED, TOLD, DataKind
 from legfem.study.doe import tables
 from legfem.study.doe.design import Definition, in_words, read_definition
 from legfem.study.doe.figures import draw_response
@@ -225,11 +225,7 @@ def _effects(result: StudyResult) -> list[web.Block]:
     bars = [web.LabelledBar(name, each[-1], f"{each[-1]:.1f} %") for name, each in shares.items()]
     rows = [[name, *(f"{share:.1f} %" for share in each)] for name, each in shares.items()]
     return [
-        web.Prose(
-            "Shares of how a metric varies when every factor goes from its low to its high value: "
-            "squares of the coefficients over their sum. Slopes say how hard the leg is to press "
-            "in a window of depth, curvatures how fast that grows."
-        ),
+        web.Prose(TOLD["shares"]),
         web.Bars(f"Shares of the {metrics[-1]}", ("factor", "share"), bars, greatest=100.0),
         web.WebTable("Shares of every metric", ["factor", *metrics], rows),
     ]
@@ -275,8 +271,7 @@ def _surface(result: StudyResult) -> list[web.Block]:
     first, second, *_ = sorted(numbers, key=lambda symbol: -main[symbol])
     return [
         web.ResponseSurface(
-            "Map of the fitted surface over two factors. The other factors are where their sliders stand, and the "
-            "cross marks the sliders of these two. Dark is high, light is low.",
+            TOLD["surface"],
             [
                 web.SurfaceFactor(
                     f.label,

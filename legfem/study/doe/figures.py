@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.container import BarContainer
 
 from legfem.report.style import FAINT, panel, save, styled, titled
+from legfem.report.words import TOLD
 from legfem.study.doe.design import Factor
 from legfem.study.doe.study import StudyResult
 from legfem.study.doe.surface import MetricAnalysis, term_label
@@ -33,11 +34,7 @@ def draw_response(result: StudyResult, out: Path) -> list[Path]:
             _bars(axes, chosen, result.definition.factors, interactions)
             if column > 0:  # the terms are those of the panel to the left
                 axes.set_yticklabels([])
-    figure.supxlabel(
-        "Coefficients of the coded factors (-1 to +1) by window of displacement, in the colours of panel A.  s: "
-        "significant at 5 % by the paper's t test;  L: beyond Lenth's simultaneous limit.",
-        fontsize=9,
-    )
+    figure.supxlabel(TOLD["coefficients"], fontsize=9)
     return save(figure, out, RESPONSE, svg=True)
 
 

@@ -11,6 +11,7 @@ from legfem.common.documents import Cells, row_cells, versions_of
 from legfem.common.units import FloatArray
 from legfem.report import page as web
 from legfem.report.curves import Curves, Line
+from legfem.report.words import TOLD
 from legfem.study.doe.design import Definition, in_words, label_of
 from legfem.study.doe.figures import STAGE_COLOURS
 from legfem.study.doe.information import IDENTIFIED, IDENTIFIED_WITHIN, Information
@@ -202,19 +203,10 @@ def number_chapters(result: StudyResult) -> list[web.Chapter]:
     """Return the analysis of variance, the paper's beside it, numerical errors, Sobol indices."""
     chapters = [web.Chapter("Analysis of variance", _variance(result))]
     if result.numerics is not None:
-        note = (
-            "Errors of the default settings, from a mesh 1.5 times finer with steps of at most 0.5 mm, extrapolated as "
-            "for first order: at the softest corner, the stiffest and the centre. The bound on a coefficient is the "
-            "largest of these relative errors times the mean size of the metric."
-        )
         caption = "Numerical errors, and how much they can change a coefficient"
         table = web.WebTable.of(caption, _numerics_rows(result, result.numerics))
-        chapters.append(web.Chapter("Numerical error of the metrics", [table, web.Prose(note)]))
+        chapters.append(web.Chapter("Numerical error of the metrics", [table, web.Prose(TOLD["finer_mesh"])]))
     if result.sobol:
-        note = (
-            "Shares of the variance with the factors uniform in their coded ranges, on an emulator trained on the runs "
-            "above and a Latin hypercube. Its error is at simulations that it has not seen."
-        )
         labels = [f.label for f in result.definition.factors]
         rows = (
             {
@@ -226,7 +218,7 @@ def number_chapters(result: StudyResult) -> list[web.Chapter]:
             for s in result.sobol
         )
         table = web.WebTable.of("First order, total", rows)
-        chapters.append(web.Chapter("Sobol indices", [table, web.Prose(note)]))
+        chapters.append(web.Chapter("Sobol indices", [table, web.Prose(TOLD["sobol"])]))
     return chapters
 
 
@@ -241,12 +233,7 @@ def _variance(result: StudyResult) -> list[web.Block]:
         ),
         web.WebTable("Analysis of variance of each metric", *anova_cells(result)),
         web.WebTable.of(effects, map(_effects_row, result.analyses), folded=True),
-        web.Prose(
-            "The runs are deterministic, so the error in the t tests is the surface's lack of fit. Lenth's pseudo "
-            "standard error (PSE) is estimated from the small contrasts; a contrast beyond its simultaneous margin "
-            "is not due to chance (95 % for all together). 'corners - centre' is 0 for a surface without squared "
-            "terms. The column for normality gives the probability in Shapiro and Wilk's test."
-        ),
+        web.Prose(TOLD["lack_of_fit"]),
     ]
 
 
@@ -341,10 +328,7 @@ def information_blocks(result: StudyResult) -> list[web.Block]:
             "are known before the test, with the ranges above as 95 % intervals of their logarithms. A parameter is "
             "called determined when it is known within 50 %."
         ),
-        web.Prose(
-            "Combinations of parameters at full depth (eigenvectors of the information), the best determined first, "
-            "each with its standard deviation:"
-        ),
+        web.Prose(TOLD["combinations"]),
         web.Bullets(directions),
         *([web.Bullets(moved)] if moved else []),
     ]
@@ -355,8 +339,7 @@ def _half_widths(found: Information) -> Curves:
     shown = np.where(widths < 1, 100 * widths, np.nan)
     return Curves(
         "information",
-        "Smallest possible 95 % half-widths over the depth of the recorded curve, with fat and fascia known within "
-        "their ranges",
+        TOLD["half_widths"],
         f"; lines begin at 100 %. A parameter is determined below {100 * IDENTIFIED_WITHIN:.0f} %.",
         found.displacement,
         "depth of the recorded curve (mm)",
