@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 from unittest.mock import Mock
 
 import numpy as np
@@ -204,7 +204,7 @@ def test_interrupted_and_resumed_the_same(tmp_path: Path, whole: Path) -> None:
     assert len(list(calls.iterdir())) == done
 
 
-def test_an_interrupt_that_a_solve_swallows_is_no_failed_run() -> None:
+def test_an_interrupt_that_a_solve_swallows_is_no_failed_run(monkeypatch: pytest.MonkeyPatch) -> None:
     class Swallows:
         def solve(self, *_: Any, **__: Any) -> None:
             try:
@@ -215,7 +215,7 @@ def test_an_interrupt_that_a_solve_swallows_is_no_failed_run() -> None:
 
     section, indenter, tissues = Mock(fascia_thickness=0.6), Mock(radius=15.0), Mock()
     simulator = PlaneStrainSimulator(section, indenter, tissues)
-    simulator._tests[0.6, 30.0, "default"] = cast(Any, Swallows())
+    monkeypatch.setattr(simulator, "_test", lambda *_: Swallows())
     before = signal.getsignal(signal.SIGINT)
     with pytest.raises(KeyboardInterrupt):
         list(Workers(PlaneStrainSimulator.solve, simulator).run([Request("factorial", 0, (), 30.0)]))

@@ -5,6 +5,7 @@ import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Any, Literal
 
 import numpy as np
@@ -59,9 +60,6 @@ class PlaneStrainSimulator:
     section: LegSection
     indenter: Indenter
     tissues: Tissues
-    _tests: dict[tuple[float, float, Fidelity], PlaneStrainIndentation] = field(
-        default_factory=dict, init=False, repr=False
-    )
 
     @classmethod
     def of_subject(cls, subject: Subject) -> "PlaneStrainSimulator":
@@ -96,18 +94,14 @@ class PlaneStrainSimulator:
         by = {name: slopes / length for name, slopes in curve.sensitivities.items()}
         return Outcome.of(values, ForceCurve(curve.displacement, curve.force / length, by), solved.report)
 
+    @lru_cache(_MESHES_KEPT)  # noqa: B019 - a simulator ends with the program
     def _test(self, thickness: float, diameter: float, fidelity: Fidelity) -> PlaneStrainIndentation:
-        key = thickness, diameter, fidelity
-        if key not in self._tests:
-            while len(self._tests) >= _MESHES_KEPT:
-                del self._tests[next(iter(self._tests))]
-            self._tests[key] = PlaneStrainIndentation(
-                replace(self.section, fascia_thickness=thickness),
-                replace(self.indenter, radius=diameter / 2),
-                self.tissues,
-                settings_of(fidelity),
-            )
-        return self._tests[key]
+        return PlaneStrainIndentation(
+            replace(self.section, fascia_thickness=thickness),
+            replace(self.indenter, radius=diameter / 2),
+            self.tissues,
+            settings_of(fidelity),
+        )
 
 
 def settings_of(fidelity: Fidelity) -> PlaneStrainSettings:
