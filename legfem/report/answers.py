@@ -19,7 +19,7 @@ from legfem.inverse.catalogue import DEEP_C10, key_of, symbol_of
 from legfem.inverse.fit import Fit
 from legfem.report import page as web
 from legfem.report.estimates import held_text, known_text, words_of
-from legfem.report.words import LAW_NAMES, MODULI, capital, moduli_text
+from legfem.report.words import LAW_NAMES, MODULI, WORDS, capital, moduli_text
 
 
 def headline_of(answer: Answer, answers: Sequence[tuple[str, str]] = ()) -> web.Headline:
@@ -71,7 +71,7 @@ def _reported(answer: Answer) -> str:
     """Say what number to write down of a diagnosis, or why none."""
     why = answer.parameters["why_none"]
     if why:
-        return _NONE[why]
+        return str(WORDS["no_number"][why])
     (known,) = answer.values.values()
     first, last = known.ci95 or (math.nan, math.nan)
     first_words = "So far" if answer.finding is Finding.PROVISIONAL else "Report"
@@ -86,13 +86,6 @@ def _reported(answer: Answer) -> str:
         f"{first_words} a range: C10 between {low} and {high} kPa{only}, shear modulus G between {shear} kPa, Young's "
         f"modulus E between {young} kPa."
     )
-
-
-_NONE = {
-    "model_wrong": "Report no number.",
-    "given": "C10 was given, not found.",
-    "undetermined": "Report no number: this test cannot determine C10.",
-}
 
 
 def _where_effects_hide(answer: Answer) -> str:

@@ -57,16 +57,8 @@ def methods(members: Members, rows: Sequence[Row], task: str, model: str) -> lis
     texts = [first + (f" Results are compared under one law ({LAW_NAMES.get(model, model)})." if model else "")]
     settings = [row.settings for row in done if row.settings]
     if settings:
-        names = (
-            ("greatest displacement (mm)", "depth_mm"),
-            ("interval", "interval"),
-            ("relative numerical error (sd)", "numerical_error_relative"),
-            ("C10 of the fat (kPa)", "superficial_C10_kPa"),
-            ("C10 of the fascia (kPa)", "fascia_C10_kPa"),
-            ("thickness of the fascia (mm)", "fascia_thickness_mm"),
-            ("D1 of the deep tissue (1/MPa)", "deep_D1_per_MPa"),
-        )
-        shown = ((words, _shown([one[key] for one in settings if key in one])) for words, key in names)
+        names = WORDS["settings"].items()
+        shown = ((words, _shown([one[key] for one in settings if key in one])) for key, words in names)
         texts.append(f"Settings: {'; '.join(f'{words}: {one}' for words, one in shown if one)}.")
     if len(rows) > len(done):
         texts.append(f"{len(rows) - len(done)} of {_size(rows)} gave no result and are left out of all else.")

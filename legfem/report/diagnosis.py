@@ -45,10 +45,7 @@ def next_blocks(found: Diagnosis, plan: Sequence[DesignValue]) -> list[web.Block
         before = [web.Prose(why[found.verdict])] if found.verdict in why else []
         return [*before, web.Bullets(wanted)]
     planned = [f"{capital(one.design.name)}: {chance_text(one)}" for one in plan]
-    calculated = (
-        "These tests would help; the chances were calculated for each candidate cause, and the best test is first:"
-    )
-    blocks: list[web.Block] = [web.Prose(calculated), web.Bullets(planned)]
+    blocks: list[web.Block] = [web.Prose(TOLD["planned"]), web.Bullets(planned)]
     names = {capital(one.design.name) for one in plan}
     if left := [line for line in wanted if line not in names]:
         blocks += [web.Prose("Tests whose chance was not calculated:"), web.Bullets(left)]

@@ -21,7 +21,7 @@ from legfem.report.answers import headline_of
 from legfem.report.diagnosis_curves import places_of, relative_change
 from legfem.report.estimates import high_or_low
 from legfem.report.plan import chance_text
-from legfem.report.words import TOLD, capital
+from legfem.report.words import TOLD, WORDS, capital
 
 _MOST_CAUSES = 2
 """That find room on the first screen of a phone."""
@@ -148,7 +148,7 @@ _NINETEEN_OF_20 = (
 
 def _stiffness(found: Diagnosis) -> str:
     if why := reported(found)[1]:
-        return _NONE[why]
+        return str(WORDS["no_c10"][why])
     before = _value(found, found.base_model)
     if found.verdict == "unexplained":
         return f"{_C10}, is {before} kPa; the misfit changes it by {share(found.misfit.moves)} at most."
@@ -178,12 +178,6 @@ def _stiffness(found: Diagnosis) -> str:
 
 
 _C10 = "C10, the stiffness of the tissue"
-_NONE = {
-    "model_wrong": f"{_C10}, cannot be determined from this test: the value that it gives may be wrong by any amount.",
-    "given": "C10 was given, not found.",
-    "undetermined": f"{_C10}, cannot be determined from this test.",
-}
-"""By why no number is given."""
 
 
 def _high_or_low(found: Diagnosis, tissue: str, notices: Sequence[Notice]) -> list[tuple[str, str]]:

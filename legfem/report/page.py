@@ -192,13 +192,7 @@ class PressedSection(Block):
     """Displacement, force and greatest measures of every state."""
     tissues: list[tuple[str, str]]
     """Names and colours."""
-    header: ClassVar[list[str]] = [
-        "displacement (mm)",
-        "force (N)",
-        "highest pressure in soft tissue (kPa)",
-        "greatest movement (mm)",
-        "greatest stretch of soft tissue",
-    ]
+    header: ClassVar[list[str]] = WORDS["pressed_section"]
 
 
 @dataclass(frozen=True)

@@ -118,9 +118,7 @@ def discrepancy_blocks(found: ModelDiscrepancy) -> list[Block]:
 def discrepancy_verdict(found: ModelDiscrepancy) -> str:
     """Return in words whether model and scan differ, and why."""
     if found.verdict == "consistent":
-        return (
-            "Consistent: what the fit does not describe lies within the errors of contours, registration and pressure."
-        )
+        return TOLD["consistent_contours"]
     if found.verdict == "unexplained":
         return TOLD["unexplained_contours"]
     statements = {score.name: score.statement for score in found.scores}

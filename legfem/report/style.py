@@ -4,11 +4,13 @@ import io
 import logging
 import textwrap
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from legfem.common.resources import resource
 from legfem.geometry.section import LegSection
 from legfem.report.folder import ReportFile
 from legfem.report.words import region_words
@@ -39,17 +41,7 @@ def part_colour(section: LegSection, part: str) -> str:
     return REGION_COLOURS["superficial" if part == "skin" else "deep"]
 
 
-_STYLE = {
-    "font.size": 10,
-    "axes.titlesize": 11,
-    "axes.titlelocation": "left",
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "legend.frameon": False,
-    "svg.hashsalt": "legfem",
-}
-
-styled = matplotlib.rc_context(_STYLE)
+styled = matplotlib.rc_context(resource("figures", dict[str, Any]))
 """Decorator of what draws a figure; leaves matplotlib's own settings as they were."""
 
 

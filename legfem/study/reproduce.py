@@ -7,6 +7,7 @@ import numpy as np
 
 from legfem.common.documents import Cells, markdown_table, row_cells, write_atomically, write_document
 from legfem.common.progress import progress_on
+from legfem.common.resources import resource
 from legfem.common.units import kpa_to_mpa
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.correction import TabulatedCorrection
@@ -31,12 +32,7 @@ class PaperRow:
     cost: float
 
 
-PAPER = {
-    "1": PaperRow(2.11, 0.45, 0.82, 2.61, 6.5e-3),
-    "2": PaperRow(1.72, 0.48, 0.80, 2.00, 2.5e-2),
-    "3": PaperRow(1.21, 0.23, 0.70, 0.80, 3.5e-1),
-    "4": PaperRow(0.51, 0.16, 0.19, 0.24, 4.3e-1),
-}
+PAPER = resource("frauziols/paper", dict[str, PaperRow])
 
 
 def run(
