@@ -7,7 +7,7 @@ from pathlib import Path
 
 from legfem.inverse.answer import FitNotice, Notice
 from legfem.legs.notices import LegNotice
-from legfem.report.answers import sentence_of, words
+from legfem.report.answers import NOTICES, sentence_of
 from legfem.specimens.details import SpecimenNotice
 from legfem.stockings.details import StockingNotice
 
@@ -16,7 +16,7 @@ KINDS: tuple[type[StrEnum], ...] = (FitNotice, LegNotice, SpecimenNotice, Stocki
 
 def test_every_code_has_words_and_is_used():
     codes = [code.value for code in chain(*KINDS)]
-    assert sorted(codes) == sorted(words())
+    assert sorted(codes) == sorted(NOTICES)
     texts = [path.read_text() for path in Path("legfem").rglob("*.py")]
     used = {
         ".".join(ast.unparse(node).split(".")[-2:])

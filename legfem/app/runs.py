@@ -341,11 +341,6 @@ def looked_at(workspace: Workspace, name: str) -> Run:
     return Run.begun(folder, "legfem.data", options, name)
 
 
-def seen(run: Run) -> dict[str, Any] | None:
-    """Return what a preview wrote; None where it wrote nothing."""
-    return read_json(run.results / "preview.json") or None
-
-
 def runs_of(workspace: Workspace, about: str = "") -> list[Run]:
     """Return the runs of a workspace, or of one of its inputs, the latest first."""
     there = [run for run in map(Run, map(workspace.run, workspace.runs)) if run.there]

@@ -6,7 +6,6 @@ its kind for tables of many.
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache
 from string import Formatter
 from typing import Any
 
@@ -227,15 +226,13 @@ class _Formatter(Formatter):
         return ", ".join(format(one, format_spec) for one in each)
 
 
-@cache
-def words() -> Mapping[str, Mapping[str, Any]]:
-    """Return the templates by code."""
-    return resource("notices", dict[str, dict[str, Any]])
+NOTICES = resource("notices", dict[str, dict[str, Any]])
+"""The templates by code."""
 
 
 def _filled(notice: Notice) -> dict[str, Any]:
     """Return a notice's parameters, those that have clauses or names of their own in words."""
-    said, given = words()[notice.code], dict(notice.parameters)
+    said, given = NOTICES[notice.code], dict(notice.parameters)
     for name, values in said.get("named", {}).items():
         given[name] = values[given[name]]
     for name, template in said.get("clauses", {}).items():
@@ -253,7 +250,7 @@ def sentence_of(notice: Notice) -> str:
     """Return a notice as a page says it."""
     if notice.code == FitNotice.DOUBTFUL:
         return f"{DOUBTFUL}{Doubt(**notice.parameters)}"
-    said, given = words()[notice.code], _filled(notice)
+    said, given = NOTICES[notice.code], _filled(notice)
     text = _Formatter().vformat(said.get("whole") or said["kind"] + said["rest"], (), given)
     where = f"Site {given['site']}: " if given.get("site") else f"{given['trial']}: " if "trial" in given else ""
     return f"{where}{text}"
@@ -261,7 +258,7 @@ def sentence_of(notice: Notice) -> str:
 
 def kind_of_notice(notice: Notice) -> str:
     """Return what notices of this kind have in common, without numbers."""
-    return _Formatter(numbers=False).vformat(words()[notice.code]["kind"], (), _filled(notice))
+    return _Formatter(numbers=False).vformat(NOTICES[notice.code]["kind"], (), _filled(notice))
 
 
 def sentences_of(fits: Sequence[Fit[Any]]) -> list[str]:

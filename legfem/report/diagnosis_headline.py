@@ -141,9 +141,7 @@ def _sure(found: Diagnosis) -> str:
 
 
 # Counted where errors are wider than is assumed: docs/evidence.md.
-_NINETEEN_OF_20 = (
-    "is meant to contain the true value in 19 of 20 tests; in difficult simulated tests it did so about as often."
-)
+_NINETEEN_OF_20 = TOLD["nineteen_of_20"]
 
 
 def _stiffness(found: Diagnosis) -> str:

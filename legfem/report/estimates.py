@@ -249,11 +249,10 @@ def comparison(results: Sequence[Fit[Any]]) -> Iterator[str]:
     name, further = LAW_NAMES[better.law], len(better.estimates) > len(worse.estimates)
     gain, chance = gain_of(better, worse) if further else (0.0, 0.0)
     if further and chance >= SIGNIFICANT:
-        unneeded = (
+        yield (
             f"The {name} law's {costs}, but its additional parameter is not needed: chi-square "
             f"changes by {-gain:+.2g} ({fit_probability(chance)}), no more than noise alone would change it."
         )
-        yield unneeded
         return
     yield f"The {name} law fits better: its {costs}."
     if further:

@@ -25,11 +25,6 @@ SCHEMA = 1
 NOTHING = "nothing"
 
 
-def effects_of(ranked: Sequence[DesignValue]) -> list[str]:
-    """Return the names of the effects that were weighed."""
-    return sorted({a for one in ranked for a, _ in one.chances if a != NOTHING})
-
-
 def chance_text(one: DesignValue) -> str:
     """Return the chance that a test ends an ambiguity, and what it takes."""
     return f"{percent(one.chance)} chance of distinguishing the candidates{_needs(one)}"
@@ -92,7 +87,7 @@ def plan_web_page(
     muscles
         How well tests tell muscles by name.
     """
-    names = effects_of(ranked)
+    names = sorted({effect for one in ranked for effect, _ in one.chances if effect != NOTHING})
     never = [plain(name) for name in names if all(one.chances[name, NOTHING] < _UNLIKELY for one in ranked)]
     tests = [
         web.LabelledBar(f"({k}) {one.design.name}", 100 * one.chance, percent(one.chance))

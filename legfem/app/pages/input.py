@@ -9,7 +9,7 @@ from nicegui import ui
 from legfem.app.description import contours_in, scans_in
 from legfem.app.pages import frame
 from legfem.app.pages.forms import columns_tab, settings_tab
-from legfem.app.runs import ACTIONS, Action, Run, check_idle, looked_at, rename_input, runs_of, seen, written
+from legfem.app.runs import ACTIONS, Action, Run, check_idle, looked_at, read_json, rename_input, runs_of, written
 from legfem.app.workspace import Workspace, description_of, files_of
 from legfem.common.errors import InputError
 from legfem.data.quality import GRADES
@@ -227,7 +227,7 @@ def _when_seen(looking: Run, put: Callable[[dict[str, Any]], None]) -> None:
         timer.cancel()
         place.clear()
         with place:
-            if found := seen(looking):
+            if found := read_json(looking.results / "preview.json"):
                 put(found)
             else:
                 frame.refused((looking.log() or ["the files could not be looked at"])[-1])
