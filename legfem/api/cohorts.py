@@ -1,13 +1,14 @@
 """Many legs, specimens or stockings at once: each is done as by its own command, and all are looked at together."""
 
 import functools
+import inspect
 import logging
 import os
 import resource
 import sys
 import time
 import traceback
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -282,16 +283,13 @@ def _check_apart(out: Path, members: Members) -> None:
         raise InputError(Argument("out"), str(out), problem, "name another folder, or one in it")
 
 
-_TAKES: Mapping[str, tuple[str, ...]] = {
-    "identify": ("law", "identify", "prior", "fix", "depth", "correction", "model", "mesh", "seed"),
-    "diagnose": ("correction", "prior", "seed", "library"),
-    "stocking": ("cells",),
-}
+_CALLS: Mapping[str, Callable[..., Any]] = {"identify": identify, "diagnose": diagnose, "stocking": stocking}
 
 
 def _check_effect(task: str, given: Mapping[str, Any]) -> None:
+    takes = inspect.signature(_CALLS[task]).parameters if task in _CALLS else ()
     for name, value in given.items():
-        if value not in (None, (), "") and value is not False and name not in _TAKES.get(task, ()):
+        if value not in (None, (), "") and value is not False and name not in takes:
             raise loading.wrong(name, "given", f"has no effect on {task}", "leave it out")
 
 

@@ -118,11 +118,7 @@ def _agreement(repeated: Sequence[tuple[Analysed, Repeated]]) -> list[web.WebTab
         }
         for one, each in repeated
     ]
-    caption = (
-        f"Agreement of repeated tests: {ICC_FORM}; standard error of measurement (SEM); minimal detectable change "
-        "(95 %) between two tests. The intervals are based on the number of people, because the legs of one person are "
-        "not independent."
-    )
+    caption = f"Agreement of repeated tests: {ICC_FORM}; {TOLD['agreement']}"
     differ = [
         {
             "what": f"{called(one.name)}, {each.by} {pair.levels[1]} minus {each.by} {pair.levels[0]}",

@@ -201,10 +201,7 @@ def _looks(found: Diagnosis) -> str:
     ends = ", the cylinder's ends included" if found.with_ends else ""
     looks = (
         f"The base model ({LAW_NAMES[found.law]} deep tissue{ends}, nothing added) fits with "
-        f"R² = {r_squared(left, found.observed.force):.4f}. Probabilities weigh all explanations "
-        "against each other: nothing, one mechanism, two mechanisms, or something unknown. Before the test, nothing "
-        "and one mechanism are taken to be equally probable, two half as probable. “Nothing detectable” is nothing, or "
-        "an effect that is too small to be detected here."
+        f"R² = {r_squared(left, found.observed.force):.4f}. {TOLD['weighed']}"
     )
     if found.verdict == "consistent":
         looks += (

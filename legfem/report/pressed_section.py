@@ -22,6 +22,7 @@ from legfem.meshing.section import REGIONS
 from legfem.report.curves import packed
 from legfem.report.page import PressedSection, StillSection
 from legfem.report.style import BONE_COLOUR, part_colour, regions
+from legfem.report.words import TOLD
 
 # Corners of a second-order cell in the order of its outline, among DOLFINx' nodes.
 _CORNERS = {6: [0, 1, 2], 9: [0, 1, 3, 2]}
@@ -226,10 +227,7 @@ class Filmed:
             self.film,
             self.solved.curve.displacement,
             self.solved.curve.force,
-            f"Section of the leg with {what} while the cylinder is pressed in (model): its mesh, "
-            "coloured by the hydrostatic pressure, by how far the tissue moved, by its greatest "
-            "stretch (1 is none) or by tissue. Dashed: the skin before. The force is that of plane "
-            "strain times the cylinder's length, without a correction for its ends.",
+            f"Section of the leg with {what} while the cylinder is pressed in (model): {TOLD['pressed_in']}",
         )
 
 

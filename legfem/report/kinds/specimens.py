@@ -303,12 +303,9 @@ def procedure(result: SpecimenFit) -> str:
         said += "known of rates; forces are those on a body of the stated size, or on a cube of 10 mm. The errors of "
         said += "the tables are their differences from a smooth curve. "
     if result.details.folder.relaxes:
-        said += "Its stress relaxes with one log-normal spectrum of times: faster at larger strain if recordings at "
-        said += "two rates show that, otherwise quasi-linearly. This is exact where the whole specimen has the same "
-        said += "strain, and an approximation for small strain elsewhere. "
+        said += f"{TOLD['relaxation']} "
     if result.details.stiffness:
-        said += "Each specimen has its own stiffness, a factor on the law's; the law describes a typical specimen (the "
-        said += "geometric mean), and its interval includes the differences between specimens. "
+        said += f"{TOLD['typical_specimen']} "
     return (
         f"{together} from first contact {said}{_of_layers(result)}{_of_fibres(result)}{f'{note} ' if note else ''}"
         "A genetic algorithm (pygad) searched on an emulator of the tests, which full solves "

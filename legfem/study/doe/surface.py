@@ -155,6 +155,10 @@ class MetricAnalysis:
         """Main effects whose factor's symbol begins like this."""
         return [test for test in self.tests[1:] if not test.is_interaction and test.term.startswith(prefix)]
 
+    def interactions(self) -> list[CoefficientTest]:
+        """Two-factor interactions."""
+        return [test for test in self.tests if test.is_interaction]
+
     def shares(self) -> tuple[dict[str, float], float]:
         """Shares of the metric's variation that the factors make, by symbol, and that interactions make.
 

@@ -226,11 +226,7 @@ def _variance(result: StudyResult) -> list[web.Block]:
     effects = "Effects without an error estimate (Lenth), curvature at the centre, normality"
     return [
         web.Bullets(result.run_notes()),
-        web.Prose(
-            f"{UNITS_NOTE} R² predicted is that of runs that were not used in the fit. Degrees of freedom: "
-            "coefficients less 1, and runs less coefficients, as in the paper's Table 3 (15 and 17), not as in "
-            "its text."
-        ),
+        web.Prose(f"{UNITS_NOTE} {TOLD['degrees_of_freedom']}"),
         web.WebTable("Analysis of variance of each metric", *anova_cells(result)),
         web.WebTable.of(effects, map(_effects_row, result.analyses), folded=True),
         web.Prose(TOLD["lack_of_fit"]),
@@ -323,10 +319,7 @@ def information_blocks(result: StudyResult) -> list[web.Block]:
         web.Prose(
             "The half-widths are relative to the value. No unbiased estimate can have smaller ones at "
             f"{point} (MPa, mm), from one trial with one independent reading a mm and errors of "
-            f"{instrument.force_sd:.3g} N and {instrument.displacement_sd:.3g} mm (sd). They do not include the "
-            "model's own error. 'Others within their ranges' means that all but C10 and C20 of the deep tissue "
-            "are known before the test, with the ranges above as 95 % intervals of their logarithms. A parameter is "
-            "called determined when it is known within 50 %."
+            f"{instrument.force_sd:.3g} N and {instrument.displacement_sd:.3g} mm (sd). {TOLD['information']}"
         ),
         web.Prose(TOLD["combinations"]),
         web.Bullets(directions),
