@@ -263,11 +263,8 @@ def fat_thickness_around(shape: LegShape) -> FloatArray:
     ndarray
         (n_levels, n_points of the skin), mm.
     """
-    thickness = [
-        shapely.distance(shapely.points(skin), shapely.LinearRing(hull))
-        for skin, hull in zip(shape.contours[SKIN], shape.contours[HULL], strict=True)
-    ]
-    return np.stack(thickness)
+    hulls = shapely.linearrings(shape.contours[HULL])
+    return np.asarray(shapely.distance(shapely.points(shape.contours[SKIN]), hulls[:, None]))
 
 
 CANDIDATES = 24

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline, splev, splprep
-from shapely import GeometryCollection, LinearRing, LineString, MultiPoint, Point, Polygon
+from shapely import GeometryCollection, LinearRing, LineString, MultiPoint, Point, Polygon, get_coordinates
 from shapely.geometry.base import BaseGeometry
 
 from legfem.common.drawing import Pictured, svg
@@ -254,8 +254,7 @@ def first_crossing(curve: BaseGeometry, point: FloatArray, direction: FloatArray
     hits = line.intersection(curve)
     if hits.is_empty:
         raise ValueError("the line of travel misses the contour")
-    corners = np.vstack([np.asarray(g.coords) for g in getattr(hits, "geoms", [hits])])
-    return float(np.min((corners - point) @ direction))
+    return float(np.min((get_coordinates(hits) - point) @ direction))
 
 
 def _tidy(points: FloatArray) -> FloatArray:
@@ -264,8 +263,7 @@ def _tidy(points: FloatArray) -> FloatArray:
         raise ValueError(f"a contour is an (n, 2) array, not {xy.shape}")
     step = np.linalg.norm(xy - np.roll(xy, 1, axis=0), axis=1)
     kept = xy[step > 1e-9 * (1.0 + np.abs(xy).max(initial=0.0))]
-    following = np.roll(kept, -1, axis=0)
-    doubled_area = np.sum(kept[:, 0] * following[:, 1] - following[:, 0] * kept[:, 1])
+    doubled_area = cross(kept, np.roll(kept, -1, axis=0)).sum()
     return np.asarray(kept if doubled_area > 0 else kept[::-1])
 
 

@@ -140,12 +140,8 @@ def slice_distances(reference: SliceSet, other: SliceSet) -> dict[str, FloatArra
     """
     if reference.levels.shape != other.levels.shape or not np.allclose(reference.levels, other.levels):
         raise ValueError("slices at different levels can't be compared")
-    return {
-        name: np.stack(
-            [signed_distances(*pair) for pair in zip(reference.contours(name), other.contours(name), strict=True)]
-        )
-        for name in CONTOURS
-    }
+    both = {name: (reference.contours(name), other.contours(name)) for name in CONTOURS}
+    return {name: np.stack([*map(signed_distances, *contours)]) for name, contours in both.items()}
 
 
 def distance_rates(reference: SliceSet, shape: LegShape, rates: Mapping[str, FloatArray]) -> FloatArray:
@@ -178,14 +174,9 @@ def distance_rates(reference: SliceSet, shape: LegShape, rates: Mapping[str, Flo
         across = np.einsum("lpd,lpdm->lpm", outwards, level)
         degree = min(3, len(shape.levels) - 1)
         sliced = make_interp_spline(shape.levels, across, k=degree)(reference.levels)
-        for contour, ring, values in zip(
-            reference.contours(name), shape.at(part, reference.levels), sliced, strict=True
-        ):
+        for contour, ring, own in zip(reference.contours(name), shape.at(part, reference.levels), sliced, strict=True):
             # Straight between the contour's points, where the reference is nearest to it.
             at = shapely.line_locate_point(shapely.LinearRing(ring), shapely.points(contour))
-            found.append(
-                make_interp_spline(arc_lengths(np.vstack([ring, ring[:1]])), np.concatenate([values, values[:1]]), k=1)(
-                    at
-                )
-            )
+            arc = arc_lengths(np.vstack([ring, ring[:1]]))
+            found.append(make_interp_spline(arc, np.concatenate([own, own[:1]]), k=1)(at))
     return np.concatenate(found)

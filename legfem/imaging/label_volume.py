@@ -77,10 +77,15 @@ def _resampled(array: NDArray[np.integer], affine: FloatArray, source: str) -> t
     if last - first < 2:
         problem = "the grid is oblique, and no level contains the leg's whole section"
         raise refused(problem, "scan or label more of the leg")
-    straight = np.diag([*spacing, 1.0])
-    straight[:3, 3] = origin
-    straight[2, 3] += first * spacing[2]
+    straight = _affine(spacing, origin + np.array([0.0, 0.0, first * spacing[2]]))
     return np.ascontiguousarray(found[:, :, first:last]), straight
+
+
+def _affine(spacing: FloatArray, origin: FloatArray) -> FloatArray:
+    """Return the affine (4, 4) of a grid along the coordinates' axes."""
+    affine = np.diag([*spacing, 1.0])
+    affine[:3, 3] = origin
+    return affine
 
 
 BACKGROUND, SUPERFICIAL, DEEP, BONE = 0, 1, 2, 3
@@ -134,9 +139,7 @@ class LabelVolume:
     @property
     def affine(self) -> FloatArray:
         """Voxel's numbers to mm, (4, 4)."""
-        affine = np.diag([*self.spacing, 1.0])
-        affine[:3, 3] = self.origin
-        return affine
+        return _affine(self.spacing, self.origin)
 
     @property
     def levels(self) -> FloatArray:
@@ -245,9 +248,7 @@ def along_axes(array: NDArray[np.integer], affine: FloatArray, source: str) -> t
     spacing = np.linalg.norm(affine[:3, :3], axis=0)
     if (np.diag(affine)[:3] < (1 - _SQUARE) * spacing).any():
         return _resampled(array, affine, source)
-    straight = np.diag([*spacing, 1.0])
-    straight[:3, 3] = affine[:3, 3]
-    return np.ascontiguousarray(array), straight
+    return np.ascontiguousarray(array), _affine(spacing, affine[:3, 3])
 
 
 _IN_PLANE: NDArray[np.bool_] = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], bool)[:, :, None]

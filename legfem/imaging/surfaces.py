@@ -163,11 +163,7 @@ def _pieces(surface: Any, plane: CuttingPlane) -> list[Polygon]:
     # The two triangles at an edge find the same point but for rounding.
     lines = shapely.linestrings(np.round(plane.flat(segments), 6)) if len(segments) else []
     faces = shapely.union_all(shapely.polygonize(list(lines)))
-    return [
-        Polygon(face.exterior)
-        for face in getattr(faces, "geoms", [faces])
-        if isinstance(face, Polygon) and face.area > 0
-    ]
+    return [Polygon(face.exterior) for face in shapely.get_parts(faces) if isinstance(face, Polygon) and face.area > 0]
 
 
 def _check_closed(surface: Any, plane: CuttingPlane, source: str | Path, part: str) -> None:

@@ -199,10 +199,8 @@ def _of_image(image: SimpleITK.Image, path: Path) -> _Raw:
 
 
 def _affine(image: SimpleITK.Image) -> FloatArray:
-    affine = np.eye(4)
-    affine[:3, :3] = np.array(image.GetDirection()).reshape(3, 3) * np.array(image.GetSpacing())
-    affine[:3, 3] = image.GetOrigin()
-    return affine
+    axes = np.array(image.GetDirection()).reshape(3, 3) * np.array(image.GetSpacing())
+    return np.asarray(nibabel.affines.from_matvec(axes, image.GetOrigin()))
 
 
 def _read_dicom(path: Path) -> _Raw:

@@ -4,6 +4,7 @@ import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import gmsh
@@ -12,6 +13,7 @@ from dolfinx import io as dolfinx_io
 from mpi4py import MPI
 
 from legfem.common.errors import InputError
+from legfem.common.units import FloatArray
 
 # Its name since DOLFINx 0.10, and before.
 _gmsh_io = dolfinx_io.gmsh if hasattr(dolfinx_io, "gmsh") else dolfinx_io.gmshio
@@ -25,6 +27,15 @@ def mesh_from_gmsh(model: Any, comm: MPI.Intracomm, gdim: int) -> tuple[Any, Any
     """Return mesh, cell tags and facet tags of a meshed gmsh model that rank 0 holds."""
     mesh, cell_tags, facet_tags = _gmsh_io.model_to_mesh(model, comm, 0, gdim=gdim)[:3]
     return mesh, cell_tags, facet_tags
+
+
+def drawn(geometry: Any, corners: FloatArray, closed: bool = True) -> tuple[list[int], list[int]]:
+    """Return gmsh's points and lines through corners (n, 2) or (n, 3), each line one element's edge."""
+    points = [geometry.addPoint(*corner, *[0.0] * (3 - len(corner))) for corner in corners]
+    lines = [geometry.addLine(a, b) for a, b in pairwise([*points, *points[:closed]])]
+    for line in lines:
+        geometry.mesh.setTransfiniteCurve(line, 2)
+    return points, lines
 
 
 @contextmanager

@@ -8,6 +8,7 @@ from typing import Any, Self, get_type_hints
 import numpy as np
 from dolfinx import mesh as dolfinx_mesh
 from mpi4py import MPI
+from scipy.integrate import cumulative_trapezoid
 
 from legfem.common.errors import Checked
 from legfem.common.units import FloatArray
@@ -52,9 +53,7 @@ def spaced(length: float, size: Callable[[FloatArray], FloatArray], stops: tuple
     nodes = [np.zeros(1)]
     for start, end in pairwise(ends):
         fine = np.linspace(start, end, 2001)
-        density = 1 / size(fine)
-        steps = 0.5 * (density[1:] + density[:-1]) * np.diff(fine)
-        count = np.concatenate([[0.0], np.cumsum(steps)])
+        count = cumulative_trapezoid(1 / size(fine), fine, initial=0)
         number = max(1, round(count[-1]))
         nodes.append(np.interp(np.arange(1, number + 1) / number * count[-1], count, fine))
     return np.concatenate(nodes)

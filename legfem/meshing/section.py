@@ -7,7 +7,7 @@ it. The fascia is one layer of elements across its thickness, with nodes of its 
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from itertools import chain, compress, pairwise
+from itertools import chain, compress
 from typing import Any
 
 import gmsh
@@ -315,13 +315,9 @@ def _build(
         loops[bone], _ = _place(curve, bone_size(curve.length))
 
     geometry = model.geo
-    points = {name: [geometry.addPoint(x, y, 0) for x, y in xy] for name, xy in loops.items()}
-    lines = {
-        name: [geometry.addLine(a, b) for a, b in zip(p, p[1:] + p[:1], strict=True)] for name, p in points.items()
-    }
-    surfaces = {SUPERFICIAL: [], FASCIA: _fascia(geometry, points, lines)} if layered else {}
-    for line in (line for loop in lines.values() for line in loop):
-        geometry.mesh.setTransfiniteCurve(line, 2)
+    rings = {name: gmsh_mesh.drawn(geometry, xy) for name, xy in loops.items()}
+    lines = {name: loop for name, (_, loop) in rings.items()}
+    surfaces = {SUPERFICIAL: [], FASCIA: _fascia(geometry, rings["outer"], rings["inner"])} if layered else {}
     closed = {name: geometry.addCurveLoop(loop) for name, loop in lines.items()}
     if layered:
         surfaces[SUPERFICIAL] = [geometry.addPlaneSurface([closed["skin"], closed["under fat" if split else "outer"]])]
@@ -359,13 +355,13 @@ def _build(
     return corners, muscles
 
 
-def _fascia(geometry: Any, points: Mapping[str, list[int]], lines: Mapping[str, list[int]]) -> list[int]:
-    """Draw the fascia's layer, an element across; return its surfaces."""
-    rungs = [geometry.addLine(a, b) for a, b in zip(points["outer"], points["inner"], strict=True)]
-    for line in [*rungs, *lines["outer"], *lines["inner"]]:
-        geometry.mesh.setTransfiniteCurve(line, 2)
+def _fascia(geometry: Any, outer: tuple[list[int], list[int]], inner: tuple[list[int], list[int]]) -> list[int]:
+    """Draw the fascia's layer, an element across, between points and lines of both faces; return its surfaces."""
+    rungs = [geometry.addLine(a, b) for a, b in zip(outer[0], inner[0], strict=True)]
+    for rung in rungs:
+        geometry.mesh.setTransfiniteCurve(rung, 2)
     layer = []
-    for k, (above, below) in enumerate(zip(lines["outer"], lines["inner"], strict=True)):
+    for k, (above, below) in enumerate(zip(outer[1], inner[1], strict=True)):
         following = rungs[(k + 1) % len(rungs)]
         loop = geometry.addCurveLoop([above, following, -below, -rungs[k]])
         layer.append(geometry.addPlaneSurface([loop]))
@@ -405,10 +401,7 @@ def _border(model: Any, line: shapely.LineString, size: Any) -> list[int]:
     count = cumulative_trapezoid(1 / size(places), along, initial=0)
     at = np.interp(np.linspace(0, count[-1], 1 + max(3, math.ceil(count[-1]))), count, along)
     corners = shapely.get_coordinates(shapely.line_interpolate_point(line, at))
-    points = [model.geo.addPoint(x, y, 0) for x, y in (corners[:-1] if line.is_ring else corners)]
-    edges = [model.geo.addLine(a, b) for a, b in pairwise([*points, points[0]] if line.is_ring else points)]
-    for edge in edges:
-        model.geo.mesh.setTransfiniteCurve(edge, 2)
+    _, edges = gmsh_mesh.drawn(model.geo, corners[:-1] if line.is_ring else corners, line.is_ring)
     return edges
 
 

@@ -136,10 +136,7 @@ def _end_face(outer: FloatArray, inner: list[FloatArray], sizes: SizeField) -> t
     with gmsh_mesh.gmsh_model("end") as model:
         geometry, loops = model.geo, []
         for ring in (outer, *inner):
-            points = [geometry.addPoint(*xyz) for xyz in ring]
-            lines = [geometry.addLine(a, b) for a, b in zip(points, points[1:] + points[:1], strict=True)]
-            for line in lines:
-                geometry.mesh.setTransfiniteCurve(line, 2)
+            _, lines = gmsh_mesh.drawn(geometry, ring)
             loops.append(geometry.addCurveLoop(lines))
         geometry.addPlaneSurface(loops)
         geometry.synchronize()
