@@ -133,24 +133,6 @@ class SeenModel:
 
 
 @dataclass(frozen=True, eq=False)
-class SkinOnFace:
-    """Nodes of a section's skin, from the cylinder's axis.
-
-    Parameters
-    ----------
-    arc, arc_rates : (k,), (p, k) array
-        Way along the cylinder's face from its deepest point, to the left of the travel, mm; and its derivatives.
-    load, load_rates : (k,), (p, k) array
-        Load of the cylinder's normal pressure, N per mm of its length; and its derivatives.
-    """
-
-    arc: FloatArray
-    arc_rates: FloatArray
-    load: FloatArray
-    load_rates: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
 class Seen:
     """A state of a model, as kinds of channel see it: forces and layers turn with the line of travel, images don't.
 
@@ -228,9 +210,13 @@ class Seen:
         away = places + state.unknown[spaces.trace].reshape(-1, 2) - self.centre
         return away, state.unknown_rates[:, spaces.trace].reshape(-1, *away.shape)
 
-    @cached_property
-    def face(self) -> SkinOnFace:
-        """The rank's nodes of a section's skin as the cylinder's face sees them."""
+    @property
+    def face(self) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]:
+        """The rank's nodes of a section's skin as the cylinder's face sees them: ways and loads, with derivatives.
+
+        The ways (k,) along the face are from its deepest point to the left of the travel, mm; the loads (k,) are of the
+        cylinder's normal pressure, N per mm of its length; derivatives are (p, k).
+        """
         system, state = self.model.system, self.state
         away, moving = self._skin_from_axis
         ahead, sideways = away @ system.direction, away @ self.left
@@ -243,7 +229,7 @@ class Seen:
         load = np.einsum("kd,kd->k", state.nodal_force, out)
         loading = np.einsum("pkd,kd->pk", state.nodal_force_rates, out)
         loading += np.einsum("kd,pkd->pk", state.nodal_force, swing)
-        return SkinOnFace(self.radius * np.arctan2(sideways, ahead), self.radius * turning, load, loading)
+        return (self.radius * np.arctan2(sideways, ahead), self.radius * turning), (load, loading)
 
     def force(self, way: FloatArray) -> tuple[float, FloatArray]:
         """Return the contact's force along a unit vector (N), and its derivatives (p,)."""

@@ -65,3 +65,9 @@ def frozen_array(values: object) -> FloatArray:
     array = np.array(values, dtype=np.float64)
     array.setflags(write=False)
     return array
+
+
+def freeze(given: object, *names: str) -> None:
+    """Put read-only copies (`frozen_array`) in place of some arrays of a frozen dataclass."""
+    for name in names:
+        object.__setattr__(given, name, frozen_array(getattr(given, name)))

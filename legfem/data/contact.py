@@ -301,13 +301,8 @@ def _at_start(d: FloatArray, force: FloatArray, noise: float, displacement_sd: f
     least = _LEAST_FELT * float(force.max()) * (start / float(d[-1])) ** 3 if 0 < start < d[-1] else np.inf
     loaded = felt > max(5.0 * noise, least)
     away = abs(start) > max(3.0 * displacement_sd / np.sqrt(few), displacement_sd)
-    return Contact(
-        displacement=start if away and not loaded else 0.0,
-        baseline=0.0,
-        displacement_error=displacement_sd / np.sqrt(few),
-        estimate=start,
-        in_air=False,
-    )
+    touch = start if away and not loaded else 0.0
+    return Contact(touch, 0.0, displacement_error=displacement_sd / np.sqrt(few), estimate=start, in_air=False)
 
 
 def _surely_touched(d: FloatArray, force: FloatArray, rough: float, instrument: Instrument) -> float:

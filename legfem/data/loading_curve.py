@@ -44,13 +44,8 @@ class LoadingCurve:
     def down_to(self, depth: float) -> "LoadingCurve":
         """Return the curve as far as a depth, mm."""
         n = int((self.displacement <= depth + 1e-9).sum())
-        return replace(
-            self,
-            displacement=self.displacement[:n],
-            force=self.force[:n],
-            force_sd=self.force_sd[:n],
-            trial_force=self.trial_force[:, :n],
-        )
+        names = ("displacement", "force", "force_sd", "trial_force")
+        return replace(self, **{name: getattr(self, name)[..., :n] for name in names})
 
 
 def mean_loading_curve(trials: Sequence[Segmentation]) -> LoadingCurve:
@@ -122,9 +117,8 @@ def _loaded(trial: Segmentation) -> tuple[FloatArray, FloatArray]:
     reached = np.maximum.accumulate(np.where(used, depth, -np.inf))
     virgin = used & (depth >= reached - trial.displacement_noise) & (depth >= 0)
     if np.count_nonzero(virgin) < _SMOOTHED_FROM:
-        raise InputError(
-            trial.source, "displacement_mm", "there is no loading after contact", "press deeper, or remove this trial"
-        )
+        problem = "there is no loading after contact"
+        raise InputError(trial.source, "displacement_mm", problem, "press deeper, or remove this trial")
     order = np.argsort(depth[virgin], kind="stable")
     return depth[virgin][order], (recording.force - trial.contact.baseline)[virgin][order]
 

@@ -39,7 +39,7 @@ def _motion(t: FloatArray, d: FloatArray, held: float, unit: float) -> NDArray[n
     What is still beside faster motion, but goes further than ``held`` mm, is looked at by itself:
     a slow motion beside a fast one.
     """
-    speed = pace(t, d).typical
+    speed, _ = pace(t, d)
     half = velocity_window(t, d, speed)
     window = max(3, round(2 * half / float(np.median(np.diff(t)))))
     still = STILL * speed

@@ -53,7 +53,7 @@ def trial_doubts(trials: Sequence[Segmentation]) -> Iterator[Doubt]:
     """
     for trial in trials:
         _refuse_jump(trial)
-        yield from _spike_doubts(trial.source, trial.recording)
+        yield from _spike_doubts(trial)
         yield from _gap_doubts(trial)
         yield from _joined_doubts(trial)
         yield from start_doubts(trial)
@@ -221,28 +221,21 @@ def _slope(displacement: FloatArray, force: FloatArray) -> float:
     return float(away @ force) / square if square > 0 else 0.0
 
 
-def _spike_doubts(source: str, recording: Recording) -> Iterator[Doubt]:
-    """Yield a doubt about a reading of the force that is far from its neighbours."""
-    at = spike(recording.force)
-    if at is not None:
-        problem = f"one reading, {recording.force[at]:.4g} N at {recording.time[at]:.4g} s, differs from all around it"
-        yield Doubt(source, "force_N", problem, "remove the row if it is a disturbance")
-
-
-def spike(force: FloatArray) -> int | None:
-    """Return the number of the reading (of n) that is farthest from its neighbours, if too far.
-
-    Two readings before it and two after it lie together, and it doesn't.
-    """
+def _spike_doubts(trial: Segmentation) -> Iterator[Doubt]:
+    """Yield a doubt about a force that is far from two before it and two after it, which lie together."""
+    force = trial.recording.force
     if len(force) < 5:
-        return None
+        return
     around = np.lib.stride_tricks.sliding_window_view(force, 5)
     middle = np.median(around, axis=1)
     off = np.abs(force[2:-2] - middle)
     together = np.ptp(np.delete(around, 2, axis=1), axis=1) < 0.5 * off
     off = np.where(together, off, 0.0)
     worst = int(np.argmax(off))
-    return worst + 2 if off[worst] > _SPIKE * np.ptp(middle) else None
+    if off[worst] > _SPIKE * np.ptp(middle):
+        reading = f"{force[worst + 2]:.4g} N at {trial.recording.time[worst + 2]:.4g} s"
+        problem = f"one reading, {reading}, differs from all around it"
+        yield Doubt(trial.source, "force_N", problem, "remove the row if it is a disturbance")
 
 
 _SAME_NOISE = 0.95

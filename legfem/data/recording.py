@@ -16,7 +16,7 @@ from legfem.channels.kinds import CHANNELS, IN_COLUMNS
 from legfem.common.drawing import Pictured, svg
 from legfem.common.errors import InputError
 from legfem.common.input_files import read_table
-from legfem.common.units import MPA_PER_KPA, MPA_PER_MMHG, FloatArray, frozen_array
+from legfem.common.units import MPA_PER_KPA, MPA_PER_MMHG, FloatArray, freeze
 from legfem.data.formats.labels import UNIT_OF, Quantity, unit_named
 from legfem.data.formats.sheet import Column, Sheet, trial_of
 from legfem.data.smoothing import between_steps
@@ -57,8 +57,7 @@ class RecordedChannel:
 
     def __post_init__(self) -> None:
         """Keep read-only copies; raise ValueError if the arrays' shapes differ."""
-        for name in ("time", "values"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name)))
+        freeze(self, "time", "values")
         if not (self.time.ndim == 1 and self.time.shape == self.values.shape):
             raise ValueError("time and values must be (k,) arrays of one length")
 
@@ -129,8 +128,7 @@ class Recording(Pictured):
 
     def __post_init__(self) -> None:
         """Keep read-only copies; raise ValueError if the arrays' shapes differ."""
-        for name in ("time", "displacement", "force"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name)))
+        freeze(self, "time", "displacement", "force")
         if not (self.time.ndim == 1 and self.time.shape == self.displacement.shape == self.force.shape):
             raise ValueError("time, displacement and force must be (n,) arrays of one length")
 
@@ -159,11 +157,6 @@ MOST = 1e9
 
 _A_DATE = 1e8
 """s: no trial begins three years after its clock was set; clocks that count from 1904 or 1970 read more."""
-
-
-def since_start(time: FloatArray) -> FloatArray:
-    """Return times (n,) from the first on where they count from a calendar's date; else as they are."""
-    return time - time[0] if len(time) and _A_DATE < time[0] < np.inf else time
 
 
 def check_increasing(
@@ -285,7 +278,7 @@ def _readings(
     time, displacement, force = (one[first:] for one in values)
     if len(time) > _FEW and all(np.isclose(one[-1], one[:-1].sum(), _SUMMED) for one in (time, displacement, force)):
         raise InputError(path, "rows", "the last is the sum of those above it", "remove it")
-    time = since_start(time)
+    time = time - time[0] if len(time) and _A_DATE < time[0] < np.inf else time
     _check_sizes(path, time, displacement, force)
     check_increasing(path, time, column, remedy, lines if lines is None else lines[first:])
     displacement, step = between_steps(time, displacement)

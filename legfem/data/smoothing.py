@@ -148,22 +148,12 @@ def _stretches(time: FloatArray, displacement: FloatArray) -> FloatArray:
     return np.column_stack([corners[:, 0] / stretch + time[0], corners[:, 1]])
 
 
-@dataclass(frozen=True, eq=False)
-class Pace:
-    """How fast an indenter moves."""
+def pace(time: FloatArray, displacement: FloatArray) -> tuple[float, FloatArray]:
+    """Return how fast an indenter moves, mm/s: typically, and (n,) in the straight stretch that a sample lies in.
 
-    typical: float
-    """mm/s: the 90th percentile over coarse windows of the moving stretches, however long the
-    holds are."""
-    local: FloatArray
-    """(n,), mm/s: of the straight stretch of the motion that a sample lies in."""
-
-
-def pace(time: FloatArray, displacement: FloatArray) -> Pace:
-    """Return how fast an indenter moves.
-
-    Moving is what is no slower than 0.15 times the speed at which, or above which, half of the way
-    is gone. A coarse window spans half of such a stretch at most.
+    Typical is the 90th percentile over coarse windows of the moving stretches, however long the holds are. Moving is
+    what is no slower than 0.15 times the speed at which, or above which, half of the way is gone. A coarse window spans
+    half of such a stretch at most.
     """
     corners = _stretches(time, displacement)
     taken, way = np.abs(np.diff(corners, axis=0).T)
@@ -176,7 +166,7 @@ def pace(time: FloatArray, displacement: FloatArray) -> Pace:
     local = speed[np.searchsorted(corners[1:-1, 0], time, side="right")]
     moving = time[local >= least]
     fit = local_line(time, displacement, moving, half, min(7, len(time)))
-    return Pace(float(np.percentile(np.abs(fit.slope), 90.0)), local)
+    return float(np.percentile(np.abs(fit.slope), 90.0)), local
 
 
 def velocity_window(time: FloatArray, displacement: FloatArray, speed: float) -> float:
@@ -202,9 +192,9 @@ def smooth_displacement(
     smooth, leverage : (n,) array
         mm, and its variance over that of one reading.
     """
-    found = pace(time, displacement)
+    typical, local = pace(time, displacement)
     # A fast stretch beside slow ones isn't smoothed away.
-    speed = np.where(found.local > 2.0 * found.typical, found.local, found.typical)
-    half = 0.5 * travel / speed if found.typical > 0 else 0.0
+    speed = np.where(local > 2.0 * typical, local, typical)
+    half = 0.5 * travel / speed if typical > 0 else 0.0
     fit = local_line(time, without_outliers(displacement), time, half, min(5, len(time)))
     return fit.value, fit.leverage

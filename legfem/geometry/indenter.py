@@ -8,7 +8,7 @@ import shapely
 from scipy.optimize import brentq
 
 from legfem.common.errors import Argument, Command, InputError, Remedy
-from legfem.common.units import FloatArray, frozen_array
+from legfem.common.units import FloatArray, freeze
 from legfem.geometry.section import LegSection, across
 
 IndenterShape = Literal["cylinder", "ball", "punch"]
@@ -33,7 +33,7 @@ class Indenter:
 
     def __post_init__(self) -> None:
         """Keep a read-only copy of the aim."""
-        object.__setattr__(self, "aim", frozen_array(self.aim))
+        freeze(self, "aim")
 
     @property
     def direction(self) -> FloatArray:

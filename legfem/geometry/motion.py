@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
 from legfem.common.errors import InputError
-from legfem.common.units import FloatArray, frozen_array
+from legfem.common.units import FloatArray, freeze, frozen_array
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape, corresponding_loops
 from legfem.geometry.section import each_at, outward_normals
 
@@ -39,7 +39,7 @@ class CuttingPlane:
         normal = np.asarray(self.normal, dtype=np.float64)
         unit = normal / np.linalg.norm(normal)
         object.__setattr__(self, "normal", frozen_array(unit if unit[2] >= 0 else -unit))
-        object.__setattr__(self, "point", frozen_array(self.point))
+        freeze(self, "point")
 
     @staticmethod
     def at_level(level: float) -> "CuttingPlane":
@@ -166,8 +166,7 @@ class RigidTransform:
 
     def __post_init__(self) -> None:
         """Copy and check."""
-        for name in ("rotation", "translation"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name)))
+        freeze(self, "rotation", "translation")
         R, t = self.rotation, self.translation
         if R.shape != (3, 3) or t.shape != (3,) or not np.isfinite(t).all():
             problem = "is not a 3 x 3 rotation and a translation of 3 lengths (mm)"

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import make_interp_spline
 
 from legfem.common.errors import InputError
-from legfem.common.units import FloatArray, frozen_array
+from legfem.common.units import FloatArray, freeze
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape, largest_girth
 from legfem.geometry.section import arc_lengths, cross, outward_normals, smooth_closed_curve
 
@@ -40,8 +40,7 @@ class SliceSet:
 
     def __post_init__(self) -> None:
         """Copy the arrays."""
-        for name in ("levels", *CONTOURS):
-            object.__setattr__(self, name, frozen_array(getattr(self, name)))
+        freeze(self, "levels", *CONTOURS)
 
     @staticmethod
     def of(shape: LegShape, levels: ArrayLike) -> "SliceSet":

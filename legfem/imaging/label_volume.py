@@ -13,7 +13,7 @@ from scipy import ndimage
 from scipy.ndimage import affine_transform, binary_dilation
 
 from legfem.common.errors import InputError
-from legfem.common.units import FloatArray, frozen_array, runs_of
+from legfem.common.units import FloatArray, freeze, runs_of
 from legfem.geometry.contours import MUSCLE_HULL
 from legfem.geometry.part_names import bones_of, muscle_named, part_named
 
@@ -124,8 +124,7 @@ class LabelVolume:
 
     def __post_init__(self) -> None:
         """Check the labels."""
-        for name in ("spacing", "origin"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name)))
+        freeze(self, "spacing", "origin")
         if self.labels.ndim != 3:
             raise InputError(self.source, "shape", f"is {self.labels.ndim}-dimensional", "give one volume")
         if not (self.spacing > 0).all():

@@ -126,20 +126,11 @@ class Course:
     def down_to(self, depth: float) -> "Course":
         """Return what is recorded before a displacement (mm) is exceeded."""
         deeper = np.flatnonzero(self.displacement > depth)
-        return self if not len(deeper) else self._first(int(deeper[0]))
-
-    def _first(self, count: int) -> "Course":
-        end = float(self.time[count - 1])
-        kept = self.samples.time <= end
-        return replace(
-            self,
-            time=self.time[:count],
-            displacement=self.displacement[:count],
-            force=self.force[:count],
-            count=self.count[:count],
-            arrival=min(self.arrival, end),
-            samples=self.samples.part(kept),
-        )
+        if not len(deeper):
+            return self
+        own = {name: getattr(self, name)[: deeper[0]] for name in ("time", "displacement", "force", "count")}
+        end = float(self.time[deeper[0] - 1])
+        return replace(self, **own, arrival=min(self.arrival, end), samples=self.samples.part(self.samples.time <= end))
 
 
 def read_specimen(
@@ -165,9 +156,8 @@ def read_specimen(
     """
     source = given.source or given.trial
     if len(given) < _LEAST_SAMPLES:
-        raise InputError(
-            source, "rows", f"{len(given)} samples are too few", f"record at least {_LEAST_SAMPLES} during loading"
-        )
+        remedy = f"record at least {_LEAST_SAMPLES} during loading"
+        raise InputError(source, "rows", f"{len(given)} samples are too few", remedy)
     # One sample that overshoots doesn't count.
     recording = before_it_tears(replace(given, displacement=without_outliers(given.displacement)))
     calm, noise = recording.displacement, sample_noise(recording.displacement)
@@ -239,26 +229,13 @@ def course_of(trial: Segmentation, returns: bool = False) -> Course:
     arrival = float(recording.time[arrived] - touched)
     numbers = _stations(kept, float(calm[arrived] - contact.displacement), arrival)
     count = np.bincount(numbers).astype(float)
-
-    def mean(values: FloatArray) -> FloatArray:
-        return np.asarray(np.bincount(numbers, values) / count)
-
-    found = Course(
-        mean(kept.time),
-        mean(kept.displacement),
-        mean(kept.force),
-        count,
-        trial.instrument,
-        arrival,
-        kept,
-        contact,
-        touched,
-        standing_force(trial),
-    )
-    if len(found.time) < _LEAST_SEEN:
-        problem = f"{len(found.time)} stations of loading are too few"
+    if len(count) < _LEAST_SEEN:
+        problem = f"{len(count)} stations of loading are too few"
         raise InputError(trial.source, "rows", problem, "sample faster or press more slowly")
-    return found
+    means = (np.bincount(numbers, one) / count for one in (kept.time, kept.displacement, kept.force))
+    time, displacement, force = means
+    standing = standing_force(trial)
+    return Course(time, displacement, force, count, trial.instrument, arrival, kept, contact, touched, standing)
 
 
 def _loaded_and_held(recording: Recording, noise: float) -> tuple[int, int, int]:

@@ -42,26 +42,9 @@ from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.fabric import Stocking, stocking_load
 from legfem.stockings.levels import NOTHING_STATED, MakersLevels
 
-
-@dataclass(frozen=True)
-class SensorKind:
-    """An instrument for the pressure under a stocking.
-
-    Parameters
-    ----------
-    relative_sd : float
-        Relative standard deviation of a reading.
-    diameter : float
-        Diameter of the face (mm), or of a round one of the same area.
-    """
-
-    relative_sd: float
-    diameter: float
-
-
-KINDS = {"PicoPress": SensorKind(0.028, 50.0), "Kikuhime": SensorKind(0.042, 34.0)}
-"""Relative errors as the issue that asked for sensors states them; faces of 50 mm, and of 30 by
-38 mm."""
+KINDS = {"PicoPress": (0.028, 50.0), "Kikuhime": (0.042, 34.0)}
+"""Of instruments the relative standard deviation of a reading, as the issue that asked for sensors states it, and the
+diameter (mm) of the face, or of a round one of the same area: 50 mm, and 30 by 38 mm."""
 
 
 USUAL_DIAMETER = 30.0

@@ -239,8 +239,8 @@ def _sensors(toml: Path, given: LegFile, bare: LegShape) -> tuple[Sensor, ...]:
             assert entry.sd_mmHg is not None
             sd, usual = mmhg_to_mpa(entry.sd_mmHg), USUAL_DIAMETER
         else:
-            kind = KINDS[entry.instrument]
-            sd, usual = kind.relative_sd * pressure, kind.diameter
+            relative_sd, usual = KINDS[entry.instrument]
+            sd = relative_sd * pressure
         found.append(Sensor(entry.name, position, pressure, sd, entry.diameter_mm or usual, entry.thickness_mm))
     check_distinct(toml, "sensor.name", (one.name for one in found), "give every sensor its own")
     return tuple(found)

@@ -45,12 +45,10 @@ BUMP = 0.01
 
 def sectors(shape: LegShape) -> list[FloatArray]:
     """Return raised cosines round the leg, one a sector, that sum to one; each (n_levels, n_points)."""
-    width = 2 * np.pi / SECTORS
-    bumps = []
-    for number in range(SECTORS):
-        away = angle_from_sector(shape.contours[SKIN], number)
-        bumps.append(np.where(away < width, 0.5 * (1 + np.cos(np.pi * away / width)), 0.0))
-    return bumps
+    away = [angle_from_sector(shape.contours[SKIN], number) for number in range(SECTORS)]
+    # To the middles of the sectors beside it.
+    share = np.minimum(np.array(away) / (2 * np.pi / SECTORS), 1.0)
+    return list(0.5 * (1 + np.cos(np.pi * share)))
 
 
 def angle_from_sector(contours: FloatArray, number: int) -> FloatArray:

@@ -116,10 +116,8 @@ class PressureProbe:
     def section(self, shape: LegShape, level: float, equilibrium: Equilibrium) -> "SectionPressures":
         """Evaluate the pressure at a level (mm) of the bare leg; all ranks call."""
         outline = shape.at(SKIN, level)
-        x, y = (
-            np.arange(low - 1.0, high + 1.0, SPACING)
-            for low, high in zip(outline.min(axis=0), outline.max(axis=0), strict=True)
-        )
+        ends = zip(outline.min(axis=0) - 1.0, outline.max(axis=0) + 1.0, strict=True)
+        x, y = (np.arange(low, high, SPACING) for low, high in ends)
         points = np.stack([*np.meshgrid(x, y), np.full((len(y), len(x)), level)], axis=-1)
         values = self.at(points.reshape(-1, 3), equilibrium.state).reshape(len(y), len(x))
         return SectionPressures(level, x, y, values)
@@ -129,9 +127,7 @@ class PressureProbe:
         inside = (shape.levels >= shape.levels[0] + END_ZONE) & (shape.levels <= shape.levels[-1] - END_ZONE)
         step = max(1, shape.contours[SKIN].shape[1] // AROUND)
         skin = shape.contours[SKIN][inside, ::step]
-        foot = np.stack(
-            [_nearest(contour, points) for contour, points in zip(shape.contours[HULL][inside], skin, strict=True)]
-        )
+        foot = np.stack([*map(_nearest, shape.contours[HULL][inside], skin)])
         columns = skin[..., None, :] + DEPTHS[:, None] * (foot - skin)[..., None, :]
         z = np.broadcast_to(shape.levels[inside, None, None, None], (*columns.shape[:3], 1))
         points = np.concatenate([columns, z], axis=-1)

@@ -221,12 +221,12 @@ class ContactPressures(base.FramesFile[Site]):
         places = seen.places(PRESSURE.name)
         if not len(places):
             return {}
-        face = seen.face
-        steps, slopes = _step((face.arc - places[..., None]) / _BLUR_MM)
+        (arc, arc_rates), (nodal, nodal_rates) = seen.face
+        steps, slopes = _step((arc - places[..., None]) / _BLUR_MM)
         share, slope = steps[:, 0] - steps[:, 1], (slopes[:, 0] - slopes[:, 1]) / _BLUR_MM
         width = places[:, 1] - places[:, 0]
-        load = seen.over_ranks(share @ face.load) / width
-        rates = seen.over_ranks(face.load_rates @ share.T + face.arc_rates @ (slope * face.load).T) / width
+        load = seen.over_ranks(share @ nodal) / width
+        rates = seen.over_ranks(nodal_rates @ share.T + arc_rates @ (slope * nodal).T) / width
         return PRESSURE.by_course(mpa_to_kpa(1.0) * load, mpa_to_kpa(1.0) * rates)
 
     def plans(self, site: Site) -> Sequence[base.ChannelPlan]:
