@@ -110,9 +110,8 @@ class RecordedChannelEntry(LaidFrames):
         for name, other in product(_ERRORS, UNITS):
             if other != kind.unit and self.error(name, other) is not None:
                 given_in = "has no unit" if kind.unit == "-" else f"is in {kind.unit}"
-                raise InputError(
-                    source, f"{field}.{_key(name, other)}", f"the channel {given_in}", f"give {_key(name, kind.unit)}"
-                )
+                remedy = f"give {_key(name, kind.unit)}"
+                raise InputError(source, f"{field}.{_key(name, other)}", f"the channel {given_in}", remedy)
         if self.lag_s is not None and self.lag_s >= LONGEST_LAG_S:
             problem = f"clocks that may be {self.lag_s:g} s apart do not say where the cylinder was"
             remedy = "record both on one clock, or tap the cylinder and find that moment in both"

@@ -43,6 +43,7 @@ def find_column(path: Path, sheet: Sheet, quantity: Quantity, given: str | None)
     InputError
         If there is none, or several that differ, or no unit.
     """
+    names = ", ".join(f"'{c.name}'" for c in sheet.columns)
     if given is not None:
         # A name may have a colon, too.
         whole = any(c.name == given for c in sheet.columns)
@@ -50,25 +51,19 @@ def find_column(path: Path, sheet: Sheet, quantity: Quantity, given: str | None)
         columns = sheet.named(name)
         columns = [c for c in columns if not unit or unit_named(c.unit or unit) == unit_named(unit)] or columns
         if len(columns) != 1 or not (unit or columns[0].unit):
-            names = ", ".join(f"'{c.name}'" for c in sheet.columns)
             missing = "has no unit" if columns else "is not a column of the file"
             raise InputError(path, Argument(quantity), f"'{name}' {missing}", f"give NAME:UNIT of {names}")
         channel = SourceColumn(name, unit or str(columns[0].unit))
         told = f"{quantity}: '{name}' in {channel.unit}, as you say"
-        unread = [
-            f"'{c.name}'" for c in sheet.columns if c.name != name and c.quantity == "force" and not channel_of(c)
-        ]
-        if quantity == "force" and unread:
-            told += (
-                f"; not read: {', '.join(unread)}. Forces across the travel and along the leg are read from columns "
-            )
+        forces = (c for c in sheet.columns if c.name != name and c.quantity == "force" and not channel_of(c))
+        if quantity == "force" and (unread := ", ".join(f"'{c.name}'" for c in forces)):
+            told += f"; not read: {unread}. Forces across the travel and along the leg are read from columns "
             told += "called lateral_force and axial_force"
         return channel, told
     able = [c for c in sheet.columns if may_be(c, quantity)]
     # A testing machine calls its only force axial, which is a channel beside the force in another's file.
     candidates = [c for c in able if channel_of(c) is None]
     candidates = candidates or [c for c in able if channel_of(c) in _PRESSING]
-    names = ", ".join(f"'{c.name}'" for c in sheet.columns)
     name_it = Remedy("name it with ", Argument(quantity, "NAME:UNIT"))
     if not candidates:
         named_so = [c for c in sheet.columns if names_quantity(c.name, quantity)]
@@ -332,9 +327,8 @@ def _without_names(path: Path, sheet: Sheet) -> InputError:
         remedy = "turn the table round: in a spreadsheet, Paste Special, Transpose"
         return refused(f"its numbers are in rows of {count}, not in columns", remedy)
     if count >= _MOST_COLUMNS:
-        return refused(
-            f"has {count} columns without names, as a camera's or film's frame", "give a row a point and frame"
-        )
+        problem = f"has {count} columns without names, as a camera's or film's frame"
+        return refused(problem, "give a row a point and frame")
     to_zero = first[0] < 0 and abs(first[-1]) < 0.01 * abs(first[0])
     height = to_zero and np.ptp(np.diff(first)) < 0.01 * np.ptp(first)
     odd = "; the first goes up to 0 in equal steps, as a microscope's height does and no time" if height else ""

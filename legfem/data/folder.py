@@ -207,9 +207,8 @@ class Catalogue:
             If both or none are given, or the subject isn't known.
         """
         if subject is not None and subject_dir is not None:
-            raise InputError(
-                Argument("subject"), subject, f"{Argument('subject_dir')} is given too", "give one of them"
-            )
+            problem = f"{Argument('subject_dir')} is given too"
+            raise InputError(Argument("subject"), subject, problem, "give one of them")
         if subject_dir is not None:
             return subject_dir
         if subject is None:

@@ -92,12 +92,10 @@ def magnitude_doubts(trial: Segmentation) -> Iterator[Doubt]:
     speed = float(np.median(np.abs(np.diff(d) / np.diff(time))[moving])) if moving.any() else 0.0
     if travel == 0 or speed == 0:
         return
-    of_leg = trial.scales is LEG
+    of_leg, of = (True, "leg") if trial.scales is LEG else (False, "specimen")
     if of_leg:
         yield from pull_doubts(trial)
-    ways, speeds, stiffness = (
-        RANGES[f"{what}_of_{'leg' if of_leg else 'specimen'}"] for what in ("travel", "drive", "force")
-    )
+    ways, speeds, stiffness = (RANGES[f"{what}_of_{of}"] for what in ("travel", "drive", "force"))
     yield from ways.likely(trial.source, "displacement_mm", travel)
     yield from speeds.likely(trial.source, "time_s", speed)
     other = "; of a specimen, run again with --specimens" if of_leg else ""

@@ -113,11 +113,7 @@ def _other_dialect(path: Path, area: float | None) -> recording.Recording | None
         if area is not None:
             columns = {c.name: c for c in sheets[0].columns}
             unit = columns["pressure"].unit if "pressure" in columns else None
-            pressing = recording.SourceColumns(
-                recording.SourceColumn("time", "s"),
-                recording.SourceColumn("displacement", "mm"),
-                recording.SourceColumn("pressure", unit or ""),
-            )
+            pressing = replace(recording.PLAIN_COLUMNS, force=recording.SourceColumn("pressure", unit or ""))
             return recording.recording_of(path, sheets, pressing, area)
         found = propose(path, sheets).channels
     except InputError:

@@ -159,9 +159,8 @@ def _column(path: Path, sheet: Sheet, name: str) -> Column:
     names = ", ".join(f"'{c.name}'" for c in sheet.columns)
     seen = stretch_and_stress(sheet)
     as_in = f", as in: {table_line(*seen)[1]}" if seen else ""
-    raise InputError(
-        path, "recordings.table", f"there is not exactly one column '{name}'", f"give one of {names}{as_in}"
-    )
+    problem = f"there is not exactly one column '{name}'"
+    raise InputError(path, "recordings.table", problem, f"give one of {names}{as_in}")
 
 
 def roughness(strain: FloatArray, load: FloatArray) -> float:

@@ -353,8 +353,7 @@ class PartSurface:
         self._coordinates = [
             RectBivariateSpline(shape.levels, turns, wrapped[..., k], kx=degree, ky=3) for k in range(2)
         ]
-        steps = np.linalg.norm(xy - np.roll(xy, 1, axis=1), axis=2)
-        self.perimeter = float(steps.sum(axis=1).mean())
+        self.perimeter = float(closed_lengths(xy).mean())
         """Mean along the leg, mm."""
 
     def __call__(self, turns: ArrayLike, levels: ArrayLike) -> FloatArray:

@@ -282,10 +282,9 @@ def _polygon(path: Path, part: str, points: FloatArray) -> Polygon:
         raise InputError(path, part, f"{len(points)} points are too few", "give a closed outline")
     outline = Polygon(points)
     # Points in no order cross each other at every turn, which takes minutes to part.
-    if outline.length > _MOST_WINDING * outline.convex_hull.length:
-        line = (
-            f"the line through them is {outline.length:.0f} mm long, and goes round {outline.convex_hull.length:.0f} mm"
-        )
+    around = outline.convex_hull.length
+    if outline.length > _MOST_WINDING * around:
+        line = f"the line through them is {outline.length:.0f} mm long, and goes round {around:.0f} mm"
         remedy = "give them one after the other along the outline (column i)"
         raise InputError(path, part, f"its points are in no order: {line}", remedy)
     return largest_polygon(make_valid(outline), path, part)

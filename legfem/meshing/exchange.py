@@ -137,18 +137,12 @@ def extruded(section: NamedMesh, thickness: float) -> NamedMesh:
     count = len(section.points)
     above = section.points + np.array([0.0, 0.0, thickness])
     cells, (lines,) = section.cells, section.facets
-    solid = Elements(
-        {"triangle": "wedge", "quad": "hexahedron"}[cells.kind],
-        np.hstack([cells.nodes, cells.nodes + count]),
-        cells.tags,
-    )
+    kind = {"triangle": "wedge", "quad": "hexahedron"}[cells.kind]
+    solid = Elements(kind, np.hstack([cells.nodes, cells.nodes + count]), cells.tags)
     sides = Elements("quad", np.hstack([lines.nodes, lines.nodes[:, ::-1] + count]), lines.tags)
-    ends = Elements(
-        cells.kind, np.vstack([cells.nodes[:, ::-1], cells.nodes + count]), np.full(2 * len(cells.nodes), END)
-    )
-    return NamedMesh(
-        np.vstack([section.points, above]), solid, (sides, ends), section.regions, {**section.surfaces, "end": END}
-    )
+    both = np.vstack([cells.nodes[:, ::-1], cells.nodes + count])
+    ends, surfaces = Elements(cells.kind, both, np.full(len(both), END)), {**section.surfaces, "end": END}
+    return NamedMesh(np.vstack([section.points, above]), solid, (sides, ends), section.regions, surfaces)
 
 
 def measure(points: FloatArray, kind: str, nodes: NDArray[np.int64]) -> FloatArray:

@@ -8,6 +8,7 @@ from typing import Any, Self, get_type_hints
 import numpy as np
 from dolfinx import mesh as dolfinx_mesh
 from mpi4py import MPI
+from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
 from legfem.common.errors import Checked
@@ -69,19 +70,15 @@ def tagged(made: Any, layer: list[int], sides: dict[tuple[int, int], int]) -> tu
     middle = dolfinx_mesh.compute_midpoints(made, dimension, cells)
     tags = np.array(layer, dtype=np.int32)[np.floor(middle[:, 1]).astype(int)]
     cell_tags = dolfinx_mesh.meshtags(made, dimension, cells, tags)
-    facets, values = [], []
-    for (axis, position), tag in sides.items():
-        found = dolfinx_mesh.locate_entities_boundary(
-            made, dimension - 1, lambda x, a=axis, p=position: np.isclose(x[a], p)
-        )
-        facets.append(found)
-        values.append(np.full(len(found), tag, dtype=np.int32))
-    every = np.concatenate(facets)
+
+    def facets_on(axis: int, position: int) -> NDArray[np.int32]:
+        on = dolfinx_mesh.locate_entities_boundary(made, dimension - 1, lambda x: np.isclose(x[axis], position))
+        return np.asarray(on, dtype=np.int32)
+
+    facets = [facets_on(*side) for side in sides]
+    every, values = np.concatenate(facets), np.repeat(np.array([*sides.values()], np.int32), [*map(len, facets)])
     order = np.argsort(every)
-    facet_tags = dolfinx_mesh.meshtags(
-        made, dimension - 1, every[order].astype(np.int32), np.concatenate(values)[order]
-    )
-    return cell_tags, facet_tags
+    return cell_tags, dolfinx_mesh.meshtags(made, dimension - 1, every[order], values[order])
 
 
 @dataclass(frozen=True)

@@ -245,9 +245,8 @@ class SpecimenDiagnoser:
         every = folder.specimens
         for name in names:
             if name not in every:
-                raise InputError(
-                    Argument("specimen"), name, "is not a specimen of the folder", f"give one of {', '.join(every)}"
-                )
+                remedy = f"give one of {', '.join(every)}"
+                raise InputError(Argument("specimen"), name, "is not a specimen of the folder", remedy)
         for name in names or every:
             started = time.perf_counter()
             title = folder.title if len(every) == 1 else f"{folder.title}: {name}"
@@ -276,9 +275,8 @@ class SpecimenDiagnoser:
             else:
                 used.append(one)
         if not used:
-            raise InputError(
-                folder.directory, left[0].name, f"no recording can be used: {left[0].reason}", "correct them"
-            )
+            problem = f"no recording can be used: {left[0].reason}"
+            raise InputError(folder.directory, left[0].name, problem, "correct them")
         observed, sizes = _observed(folder, used), used[0].sizes
         solved = solved_responses(folder, sizes, observed, self.responses)
         self.progress.stage(f"how stiff {used[0].specimen} is, roughly")

@@ -422,7 +422,6 @@ def _matching(toml: Path, directory: Path, pattern: str, channels: SourceColumns
         if not found and file_of(directory / pattern).is_file():
             found = [path for path in trials_in([file_of(directory / pattern)], channels) if path.match(pattern)]
     except ValueError:
-        raise InputError(
-            toml, "specimen.recordings", f"{pattern!r} is not a pattern of files", "give one such as recordings/a*.csv"
-        ) from None
+        problem, remedy = f"{pattern!r} is not a pattern of files", "give one such as recordings/a*.csv"
+        raise InputError(toml, "specimen.recordings", problem, remedy) from None
     return [path for path in found if not is_litter(path)]

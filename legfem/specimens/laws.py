@@ -181,9 +181,8 @@ def request_of(asked: AskedParameters, tissues: Sequence[SpecimenTissue]) -> Par
     held = asked.held(known)
     for name, value in held.items():
         if catalogue.is_ratio(name) and value < catalogue.RATIO_BOUNDS[0]:
-            raise InputError(
-                Argument("fix"), name, f"{value:g} is less along the fibres than across", "give at least 1"
-            )
+            problem = f"{value:g} is less along the fibres than across"
+            raise InputError(Argument("fix"), name, problem, "give at least 1")
     priors = {name: one.prior for name, one in asked.given.items() if one.prior is not None}
     priors |= dict(read_prior(text, known) for text in asked.priors)
     return ParameterRequest(tuple(asked.identify), priors, bounds, held)

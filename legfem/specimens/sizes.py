@@ -187,9 +187,8 @@ def _layers(given: SpecimenFile, specimen: SpecimenEntry | None) -> tuple[tuple[
     if own is None:
         own = [needed(layer, "thickness_mm", "give it, or layers_mm with every [[specimen]]") for layer in given.layers]
     elif len(own) != len(given.layers):
-        raise InputError(
-            "specimen", "layers_mm", f"{len(own)} thicknesses of {len(given.layers)} [[layers]]", "give one a layer"
-        )
+        problem = f"{len(own)} thicknesses of {len(given.layers)} [[layers]]"
+        raise InputError("specimen", "layers_mm", problem, "give one a layer")
     names = [layer.name for layer in given.layers]
     return tuple(zip(reversed(names), reversed(own), strict=True))
 

@@ -294,9 +294,8 @@ class EquilibriumSolver:
         state = Compressed(report, np.array(kept["unknown"]), rates)
         shape = self.model.deformed_shape(state.unknown)
         changes = tuple(map(float, kept["changes"]))
-        return Equilibrium(
-            state, np.array(kept["pressure"]), shape, self.load(shape), changes, bool(kept["converged"][0])
-        )
+        pressure, converged = np.array(kept["pressure"]), bool(kept["converged"][0])
+        return Equilibrium(state, pressure, shape, self.load(shape), changes, converged)
 
     def _iterate(
         self,

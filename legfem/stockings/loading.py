@@ -192,9 +192,8 @@ def _fabric(directory: Path, toml: Path, entry: StockingEntry, bare: LegShape) -
     assert entry.unstretched is not None
     path = existing(directory, entry.unstretched, toml, "stocking.unstretched")
     table = read_table(path, ("level_mm", "perimeter_mm")).sort_values("level_mm")
-    return Stocking(
-        entry.stiffness_N_per_mm, table["level_mm"].to_numpy(np.float64), table["perimeter_mm"].to_numpy(np.float64)
-    )
+    levels, perimeters = (table[name].to_numpy(np.float64) for name in ("level_mm", "perimeter_mm"))
+    return Stocking(entry.stiffness_N_per_mm, levels, perimeters)
 
 
 def _makers(entry: StockingEntry) -> MakersLevels:

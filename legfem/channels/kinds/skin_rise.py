@@ -97,9 +97,8 @@ class SkinRises(base.FramesFile[Site]):
     def _of_trial(frames: base.Frames, site: Site) -> Sequence[base.Read]:
         times, frame = np.unique(frames.time, return_inverse=True)
         if len(times) < 2:
-            raise InputError(
-                "frames", "time_s", f"{len(times)} frame", "give the points of one frame a time, two times at least"
-            )
+            remedy = "give the points of one frame a time, two times at least"
+            raise InputError("frames", "time_s", f"{len(times)} frame", remedy)
         refuse_pressed(frames, "rises are counted from it")
         found = []
         for offset, kind in RISES.items():

@@ -62,12 +62,9 @@ def _says_so(begin: bytes) -> bool:
 
 def _holds_jpk(path: Path) -> bool:
     try:
-        with zipfile.ZipFile(path) as archive:
-            if "header.properties" not in archive.namelist():
-                return False
-            with archive.open("header.properties") as file:
-                return b"jpk" in file.read(_READ_BYTES)
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError):
+        with zipfile.ZipFile(path) as archive, archive.open("header.properties") as file:
+            return b"jpk" in file.read(_READ_BYTES)
+    except (KeyError, zipfile.BadZipFile, NotImplementedError, RuntimeError):
         return False
 
 
