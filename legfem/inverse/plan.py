@@ -11,6 +11,9 @@ reached with probability :math:`\Phi((m - 3) / \sqrt{2 m})`. No effect has quite
 that a form leaves something, what it may leave of both is among the errors. Compare D. V. Lindley, Ann. Math. Statist.
 27 (1956) 986-1005.
 
+How much better C10 is known afterwards by one explanation follows from the information of both tests together on its
+parameters and on what isn't known exactly of the body, which errs alike in both.
+
 A direct reading of an effect's strength, without the indenter, is an observation of one of the explanations'
 parameters: the strength that the recordings gave it, or its null where an explanation hasn't that effect.
 """
