@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
 from typing import get_args
 
 import pytest
 
+import legfem
+from legfem.common.resources import resource
 from legfem.data.formats import labels
 from legfem.data.quality import GRADES
 from legfem.data.ranges import RANGES
@@ -51,3 +55,9 @@ def test_every_value_that_a_page_words_has_words():
     assert set(WORDS["grades"]) == set(GRADES)
     assert set(WORDS["judged"]) == {*get_args(Tone), ""}
     assert set(ORIGINS) == {"measured", "reconstructed", "simulated"}
+
+
+def test_every_paragraph_that_a_page_says_is_there_and_none_is_left_over():
+    texts = [path.read_text(encoding="utf-8") for path in Path(legfem.__file__).parent.rglob("*.py")]
+    said = {key for text in texts for key in re.findall(r"""(?:TOLD|WORDS\["told"\])\[["'](\w+)["']\]""", text)}
+    assert said == {*WORDS["told"], *resource("app/words", dict[str, dict[str, str]])["told"]}

@@ -92,7 +92,8 @@ def magnitude_doubts(trial: Segmentation) -> Iterator[Doubt]:
     speed = float(np.median(np.abs(np.diff(d) / np.diff(time))[moving])) if moving.any() else 0.0
     if travel == 0 or speed == 0:
         return
-    of_leg, of = (True, "leg") if trial.scales is LEG else (False, "specimen")
+    of_leg = trial.scales is LEG
+    of = "leg" if of_leg else "specimen"
     if of_leg:
         yield from pull_doubts(trial)
     ways, speeds, stiffness = (RANGES[f"{what}_of_{of}"] for what in ("travel", "drive", "force"))

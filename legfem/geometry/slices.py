@@ -139,8 +139,8 @@ def slice_distances(reference: SliceSet, other: SliceSet) -> dict[str, FloatArra
     """
     if reference.levels.shape != other.levels.shape or not np.allclose(reference.levels, other.levels):
         raise ValueError("slices at different levels can't be compared")
-    both = {name: (reference.contours(name), other.contours(name)) for name in CONTOURS}
-    return {name: np.stack([*map(signed_distances, *contours)]) for name, contours in both.items()}
+    pairs = {name: zip(reference.contours(name), other.contours(name), strict=True) for name in CONTOURS}
+    return {name: np.stack([signed_distances(*pair) for pair in own]) for name, own in pairs.items()}
 
 
 def distance_rates(reference: SliceSet, shape: LegShape, rates: Mapping[str, FloatArray]) -> FloatArray:

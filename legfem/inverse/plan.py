@@ -20,6 +20,7 @@ parameters: the strength that the recordings gave it, or its null where an expla
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations, permutations
 from typing import ClassVar
 
@@ -123,6 +124,16 @@ class Candidate:
     covariance: FloatArray
     probability: float
 
+    @property
+    def lasting(self) -> list[int]:
+        """Places of its parameters but for first contacts, which are of the trials that were made."""
+        return [k for k, one in enumerate(self.fit.parameters) if one.role != "nuisance"]
+
+    @cached_property
+    def information(self) -> FloatArray:
+        """What was recorded tells of its parameters and of the effects that its errors know, (p + k, p + k)."""
+        return _information(self.fit.sensitivities, self.fit.problem.errors)
+
 
 @dataclass(frozen=True)
 class DesignValue:
@@ -196,24 +207,23 @@ def _narrowed(candidate: Candidate, told: "_Told", errors: ErrorModel, kept: NDA
     What isn't known exactly of the body errs alike in what was recorded and in what is to be.
     """
     fitted, before = candidate.fit, candidate.fit.problem.errors
-    known = list(dict.fromkeys((*before.names, *errors.names)))
     own = len(fitted.parameters)
-    lasting = [k for k, one in enumerate(fitted.parameters) if one.role != "nuisance"]
-    size = own + told.slopes.shape[1] - len(lasting)
-
-    def information(slopes: FloatArray, places: Sequence[int], by: ErrorModel) -> FloatArray:
-        columns = np.zeros((len(slopes), size + len(known)))
-        columns[:, places] = slopes
-        columns[:, [size + known.index(name) for name in by.names]] = by.known
-        white = replace(by, known=by.known[:, :0]).whitened(columns)
-        return white.T @ white
-
-    prior = np.eye(size + len(known))
-    prior[own:size, own:size] /= told.onset_sd**2
-    now = prior + information(fitted.sensitivities, range(own), before)
-    then = now + information(told.slopes[kept], [*lasting, *range(own, size)], errors.part(kept))
+    size = own + len(told.onset_sds)
+    place = {name: size + k for k, name in enumerate(dict.fromkeys((*before.names, *errors.names)))}
+    old = [*range(own), *(place[name] for name in before.names)]
+    new = [*candidate.lasting, *range(own, size), *(place[name] for name in errors.names)]
+    now = np.diag([*np.ones(own), *told.onset_sds**-2, *np.ones(len(place))])
+    now[np.ix_(old, old)] += candidate.information
+    then = now.copy()
+    then[np.ix_(new, new)] += _information(told.slopes[kept], errors.part(kept))
     at = fitted.free.index(DEEP_C10)
     return float(np.sqrt(inv(then)[at, at] / inv(now)[at, at]))
+
+
+def _information(slopes: FloatArray, errors: ErrorModel) -> FloatArray:
+    """Return what readings tell of the p numbers by which they have slopes (N, p), then of the k known effects."""
+    white = replace(errors, known=errors.known[:, :0]).whitened(np.column_stack([slopes, errors.known]))
+    return white.T @ white
 
 
 def _above_threshold(observed: Observations) -> NDArray[np.bool_]:
@@ -265,8 +275,8 @@ class _Told:
     """(N,)."""
     slopes: FloatArray
     """(N, p): what its lasting parameters and the new first contacts may change."""
-    onset_sd: float
-    """Of these contacts, mm."""
+    onset_sds: FloatArray
+    """(r,): of these contacts, mm."""
     taken: FloatArray
     """(N, N): what its parameters and first contacts may still take up."""
     inexact: FloatArray
@@ -275,13 +285,14 @@ class _Told:
 
 def _told(new: Predictor, candidate: Candidate, readings: FloatArray, design: Design) -> _Told:
     blank, fitted = new.observed, candidate.fit
-    slopes, known = _slopes(new, candidate, readings, design), _known(candidate, design)
-    onset_sd = float(np.sqrt(known[-1, -1]))
+    slopes, onset_sds = _slopes(new, candidate, readings, design), _onset_sds(candidate, design)
+    lasting = np.ix_(candidate.lasting, candidate.lasting)
+    known = block_diag(candidate.covariance[lasting], np.diag(onset_sds**2))
     own = len(fitted.stiffness)
     refit = np.column_stack([slopes[:, :own], slopes[:, -len(design.protocols) :]])
     shown = readings - _readings(new, (), fitted.moved(candidate.mean), design)
     shown = shown - refit @ np.linalg.lstsq(refit, shown)[0]
-    return _Told(readings, slopes, onset_sd, slopes @ known @ slopes.T, _inexact(blank, readings, shown))
+    return _Told(readings, slopes, onset_sds, slopes @ known @ slopes.T, _inexact(blank, readings, shown))
 
 
 def _inexact(blank: Observations, readings: FloatArray, shown: FloatArray) -> FloatArray:
@@ -325,9 +336,7 @@ def _slopes(new: Predictor, candidate: Candidate, here: FloatArray, design: Desi
     """Return what the parameters, and the new trials' first contacts, may change."""
     blank, fitted = new.observed, candidate.fit
     columns = []
-    for k, parameter in enumerate(fitted.parameters):
-        if parameter.role == "nuisance":
-            continue
+    for k in candidate.lasting:
         moved = candidate.mean.copy()
         moved[k] += _STEP
         there = _readings(new, fitted.mechanisms, fitted.moved(moved), design)
@@ -345,14 +354,10 @@ def _slopes(new: Predictor, candidate: Candidate, here: FloatArray, design: Desi
     return np.column_stack(columns)
 
 
-def _known(candidate: Candidate, design: Design) -> FloatArray:
-    kept = [k for k, p in enumerate(candidate.fit.parameters) if p.role != "nuisance"]
-    sd = _SEEN_ONSET_SD_MM
-    if not design.contact_known:
-        nuisance = [p for p in candidate.fit.parameters if p.role == "nuisance"]
-        sd = prior_of(nuisance[0]).sd if nuisance else sd
-    of_onsets = sd**2 * np.eye(len(design.protocols))
-    return np.asarray(block_diag(candidate.covariance[np.ix_(kept, kept)], of_onsets))
+def _onset_sds(candidate: Candidate, design: Design) -> FloatArray:
+    """Return the standard deviations (r,) of a test's first contacts, mm: as in the test that was made, or if seen."""
+    made = [] if design.contact_known else [p for p in candidate.fit.parameters if p.role == "nuisance"]
+    return np.full(len(design.protocols), prior_of(made[0]).sd if made else _SEEN_ONSET_SD_MM)
 
 
 def prior_candidates(base: LinearisedFit, mechanisms: Sequence[Mechanism]) -> list[Candidate]:

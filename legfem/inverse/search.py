@@ -173,8 +173,8 @@ class Search[C: Comparison]:
             emulated = self.emulated()
             proposal = self.propose(emulated, attempt)
             # Near the optimum the full model's own derivatives are exact where the emulator isn't.
-            near = self._is_short(proposal - self.best.point, _AGREE_OF_ERROR, _AGREE_OF_VALUE)
-            if self.ends_near and self._is_short(proposal - self.best.point, _NEAR_OF_ERROR, _AGREE_OF_VALUE):
+            near = self._is_near(proposal, _AGREE_OF_ERROR)
+            if self.ends_near and self._is_near(proposal, _NEAR_OF_ERROR):
                 self.converged = True
                 return
             step = self.domain.inside(self.best.point + self.newton_step())
@@ -190,7 +190,7 @@ class Search[C: Comparison]:
                     continue
                 self.converged = True
                 return
-            short = near and self._is_short(step - self.best.point, _AGREE_OF_ERROR, _AGREE_OF_VALUE)
+            short = near and self._is_near(step, _AGREE_OF_ERROR)
             if refuted >= _REFUTED and (rough or short or (self._wide and self.is_stationary())):
                 self.converged = True
                 return
@@ -288,6 +288,10 @@ class Search[C: Comparison]:
         """Whether Gauss-Newton's step is too short, for errors and for values, to be worth a solve."""
         step = self.newton_step()
         return self._is_short(step, _LAST_STEP_OF_ERROR, 0.0) and self._is_short(step, 0.0, _LAST_STEP_OF_VALUE)
+
+    def _is_near(self, point: FloatArray, of_error: float) -> bool:
+        """Whether a point (p,) lies near the best full solve, for errors or for values."""
+        return self._is_short(point - self.best.point, of_error, _AGREE_OF_VALUE)
 
     def _is_short(self, step: FloatArray, of_error: float, of_value: float) -> bool:
         sizes = sizes_of(self.best, self.law.parameters)

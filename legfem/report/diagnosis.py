@@ -186,13 +186,12 @@ def _physics(found: Diagnosis) -> list[web.Block]:
 
 def _hidden(found: Diagnosis) -> list[web.Block]:
     """Return what could hide, sorted by what it does to C10."""
-    how = TOLD["made_stronger"]
     change = f"change C10 by more than {100 * TRUSTED:.0f} % without being detected"
     table = tables.limit_table(found)
     if not found.hidden:
-        return [web.Prose(f"{how} None of them can {change}."), table]
+        return [web.Prose(f"{TOLD['made_stronger']} None of them can {change}."), table]
     listed = web.Bullets([diagnosis_sentences.hidden_sentence(found, *one) for one in found.hidden])
-    return [web.Prose(f"{how} The following could {change}, the largest first:"), listed, table]
+    return [web.Prose(f"{TOLD['made_stronger']} The following could {change}, the largest first:"), listed, table]
 
 
 def _looks(found: Diagnosis) -> str:

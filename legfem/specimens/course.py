@@ -232,8 +232,8 @@ def course_of(trial: Segmentation, returns: bool = False) -> Course:
     if len(count) < _LEAST_SEEN:
         problem = f"{len(count)} stations of loading are too few"
         raise InputError(trial.source, "rows", problem, "sample faster or press more slowly")
-    means = (np.bincount(numbers, one) / count for one in (kept.time, kept.displacement, kept.force))
-    time, displacement, force = means
+    readings = kept.time, kept.displacement, kept.force
+    time, displacement, force = (np.bincount(numbers, one) / count for one in readings)
     standing = standing_force(trial)
     return Course(time, displacement, force, count, trial.instrument, arrival, kept, contact, touched, standing)
 

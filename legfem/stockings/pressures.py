@@ -127,7 +127,8 @@ class PressureProbe:
         inside = (shape.levels >= shape.levels[0] + END_ZONE) & (shape.levels <= shape.levels[-1] - END_ZONE)
         step = max(1, shape.contours[SKIN].shape[1] // AROUND)
         skin = shape.contours[SKIN][inside, ::step]
-        foot = np.stack([*map(_nearest, shape.contours[HULL][inside], skin)])
+        hulls = zip(shape.contours[HULL][inside], skin, strict=True)
+        foot = np.stack([_nearest(contour, points) for contour, points in hulls])
         columns = skin[..., None, :] + DEPTHS[:, None] * (foot - skin)[..., None, :]
         z = np.broadcast_to(shape.levels[inside, None, None, None], (*columns.shape[:3], 1))
         points = np.concatenate([columns, z], axis=-1)

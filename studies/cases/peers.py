@@ -61,7 +61,7 @@ NUMBERS = ("C10 off (%)", "half-width (%)", "processor (s)", "solves")
 COLUMNS = ("case", "truth", "C10 (kPa)", "by", "held", "named", "right", *NUMBERS)
 
 
-def rows_of(number: int, folder: Path, out: Path, library: Path) -> Iterator[dict[str, Any]]:
+def rows_of(case: int, folder: Path, out: Path, library: Path) -> Iterator[dict[str, Any]]:
     """Yield what each says of the recordings in a folder, beside which lies ``truth.json``; by force alone."""
     leg = load_subject(folder)
     leg = replace(leg, recordings=tuple(replace(one, channels=()) for one in leg.recordings))
@@ -83,7 +83,7 @@ def rows_of(number: int, folder: Path, out: Path, library: Path) -> Iterator[dic
         numbers = 100 * (found.c10.value / c10 - 1), 50 * found.c10.width / c10, found.seconds + recalled, found.solves
         named = (", ".join(found.named) or "nothing") if names else "-"
         said = found.c10.covers(c10), named, names and found.named == effects
-        row = number, ", ".join(effects) or "nothing", c10, peer, *said, *numbers
+        row = case, ", ".join(effects) or "nothing", c10, peer, *said, *numbers
         yield dict(zip(COLUMNS, row, strict=True))
 
 
@@ -114,7 +114,7 @@ def peers(
         learning("sbi")
         progress.stage("cases", len(folders))
         rows: list[dict[str, Any]] = []
-        for number, one in enumerate(folders, 1):
-            rows += rows_of(number, one.resolve(), folder, library or folder / "library")
+        for case, one in enumerate(folders, 1):
+            rows += rows_of(case, one.resolve(), folder, library or folder / "library")
             progress.advance(one.name)
             write_results(folder, {"cases": rows}, page(rows))
