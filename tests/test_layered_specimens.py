@@ -112,15 +112,15 @@ def test_layers_are_read_from_the_top_and_stand_from_the_base() -> None:
 
 
 def test_what_is_stated_is_held_and_what_is_open_is_free() -> None:
-    open_law = identified_law("reduced-polynomial", OPEN, 5e-3, False, request_of(AskedParameters(), OPEN))
+    open_law = identified_law("reduced-polynomial", OPEN, 5e-3, 0.0, request_of(AskedParameters(), OPEN))
     assert open_law.names == ("muscle.C10", "muscle.C20", "fat.C10", "fat.C20")
     stated = (OPEN[0], SpecimenTissue("fat", "neo-hookean", stated={"C10": 2e-3}))
-    law = identified_law("neo-hookean", stated, 5e-3, False, request_of(AskedParameters(), stated))
+    law = identified_law("neo-hookean", stated, 5e-3, 0.0, request_of(AskedParameters(), stated))
     assert law.names == ("muscle.C10",) and law.fixed["fat.C10"] == 2e-3
     # D1 isn't held: it follows from C10 and Poisson's ratio.
     assert not any(name.endswith("D1") for name in law.fixed)
     written = AskedParameters(priors=["fat.C10=2 x/ 1.2 kPa"], fixed=["muscle.C10=7 kPa"])
-    law = identified_law("neo-hookean", OPEN, 5e-3, False, request_of(written, OPEN))
+    law = identified_law("neo-hookean", OPEN, 5e-3, 0.0, request_of(written, OPEN))
     assert law.names == ("fat.C10",) and law.parameters[0].prior is not None
 
 

@@ -11,7 +11,7 @@ from making_specimens import BAR, BRANCHES, PLANTED, compressed, crept, ramp, re
 import legfem as lf
 from legfem.data import Recording, Scales, quality_of, segment, write_recording
 from legfem.inverse.estimates import Estimate
-from legfem.mechanics.materials import ReducedPolynomial
+from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
 from legfem.specimens.course import borne, branch_ratios, clock, course_of, read_specimen
 from legfem.specimens.details import compared, rms_percent
 from legfem.specimens.nuisances import OnsetEffect
@@ -72,6 +72,36 @@ def test_a_law_is_found_from_creep_under_held_forces(tmp_path: Path) -> None:
     assert rms_percent(found) < 1.0
     assert found.estimates["deep.C10"].value == pytest.approx(5e-3, rel=0.1)
     assert found.estimates["viscoelasticity.ratio"].value == pytest.approx(2.4, rel=0.2)
+
+
+SOFT = NeoHookean(0.83e-3, 1.2)
+
+
+def _held(folder: Path, *factors: float) -> Path:
+    """Write presses of a soft, elastic bar at one speed with holds of 10 s, their forces times factors."""
+    time, d = ramp(3.0, 15.0, hold=10.0)
+    for number, factor in enumerate(factors):
+        record(folder, f"press{number + 1}", time, d, factor * compressed(SOFT, d))
+    (folder / "specimen.toml").write_text(BAR)
+    return folder
+
+
+def test_what_does_not_relax_in_a_hold_is_as_stiff_as_it_is(tmp_path: Path) -> None:
+    """Of relaxation slower than the test nothing is known; a law is never left worse than its limit is."""
+    found = lf.identify(_held(tmp_path, 1.0, 1.0, 1.0))
+    limit, stiffening = found["neo-hookean"], found["reduced-polynomial"]
+    low, high = limit.estimates["deep.C10"].ci95
+    print(low, high, limit.cost.minimised_value, stiffening.cost.minimised_value)
+    assert low < SOFT.C10 < high and high < 1.15 * low
+    assert stiffening.cost.minimised_value < 1.05 * limit.cost.minimised_value
+
+
+@pytest.mark.parametrize(
+    ("factors", "kinds"),
+    [((1.0, 0.99, 1.01), []), ((1.0, 0.85, 0.72), ["trials that soften"]), ((1.0, 1.4, 1.0), ["trials that differ"])],
+)
+def test_presses_of_a_specimen_that_are_no_repeats_are_doubted(tmp_path: Path, factors, kinds) -> None:
+    assert [one.kind for one in lf.load_specimen(_held(tmp_path, *factors)).doubts] == kinds
 
 
 def _with_air(folder: Path, seed: int) -> Estimate:

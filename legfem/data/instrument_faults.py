@@ -358,6 +358,15 @@ def instrument_doubts(trials: Sequence[Segmentation]) -> Iterator[Doubt]:
         yield from sorted(found, key=lambda one: -abs(one.effect_on_C10 or 0.0))
 
 
+def repeat_doubts(trials: Sequence[Segmentation]) -> Iterator[Doubt]:
+    """Yield what presses of one specimen say of those at like speed."""
+    presses, like = presses_of(trials), (1.0 / _LIKE_SPEED, _LIKE_SPEED)
+    for one in presses:
+        group = [two for two in presses if like[0] <= two.trial.loading.speed / one.trial.loading.speed <= like[1]]
+        if len(group) > 1 and group[0] is one:
+            yield from _among(group)
+
+
 def _doubt(press: Press, problem: str, effect: float, remedy: str, kind: str) -> Doubt:
     by = f"up to {100 * abs(effect):.0f} %" if abs(effect) < 1 else "a factor of two or more"
     moved = f"C10 is too {'high' if effect > 0 else 'low'} by {by}"

@@ -24,8 +24,8 @@ _AGREE_OF_ERROR, _AGREE_OF_VALUE = 0.1, 2e-3
 _STEP_OF_ERROR, _STEP_OF_VALUE = 1e-3, 2e-5
 _LAST_STEP_OF_ERROR, _LAST_STEP_OF_VALUE = 0.05, 5e-3
 # Of what the sum of squares rises by within a standard error: what nothing is gained by, and what solves by other steps
-# differ by.
-_FLAT, _UNTOLD = 0.1, 1.0
+# differ by; and what is told however little is known of each number.
+_FLAT, _UNTOLD, _TOLD = 0.1, 1.0, 5.0
 # Distance over the standard error that is near enough where another search, by other weights, goes on.
 _NEAR_OF_ERROR = 0.5
 # Of the least sum of squares: what a further solve has to gain where numbers are read off a curve.
@@ -106,10 +106,6 @@ class Search[C: Comparison]:
         """Return the length of the Gauss-Newton step from a complete solve, in standard errors."""
         return float(np.max(np.abs(self.newton_step(trial)) / np.maximum(self.standard_error(trial), 1e-300)))
 
-    def design(self) -> FloatArray:
-        """Return what to solve first; (n, p)."""
-        return self.domain.inside(design(self.law, self.settings.seed))
-
     def solve(self, points: FloatArray, stage: Stage) -> list[Trial]:
         """Solve points (n, p) in full, and remember them."""
         values = [self.law.values(point) for point in points]
@@ -173,8 +169,8 @@ class Search[C: Comparison]:
             emulated = self.emulated()
             proposal = self.propose(emulated, attempt)
             # Near the optimum the full model's own derivatives are exact where the emulator isn't.
-            near = self._is_near(proposal, _AGREE_OF_ERROR)
-            if self.ends_near and self._is_near(proposal, _NEAR_OF_ERROR):
+            near = self._agrees(emulated, proposal, _AGREE_OF_ERROR)
+            if self.ends_near and self._agrees(emulated, proposal, _NEAR_OF_ERROR):
                 self.converged = True
                 return
             step = self.domain.inside(self.best.point + self.newton_step())
@@ -224,7 +220,7 @@ class Search[C: Comparison]:
 
     def _beginning(self) -> Asking:
         if not self.trials:
-            yield self.design(), "design"
+            yield self.domain.inside(design(self.law, self.settings.seed)), "design"
         while not self.complete:
             yield self._stiffer(), "design"
         if self._wide and not self.begun and (failed := [one.point for one in self.trials if one.prediction is None]):
@@ -233,8 +229,7 @@ class Search[C: Comparison]:
 
     def propose(self, emulated: Emulated, attempt: int) -> FloatArray:
         """Return the optimum (p,) on the emulator, where that is to be trusted."""
-        domain = self.domain
-        trust = self.trust
+        domain, trust = self.domain, self.trust
 
         def trusted(genes: FloatArray) -> FloatArray:
             points = domain.values(np.atleast_2d(genes))
@@ -289,6 +284,13 @@ class Search[C: Comparison]:
         step = self.newton_step()
         return self._is_short(step, _LAST_STEP_OF_ERROR, 0.0) and self._is_short(step, 0.0, _LAST_STEP_OF_VALUE)
 
+    def _agrees(self, emulated: Emulated, proposal: FloatArray, of_error: float) -> bool:
+        """Whether the emulator's optimum lies near the best full solve, and gains nothing there that errors tell.
+
+        Of numbers that are hardly known any point is near.
+        """
+        return self._is_near(proposal, of_error) and self._gains_nothing(emulated, proposal, _TOLD)
+
     def _is_near(self, point: FloatArray, of_error: float) -> bool:
         """Whether a point (p,) lies near the best full solve, for errors or for values."""
         return self._is_short(point - self.best.point, of_error, _AGREE_OF_VALUE)
@@ -319,7 +321,8 @@ class Search[C: Comparison]:
         """Return by how much the sum of squares rises within the least known direction's standard error."""
         best = self.linearised(trial or self.best)
         curvature = np.diag(np.linalg.pinv(best.jacobian.T @ best.jacobian))
-        return float(np.min(self.standard_error(trial) ** 2 / np.maximum(curvature, 1e-300)))
+        shown = curvature > 0.0
+        return float(np.min(self.standard_error(trial)[shown] ** 2 / curvature[shown], initial=np.inf))
 
     def _solved(self, point: FloatArray) -> bool:
         key = key_of_values(self.law.values(point))

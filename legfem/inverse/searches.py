@@ -3,7 +3,7 @@
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from legfem.inverse.catalogue import DEEP_C20, IdentifiedLaw, LawName, model_values
@@ -66,14 +66,12 @@ class Found[C: Comparison]:
     @property
     def trials(self) -> list[Trial]:
         """All full solves."""
-        known = self.search.trials
-        return [*known, *([] if self.best in known else [self.best])]
+        return [*self.search.trials, *([] if self.best in self.search.trials else [self.best])]
 
     @property
     def outcomes(self) -> list[Outcome]:
         """Outcomes of the solves; points that differ in the instrument only are read from one."""
-        by_values = {key_of_values(one.outcome.values): one.outcome for one in self.trials}
-        return list(by_values.values())
+        return list({key_of_values(one.outcome.values): one.outcome for one in self.trials}.values())
 
     @property
     def reused_solves(self) -> int:
@@ -119,11 +117,8 @@ class Searches[C: Comparison]:
     settings: IdentificationSettings
     near: Found[C] | None = None
     refines: bool = True
-
-    def __post_init__(self) -> None:
-        """Begin with no law searched for."""
-        self._searches: dict[LawName, Search[C]] = {}
-        self._seconds: dict[LawName, float] = {}
+    _searches: dict[LawName, Search[C]] = field(default_factory=dict, init=False)
+    _seconds: dict[LawName, float] = field(default_factory=dict, init=False)
 
     def find(self, names: Sequence[LawName]) -> list[Found[C]]:
         """Return what was found of laws, in their order."""

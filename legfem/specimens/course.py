@@ -165,8 +165,7 @@ def read_specimen(
         remedy = "change its sign: displacement and force are positive in the test's direction"
         raise InputError(f"{source}", "displacement_mm", f"falls by {np.ptp(calm):.3g} mm, and never grows", remedy)
     start, arrived, _ = _loaded_and_held(recording, noise)
-    force_noise = sample_noise(recording.force[start : arrived + 1])
-    errors = instrument or _shown(recording, force_noise, noise, start, arrived)
+    errors = instrument or _shown(recording, sample_noise(recording.force[start : arrived + 1]), noise, start, arrived)
     trial = segment(recording, errors, starts_at_contact, Scales.of_specimen(recording, power))
     list(start_doubts(trial))
     check_touch(trial)
@@ -215,8 +214,7 @@ def course_of(trial: Segmentation, returns: bool = False) -> Course:
     recording, contact, calm = trial.recording, trial.contact, trial.recording.displacement
     start, arrived, end = _loaded_and_held(recording, trial.displacement_noise)
     whole = recording.part(slice(start, _parted(recording, end) if returns else end))
-    after = whole.displacement > contact.displacement
-    first = int(np.argmax(after))
+    first = int(np.argmax(whole.displacement > contact.displacement))
     speed = _speed(whole.time[first : end - start], calm[start + first : end])
     touched = float(whole.time[first] - (calm[start + first] - contact.displacement) / speed)
     kept = whole.part(slice(first, None))
@@ -232,17 +230,15 @@ def course_of(trial: Segmentation, returns: bool = False) -> Course:
     if len(count) < _LEAST_SEEN:
         problem = f"{len(count)} stations of loading are too few"
         raise InputError(trial.source, "rows", problem, "sample faster or press more slowly")
-    readings = kept.time, kept.displacement, kept.force
-    time, displacement, force = (np.bincount(numbers, one) / count for one in readings)
+    time, d, force = (np.bincount(numbers, one) / count for one in (kept.time, kept.displacement, kept.force))
     standing = standing_force(trial)
-    return Course(time, displacement, force, count, trial.instrument, arrival, kept, contact, touched, standing)
+    return Course(time, d, force, count, trial.instrument, arrival, kept, contact, touched, standing)
 
 
 def _loaded_and_held(recording: Recording, noise: float) -> tuple[int, int, int]:
     """Return where motion starts, where it arrives, and where it first goes back."""
     calm = recording.displacement
-    deepest = float(calm.max())
-    travel = deepest - float(calm[0])
+    travel = float(calm.max() - calm[0])
     back = max(_BACK * travel, 5 * noise)
     end = first_return(calm, recording.force, back, 0.3 * travel)
     if end < len(calm):
@@ -287,24 +283,26 @@ def _stations(kept: Recording, depth: float, arrival: float) -> NDArray[np.intp]
 
 
 QUICKENING = "viscoelasticity.quickening"
-_MOST = 3.0
 # Mean speeds of loading that count as two rates.
 _ANOTHER_RATE = 2.0
 
 
-def relaxation_parameters() -> tuple[Parameter, ...]:
-    """Return ratio, middle and spread of the spectrum within bounds alone, and the quickening."""
-    spectral = tuple(
-        replace(one, name=f"viscoelasticity.{one.name}", prior=None, role="identified") for one in SPECTRUM
-    )
+def relaxation_parameters(longest: float) -> tuple[Parameter, ...]:
+    """Return ratio, middle and spread of the spectrum within bounds alone, and the quickening.
+
+    Recordings of that length (s) can't tell what relaxes more slowly from what lasts: the middle lies within.
+    """
+    found = [replace(one, name=f"viscoelasticity.{one.name}", prior=None, role="identified") for one in SPECTRUM]
+    low, high = found[1].bounds
+    found[1] = replace(found[1], bounds=(low, min(max(longest, 2.0 * low), high)))
     quickening = Parameter(
         QUICKENING,
         "-",
-        (0.0, _MOST),
+        (0.0, 3.0),
         Prior(0.0, 1.0, "linear", "quasi-linear, unless two rates say otherwise"),
         statement="logarithm of how much faster what is pressed deepest relaxes",
     )
-    return (*spectral, quickening)
+    return (*found, quickening)
 
 
 def shows_quickening(rates: Sequence[float]) -> bool:

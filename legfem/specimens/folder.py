@@ -15,6 +15,7 @@ from legfem.data import Instrument, Segmentation, among_repeats
 from legfem.data.channel_reader import is_channel_file, with_channels
 from legfem.data.formats import is_litter, read_sheets, recording_files
 from legfem.data.formats.sheet import file_of, trial_of
+from legfem.data.instrument_faults import repeat_doubts
 from legfem.data.plausibility import GIVE_COLUMNS, refuse_copies, trial_doubts, unread_doubts
 from legfem.data.reader import trials_in
 from legfem.data.recording import Origin, SourceColumns
@@ -97,6 +98,11 @@ class SpecimenFolder(Pictured):
         return self.one_stiffness or any("C10" in one.stated for one in self.tissues)
 
     @property
+    def longest(self) -> float:
+        """Longest time (s) within which stress is seen to relax; 0 where it doesn't relax."""
+        return max(float(one.course.time[-1]) for one in self.recordings) if self.relaxes else 0.0
+
+    @property
     def specimens(self) -> dict[str, tuple[SpecimenRecording, ...]]:
         """Recordings by the specimen's name."""
         names = dict.fromkeys(one.specimen for one in self.recordings)
@@ -168,8 +174,8 @@ def load_specimen(directory: Path) -> SpecimenFolder:
             used.append(SpecimenRecording(name, specimen, sizes[entry], course, trial))
     if not used:
         raise InputError(directory / "recordings", left[0].name, "no recording can be used", left[0].reason)
-    used = _agreeing(_with_channels(toml, given, used))
-    doubts += _unused(used)
+    used, apart = _agreeing(_with_channels(toml, given, used))
+    doubts += [*apart, *_unused(used)]
     relaxes = given.tissue.relaxes
     return SpecimenFolder(
         given.id,
@@ -255,14 +261,16 @@ _OF_MATERIAL = {
 """What tests of one material have alike, by field."""
 
 
-def _agreeing(used: Sequence[SpecimenRecording]) -> list[SpecimenRecording]:
-    """Return recordings whose contacts are known as well as those of the same specimen agree."""
-    found = list(used)
+def _agreeing(used: Sequence[SpecimenRecording]) -> tuple[list[SpecimenRecording], list[Doubt]]:
+    """Return recordings whose contacts are known as well as those of the same specimen agree, and what else differs."""
+    found, apart = list(used), list[Doubt]()
     for group in {(one.specimen, one.sizes) for one in used}:
         places = [k for k, one in enumerate(used) if (one.specimen, one.sizes) == group]
-        for k, trial in zip(places, among_repeats([used[k].trial for k in places]), strict=True):
+        trials = among_repeats([used[k].trial for k in places])
+        apart += repeat_doubts(trials)
+        for k, trial in zip(places, trials, strict=True):
             found[k] = replace(used[k], trial=trial, course=replace(used[k].course, contact=trial.contact))
-    return found
+    return found, apart
 
 
 def _sizes_sd(given: SpecimenFile) -> float:

@@ -208,7 +208,7 @@ def free_names(tissues: Sequence[SpecimenTissue], relaxes: bool) -> tuple[str, .
 
 
 def identified_law(
-    name: catalogue.LawName, tissues: Sequence[SpecimenTissue], c10: float, relaxes: bool, asked: ParameterRequest
+    name: catalogue.LawName, tissues: Sequence[SpecimenTissue], c10: float, longest: float, asked: ParameterRequest
 ) -> catalogue.IdentifiedLaw:
     """Return what is free and held in a law.
 
@@ -222,8 +222,8 @@ def identified_law(
         From the base up; those without a law of their own have this one.
     c10 : float
         MPa, about which to look.
-    relaxes : bool
-        Whether the spectrum counts.
+    longest : float
+        Time (s) within which stress relaxes; 0 where it doesn't.
     asked : ParameterRequest
         By the user; names that other laws have alone are left out.
 
@@ -237,7 +237,7 @@ def identified_law(
     every = {f"{one.name}.{key}" for one in tissues for keys in _FREE.values() for key in keys}
     catalogue.check_known([n for n in (*asked.names, *asked.priors) if n not in every], known, Argument("identify"))
     catalogue.check_known([n for n in asked.fixed if n not in every], known, Argument("fix"))
-    names = asked.names or free_names(tissues, relaxes)
+    names = asked.names or free_names(tissues, longest > 0)
     wanted = dict.fromkeys((*names, *asked.priors))
     nuisances = set(asked.priors) - set(names)
     far = _FAR if len(tissues) == 1 else _FAR_OF_LAYERS
@@ -245,7 +245,7 @@ def identified_law(
     for one in sorted(wanted, key=lambda one: (one in RELAXATION, one in INSTRUMENT)):
         if one in asked.fixed or (one not in known and one not in INSTRUMENT):
             continue
-        parameter = _parameter(one, known, far)
+        parameter = _parameter(one, known, far, longest)
         parameter = replace(
             parameter,
             bounds=asked.bounds.get(one, parameter.bounds),
@@ -256,22 +256,22 @@ def identified_law(
     if not free:
         raise InputError(Argument("identify"), name, "nothing is left to identify", "name a parameter")
     away = {*wanted, *(f"{one.name}.D1" for one in tissues)} - set(asked.fixed)
-    away |= set() if relaxes else set(RELAXATION)
+    away |= set() if longest > 0 else set(RELAXATION)
     there = {*known, *INSTRUMENT} - away
     held = {key: value for key, value in {**known, **asked.fixed}.items() if key in there}
     beside = len(tissues) > 1 or any(catalogue.is_ratio(one.name) for one in free)
     usual = {
         key: within
         for one in tissues
-        for key, within in _usual(one.name, known, relaxes, beside).items()
+        for key, within in _usual(one.name, known, longest > 0, beside).items()
         if key not in asked.priors
     }
     return catalogue.IdentifiedLaw(name, tuple(free), held, known, usual)
 
 
-def _parameter(name: str, known: catalogue.Values, far: float) -> Parameter:
+def _parameter(name: str, known: catalogue.Values, far: float, longest: float) -> Parameter:
     """Return a parameter with bounds about the stiffness that the recordings ask for."""
-    for one in relaxation_parameters():
+    for one in relaxation_parameters(longest):
         if one.name == name:
             return one
     if name in INSTRUMENT:

@@ -353,7 +353,7 @@ class _Fitting:
         if len(held) == len(folder.recordings):
             raise InputError(Argument("leave_out"), ", ".join(leave_out), "leave nothing to fit", "name fewer")
         for name in laws:
-            free = identified_law(name, folder.tissues, REFERENCE_MPA, folder.relaxes, self.asked)
+            free = identified_law(name, folder.tissues, REFERENCE_MPA, folder.longest, self.asked)
             if seeks_ratio(free.names):
                 check_strained(folder, [one for one in folder.recordings if one not in held])
         away = frozenset(one.name for one in held)
@@ -378,7 +378,7 @@ class _Fitting:
             asked = replace(asked, fixed={**asked.fixed, QUICKENING: READINGS[QUICKENING].null})
         for name in laws:
             tissues = [one.of_law(name) for one in folder.tissues]
-            law = identified_law(name, tissues, prepared.c10, folder.relaxes, asked)
+            law = identified_law(name, tissues, prepared.c10, folder.longest, asked)
             (one,) = fit(SpecimenProblem(folder, law, prepared, away), [name], request)
             if rig := one.details.rig:
                 (again,) = replace(self, asked=asked)._laws(folder.on_rig(rig.compliance), [name], away)
