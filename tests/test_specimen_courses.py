@@ -104,6 +104,12 @@ def test_presses_of_a_specimen_that_are_no_repeats_are_doubted(tmp_path: Path, f
     assert [one.kind for one in lf.load_specimen(_held(tmp_path, *factors)).doubts] == kinds
 
 
+def test_what_softens_leads_a_page_that_knows_no_stiffness(tmp_path: Path) -> None:
+    found = lf.identify(_held(tmp_path, 1.0, 0.85, 0.72), "neo-hookean")["neo-hookean"]
+    assert found.estimates["deep.C10"].undetermined
+    assert found.doubts == 1
+
+
 def _with_air(folder: Path, seed: int) -> Estimate:
     """Return C10 of bars recorded with up to 2 mm of air, gains of 1 % and a lab's errors."""
     d = np.linspace(0.0, 3.0, 201)

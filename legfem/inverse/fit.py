@@ -265,10 +265,10 @@ class Fit[Details: KindDetails]:
     def doubts(self) -> int:
         """How many of what was given, or came out, are unlikely, and move C10 by more than its half-width.
 
-        Where the law misses the recordings, which widens that, each may be why.
+        Where the law misses the recordings, which widens that, or where C10 isn't determined, each may be why.
         """
         c10 = self.estimates.get(DEEP_C10)
-        return leading(self.notices, c10.relative_half_width if c10 is not None and self.goodness.fits else 0.0)
+        return leading(self.notices, c10.relative_half_width if c10 and c10.one_number and self.goodness.fits else 0.0)
 
     @property
     def identifiability(self) -> Identifiability | None:
