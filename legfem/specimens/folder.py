@@ -264,7 +264,7 @@ _OF_MATERIAL = {
 def _agreeing(used: Sequence[SpecimenRecording]) -> tuple[list[SpecimenRecording], list[Doubt]]:
     """Return recordings whose contacts are known as well as those of the same specimen agree, and what else differs."""
     found, apart = list(used), list[Doubt]()
-    for group in {(one.specimen, one.sizes) for one in used}:
+    for group in dict.fromkeys((one.specimen, one.sizes) for one in used):
         places = [k for k, one in enumerate(used) if (one.specimen, one.sizes) == group]
         trials = among_repeats([used[k].trial for k in places])
         apart += repeat_doubts(trials)
