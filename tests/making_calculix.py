@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterable, Mapping, Sequence
@@ -289,6 +290,8 @@ def table(curve: OtherCurve) -> pd.DataFrame:
 
 
 if __name__ == "__main__":
+    if shutil.which("ccx") is None:
+        sys.exit("ccx: isn't on the path; install calculix-ccx, or: scripts/in-env env PATH=FOLDER_OF_CCX:$PATH ...")
     if len(sys.argv) == 2:
         subject = load_subject(SUBJECTS.find("3"), need_recordings=False)
         table(ByCalculix(subject, SUBJECT_3).solve(20.0, STEP_MM)).to_csv(sys.argv[1], index=False, float_format="%.6g")

@@ -8,11 +8,26 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
+import shapely
 from making import CROSSCHECK
+from making_calculix import SUBJECT_3, ByCalculix
 
 from legfem.legs.finite_element_models import plane_strain_test
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
+
+
+def test_its_elements_fill_the_section_and_their_faces_the_skin():
+    subject = load_subject(SUBJECTS.find("3"), need_recordings=False)
+    made = ByCalculix(subject, SUBJECT_3)
+    for name, cells in made.cells.items():
+        quads, triangles = made.at[cells[:, :4]], made.mesh.points[made.mesh.cells[name][:, [0, 3, 1, 4, 2, 5]]]
+        areas = shapely.area(shapely.polygons(quads))
+        assert areas.sum() == pytest.approx(shapely.area(shapely.polygons(triangles)).sum(), rel=1e-9)
+        assert shapely.is_ccw(shapely.linearrings(quads)).all()
+    deck = "\n".join(made._deck(20.0, 1.0))
+    skin = deck[deck.index("*SURFACE, NAME=SKIN") : deck.index("*SURFACE, NAME=DISK")].splitlines()
+    assert len(skin) == 1 + 2 * len(made.mesh.skin)
 
 
 @pytest.fixture(scope="module")
