@@ -60,6 +60,6 @@ def test_advice_is_what_narrows_the_interval(tmp_path, noise, ends_sd, said, uns
 
 
 def test_the_interval_of_a_number_without_a_unit_has_none():
-    ratio = relaxation_parameters()[0]
+    ratio = relaxation_parameters(300.0)[0]
     known = Estimate(ratio, 2.0, 0.1, (1.8, 2.2), "identifiable")
     assert known_text(value_of(known)) == "2.00 (1.80 to 2.20)"
