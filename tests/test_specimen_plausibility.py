@@ -141,6 +141,16 @@ def test_what_a_person_would_see_is_told_with_its_field(tmp_path: Path, wrong: s
     assert any(f": {field}" in text for text in told)
 
 
+def test_what_is_no_repeat_is_told_once_a_file_and_so_it_is_of_few_samples(tmp_path: Path) -> None:
+    _three_times(write_bars(tmp_path, LAW))
+    told = _told(tmp_path)
+    assert [sum(name in text for text in told) for name in ("again.csv", "middle.csv")] == [1, 1]
+    for path in (tmp_path / "recordings" / name for name in ("middle.csv", "again.csv")):
+        table = pd.read_csv(path)
+        table[:: len(table) // 15].to_csv(path, index=False)
+    assert any("times the stiffness" in text for text in _told(tmp_path))
+
+
 def test_what_is_confirmed_is_not_doubted(tmp_path: Path) -> None:
     write_bars(tmp_path, LAW, 'confirmed = ["force_N"]\n' + BAR)
     _every(MUSCLE, _times("force_N", 10.0))(tmp_path)

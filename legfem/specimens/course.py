@@ -231,8 +231,7 @@ def course_of(trial: Segmentation, returns: bool = False) -> Course:
         problem = f"{len(count)} stations of loading are too few"
         raise InputError(trial.source, "rows", problem, "sample faster or press more slowly")
     time, d, force = (np.bincount(numbers, one) / count for one in (kept.time, kept.displacement, kept.force))
-    standing = standing_force(trial)
-    return Course(time, d, force, count, trial.instrument, arrival, kept, contact, touched, standing)
+    return Course(time, d, force, count, trial.instrument, arrival, kept, contact, touched, standing_force(trial))
 
 
 def _loaded_and_held(recording: Recording, noise: float) -> tuple[int, int, int]:

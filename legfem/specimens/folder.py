@@ -176,14 +176,13 @@ def load_specimen(directory: Path) -> SpecimenFolder:
         raise InputError(directory / "recordings", left[0].name, "no recording can be used", left[0].reason)
     used, apart = _agreeing(_with_channels(toml, given, used))
     doubts += [*apart, *_unused(used)]
-    relaxes = given.tissue.relaxes
     return SpecimenFolder(
         given.id,
         given.title,
         given.origin,
         tuple(used),
         tuple(left),
-        any(one.course.holds for one in used) if relaxes is None else relaxes,
+        any(one.course.holds for one in used) if given.tissue.relaxes is None else given.tissue.relaxes,
         directory,
         errors,
         given.tissue.one_stiffness,
@@ -286,7 +285,9 @@ def doubts_of(folder: SpecimenFolder, c10: float, others: Sequence[Doubt] = ()) 
     if len(folder.tissues) > 1:
         names = [one.name for one in folder.tissues if "C10" not in one.stated]
     field = folder.recordings[0].sizes.kind.load_field
-    more = (*others, *stiffness_doubts(folder.directory / "recordings", c10, names, field))
+    told = {one.source for one in folder.doubts if one.kind == "trials that differ"}
+    new = (one for one in others if one.source not in told)
+    more = (*new, *stiffness_doubts(folder.directory / "recordings", c10, names, field))
     return (*folder.doubts, *(one for one in more if one.field not in folder.confirmed))
 
 

@@ -39,9 +39,8 @@ def bulk_ratio(poisson_ratio: float | None) -> float:
 
 def specimen_law(name: catalogue.LawName, c10: float, poisson_ratio: float | None) -> Hyperelastic:
     """Return a law at a stiffness C10 (MPa), without stiffening."""
-    ratio = bulk_ratio(poisson_ratio)
     kind = KINDS[name]
-    plain = NeoHookean(c10, 1 / (ratio * c10))
+    plain = NeoHookean(c10, 1 / (bulk_ratio(poisson_ratio) * c10))
     return plain if kind is NeoHookean else kind(**{"C20": 0.0, **plain.parameters})
 
 
@@ -271,9 +270,8 @@ def identified_law(
 
 def _parameter(name: str, known: catalogue.Values, far: float, longest: float) -> Parameter:
     """Return a parameter with bounds about the stiffness that the recordings ask for."""
-    for one in relaxation_parameters(longest):
-        if one.name == name:
-            return one
+    if name in RELAXATION:
+        return next(one for one in relaxation_parameters(longest) if one.name == name)
     if name in INSTRUMENT:
         return catalogue.parameter_of(name, known)
     tissue, _, key = name.rpartition(".")

@@ -271,8 +271,9 @@ class LeftOut:
 
 
 _TISSUES = {"muscle": "deep", "fat": "superficial", "adipose": "superficial"}
-_APART = 5.0
-"""Greatest factor between recordings of one specimen: rates a thousand times apart change tissues by less."""
+_APART, _REPEATS, _LIKE = 5.0, 2.0, 3.0
+"""Greatest factors between recordings of one specimen: by any rates, by like ones, and which rates are alike. Rates a
+thousand times apart change tissues by less."""
 _THREE = 3
 """Recordings at least, for the middle to tell which of them is off."""
 _CUT_OFF = 0.1
@@ -360,11 +361,13 @@ def differing_doubts(stiffness: Mapping[SpecimenRecording, float]) -> Iterator[D
         C10 (MPa) that a recording asks for by itself.
     """
     for one, c10 in stiffness.items():
-        among = {two: other for two, other in stiffness.items() if two.specimen == one.specimen}
+        same = {two: other for two, other in stiffness.items() if two.specimen == one.specimen}
+        like = {two: other for two, other in same.items() if 1 / _LIKE < two.course.rate / one.course.rate < _LIKE}
+        among, apart = (like, _REPEATS) if len(like) > 1 else (same, _APART)
         if len(among) < _THREE:
             among.pop(one)
         ratio = c10 / statistics.median(among.values()) if among else 1.0
-        if not 1 / _APART < ratio < _APART:
+        if not 1 / apart < ratio < apart:
             problem = f"gives {ratio:.3g} times the stiffness of the specimen's other recordings"
             remedy = "check that units, gain and specimen are the same"
             yield Doubt(str(one.recording.source or one.name), "force_N", problem, remedy)
