@@ -12,6 +12,8 @@ from scipy.interpolate import CubicSpline
 
 C10, LENGTH, AREA = 5e-3, 20.0, 200.0
 HEAD = 'id = "{name}"\ntitle = "Made for a test"\norigin = "measured"\n'
+AT_TOUCH = "[accuracy]\ncontact_sd_mm = 0.0\n"
+"""They are strained by nothing before they begin."""
 RADIUS, HEIGHT = 12.0, 12.0
 TABLES: Mapping[str, str] = {
     "tension": f'[uniaxial]\ndirection = "tension"\nlength_mm = {LENGTH}\narea_mm2 = {AREA}\n',
@@ -99,6 +101,6 @@ def write_tests(
         header = "time_s,displacement_mm,force_N"
         path = folder / name / "recordings" / "a.csv"
         np.savetxt(path, columns, "%.7g", ",", header=header, comments="")
-        text = f"{HEAD.format(name=name)}{TABLES[name]}[recordings]\nstarts_at_contact = true\n"
+        text = f"{HEAD.format(name=name)}{TABLES[name]}[recordings]\nstarts_at_contact = true\n{AT_TOUCH}"
         (folder / name / "specimen.toml").write_text(text)
     return described(folder, tests)

@@ -326,8 +326,7 @@ def trouble(key: str, problem: str, remedy: str) -> PydanticCustomError:
 
 def _in_words(path: Path, error: ValidationError, schema: type[BaseModel]) -> InputError:
     # A misspelt key shows up twice, as unknown and as missing: the first says more.
-    details = sorted(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
-    first = details[0]
+    first = sorted(error.errors(), key=lambda e: e["type"] != "extra_forbidden")[0]
     # Where a value may be one of several types, the location ends in the type's name.
     keys = [str(part) for part in first["loc"]]
     context: dict[str, Any] = first.get("ctx") or {}

@@ -143,8 +143,7 @@ def _stretches(time: FloatArray, displacement: FloatArray) -> FloatArray:
     # Time is stretched until what lies perpendicular to the line is displacement.
     stretch = 1e4 * float(np.ptp(steady) + within) / float(np.min(np.diff(time)))
     at = (time[kept] - time[0]) * stretch
-    line = LineString(np.column_stack([at, steady[kept]])).simplify(within)
-    corners = np.asarray(line.coords)
+    corners = np.asarray(LineString(np.column_stack([at, steady[kept]])).simplify(within).coords)
     return np.column_stack([corners[:, 0] / stretch + time[0], corners[:, 1]])
 
 
@@ -164,8 +163,7 @@ def pace(time: FloatArray, displacement: FloatArray) -> tuple[float, FloatArray]
     weight = np.where(speed >= least, way + 1e-12, 0.0)
     half = min(0.025 * float(time[-1] - time[0]), 0.25 * float(np.average(taken, weights=weight)))
     local = speed[np.searchsorted(corners[1:-1, 0], time, side="right")]
-    moving = time[local >= least]
-    fit = local_line(time, displacement, moving, half, min(7, len(time)))
+    fit = local_line(time, displacement, time[local >= least], half, min(7, len(time)))
     return float(np.percentile(np.abs(fit.slope), 90.0)), local
 
 

@@ -117,8 +117,7 @@ class LegCompression:
     @property
     def skin_points(self) -> FloatArray:
         """Reference positions (mm) of the rank's points at which pressure is given, (n, 3)."""
-        space = self.system.applied_pressure.function_space
-        return np.asarray(space.tabulate_dof_coordinates())
+        return np.asarray(self.system.applied_pressure.function_space.tabulate_dof_coordinates())
 
     def solve(
         self,

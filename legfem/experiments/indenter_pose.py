@@ -118,8 +118,7 @@ class Cylinder(LegIndenter):
     def reach(self, pose: Pose) -> float:
         """Return half of its extent along the leg, mm."""
         upright = abs(float(self.axis(pose)[2]))
-        lying = math.sqrt(max(1 - upright**2, 0.0))
-        return self.length / 2 * upright + self.radius * lying
+        return self.length / 2 * upright + self.radius * math.sqrt(max(1 - upright**2, 0.0))
 
     @property
     def contact(self) -> tuple[float, float]:

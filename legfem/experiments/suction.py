@@ -91,8 +91,7 @@ class SuctionTest(AxisymmetricBody[CupOnLayer], ProtocolTest):
             self.interfaces_within(test.thickness),
             ((SKIN, opening), (RIM, outer)),
         )
-        spaces = self.spaces_on(meshed, self.held)
-        system = System(spaces, self.model)
+        system = System(self.spaces_on(meshed, self.held), self.model)
         return _Drawn(system, NewtonSolver(system, settings.newton, settings.linear))
 
     @property

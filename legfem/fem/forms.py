@@ -96,8 +96,7 @@ class History:
         cell = mesh.basix_cell()
         cells = mesh.topology.index_map(mesh.topology.dim)
         self._cells = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
-        scalar = basix.ufl.quadrature_element(cell, degree=degree)
-        self._points = scalar.custom_quadrature()[0]
+        self._points = basix.ufl.quadrature_element(cell, degree=degree).custom_quadrature()[0]
         self.variables = {
             name: fem.Function(
                 fem.functionspace(mesh, basix.ufl.quadrature_element(cell, value_shape=shape, degree=degree))

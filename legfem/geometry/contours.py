@@ -200,8 +200,7 @@ def _check_contour(path: Path, part: str, points: FloatArray) -> None:
     spacing = np.linalg.norm(np.diff(points, axis=0), axis=1)
     gap = float(np.linalg.norm(points[-1] - points[0]))
     # The largest spacing counts too: contours drawn by hand are sparse where they are straight.
-    allowed = max(OPEN_GAP_IN_SPACINGS * float(np.median(spacing)), 1.5 * float(spacing.max()))
-    if gap > allowed:
+    if gap > max(OPEN_GAP_IN_SPACINGS * float(np.median(spacing)), 1.5 * float(spacing.max())):
         apart = f"points are {np.median(spacing):.1f} mm apart"
         problem = f"the contour is open ({gap:.1f} mm from its last point to its first, {apart})"
         raise refused(problem, "add the missing points; the last must stand next to the first")

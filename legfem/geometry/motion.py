@@ -276,8 +276,7 @@ def _folds_back(part: str) -> InputError:
 
 def inward(bare: LegShape, moved: FloatArray) -> FloatArray:
     """Return how far the skin moved inwards (mm), (n_levels, n_points)."""
-    normals = outward_normals(bare.contours[SKIN])
-    return -np.einsum("lpd,lpd->lp", normals, moved[..., :2])
+    return -np.einsum("lpd,lpd->lp", outward_normals(bare.contours[SKIN]), moved[..., :2])
 
 
 def stretch_round(bare: LegShape, moved: FloatArray) -> FloatArray:

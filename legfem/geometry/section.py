@@ -157,8 +157,7 @@ def fat_thickness(section: LegSection, point: FloatArray, direction: FloatArray 
     skin, fascia = section.polygon("skin").exterior, section.polygon("fascia").exterior
     at = np.asarray(point, dtype=np.float64)
     if direction is None:
-        on_skin = skin.interpolate(skin.project(Point(at)))
-        return float(on_skin.distance(fascia))
+        return float(skin.interpolate(skin.project(Point(at))).distance(fascia))
     if MUSCLE in section.lacks:
         return depth_to_bone(section, at, direction)
     unit = np.asarray(direction, dtype=np.float64)
@@ -314,8 +313,7 @@ def smooth_closed_curve(points: ArrayLike, smoothing: float = 0.0) -> ClosedCurv
     if smoothing > 0:
         turns = arc / arc[-1]
         near, _ = splprep(ring.T, u=turns, k=3, s=len(ring) * smoothing**2, per=True)
-        n = max(2 * len(xy), 64)
-        ring = np.column_stack(splev(np.linspace(0.0, 1.0, n + 1), near))
+        ring = np.column_stack(splev(np.linspace(0.0, 1.0, max(2 * len(xy), 64) + 1), near))
         ring[-1] = ring[0]
         arc = arc_lengths(ring)
     spline = CubicSpline(arc / arc[-1], ring, bc_type="periodic")

@@ -263,8 +263,7 @@ def facing_point(section: LegSection, direction: FloatArray) -> FloatArray:
     moves the furthest point by millimetres sideways.
     """
     before = -section.skin @ direction
-    near = section.skin[before > before.max() - 3.0]
-    point: FloatArray = near.mean(axis=0)
+    point: FloatArray = section.skin[before > before.max() - 3.0].mean(axis=0)
     return point + (point @ -direction - before.max()) * direction
 
 

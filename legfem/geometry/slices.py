@@ -114,8 +114,7 @@ def signed_distances(reference: FloatArray, other: FloatArray) -> FloatArray:
         along_normal = cross(to_start, edge[None, :, :]) / across
     met = (along_edge >= -1e-12) & (along_edge < 1.0)
     distance = np.where(met, along_normal, np.inf)
-    nearest = np.argmin(np.abs(distance), axis=1)
-    found: FloatArray = distance[np.arange(len(reference)), nearest]
+    found: FloatArray = distance[np.arange(len(reference)), np.argmin(np.abs(distance), axis=1)]
     missed = ~np.isfinite(found)
     if missed.any():
         points, polygon = shapely.points(reference[missed]), shapely.Polygon(ring)
@@ -169,8 +168,7 @@ def distance_rates(reference: SliceSet, shape: LegShape, rates: Mapping[str, Flo
         lines = shape.at(part, shape.levels, slope=1)
         # What leaves a level's plane moves the contour in it where lines along the leg slant.
         level = moved[:, :, :2] - moved[:, :, 2:] * lines[..., None]
-        outwards = outward_normals(shape.contours[part])
-        across = np.einsum("lpd,lpdm->lpm", outwards, level)
+        across = np.einsum("lpd,lpdm->lpm", outward_normals(shape.contours[part]), level)
         degree = min(3, len(shape.levels) - 1)
         sliced = make_interp_spline(shape.levels, across, k=degree)(reference.levels)
         for contour, ring, own in zip(reference.contours(name), shape.at(part, reference.levels), sliced, strict=True):

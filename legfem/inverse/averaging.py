@@ -294,8 +294,7 @@ def untried_pairs(explained: Explained, name: str) -> Iterator[Weighted]:
         log_weight = log_prior_of(names, expected) + POWER * log_evidence
         probability = like[1] * float(np.exp(log_weight - _log_weight(like[0])))
         if frozenset(names) not in tried and probability > _COUNTS:
-            summed = _sum(each[names[0]], each[names[1]], common)
-            yield Weighted(names, probability, summed)
+            yield Weighted(names, probability, _sum(each[names[0]], each[names[1]], common))
 
 
 def _sum(one: Mixture, other: Mixture, common: tuple[float, float]) -> Mixture:

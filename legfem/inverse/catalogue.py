@@ -271,8 +271,7 @@ class IdentifiedLaw:
 
     def values(self, point: FloatArray) -> dict[str, float]:
         """Return all values of a point (p,) of free parameters."""
-        free = zip(self.names, map(float, point), strict=True)
-        return {**self.fixed, **dict(free)}
+        return {**self.fixed, **dict(zip(self.names, map(float, point), strict=True))}
 
     def point(self, values: Values) -> FloatArray:
         """Return the free parameters (p,) of values."""

@@ -58,8 +58,7 @@ def half_way(coordinates: Coordinates, points: FloatArray, known: FloatArray) ->
     at, solved = coordinates.of(points), coordinates.of(known)
     nearest = np.argmin(np.linalg.norm(at[:, None] - solved[None], axis=-1), axis=1)
     middle = 0.5 * (at + solved[nearest])
-    domain = Domain(coordinates.law.parameters)
-    return domain.inside(coordinates.points(middle, known[nearest]))
+    return Domain(coordinates.law.parameters).inside(coordinates.points(middle, known[nearest]))
 
 
 def stiffer(law: IdentifiedLaw, points: FloatArray) -> FloatArray | None:

@@ -271,8 +271,7 @@ def ordinary_explanation(problem: LinearisedProblem, fitted: LinearisedFit, base
     """
     same = equally_weighted(problem, fitted.residual)
     weighed = fitted.sensitivities / np.diag(same.errors.dense)[:, None]
-    own = np.eye(len(fitted.free))
-    spread = np.linalg.inv(fitted.sensitivities.T @ weighed + own)
+    spread = np.linalg.inv(fitted.sensitivities.T @ weighed + np.eye(len(fitted.free)))
     estimator = spread @ weighed.T
     covariance = sandwich(estimator, problem.errors.covariance) + spread @ spread
     return replace(

@@ -274,8 +274,7 @@ class ErrorModel:
 
     def draw(self, number: int, generator: np.random.Generator) -> FloatArray:
         """Return error vectors (number, n), N."""
-        normal = generator.normal(size=(number, len(self.covariance)))
-        return np.asarray(normal @ self.lower.T)
+        return np.asarray(generator.normal(size=(number, len(self.covariance))) @ self.lower.T)
 
 
 def error_model(

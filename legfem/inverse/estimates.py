@@ -90,6 +90,8 @@ class Optimum:
         Stiffnesses that were held, whose effect is told.
     intervals : sequence of tuple of float
         95 % intervals, infinite or 0 at an open end; none where profiles of the cost say them.
+    beside : mapping
+        Covariances of what the readings say nothing of: no profile shows them, and they are added to its ends.
     """
 
     found: Found[Any]
@@ -98,11 +100,12 @@ class Optimum:
     law_fits: bool
     assumed: Mapping[str, float] = field(default_factory=dict)
     intervals: Sequence[tuple[float, float]] = ()
+    beside: Covariances = field(default_factory=dict)
 
     @cached_property
     def spread(self) -> FloatArray:
         """Covariance (p, p) of the parameters' errors."""
-        return self.found.linear.errors(total_of(self.covariances))
+        return self.found.linear.errors(total_of({**self.covariances, **self.beside}))
 
     @property
     def correlations(self) -> FloatArray:
@@ -143,7 +146,8 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
         DISPLACEMENT: misfit.if_deeper,
     }
     moves = {name: _moves(linear, _TENTH * change) for name, change in tenths.items() if change.any()}
-    shares = shares_of_error(linear.gain, optimum.covariances)
+    shares = shares_of_error(linear.gain, {**optimum.covariances, **optimum.beside})
+    stopped = [j for j in range(len(at)) if at[j] in bounds[j]]
     told = shares_of_information(
         linear.prediction.jacobian(law.names),
         total_of(optimum.covariances),
@@ -154,10 +158,15 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
     for k, parameter in enumerate(law.parameters):
         if curvature[k, k] > 0:
             error = math.sqrt(spread[k, k])
-            rise = optimum.times**2 * float(spread[k, k]) / float(curvature[k, k])
+            seen = optimum.times * math.sqrt(linear.errors(total_of(optimum.covariances))[k, k])
             given = optimum.intervals
-            profile = SquaresProfile(residual, at, k, bounds, optimum.times * error)
-            interval = given[k] if given else profile.interval(rise)
+            profile = SquaresProfile(residual, at, k, bounds, seen)
+            interval = given[k] if given else profile.interval(seen**2 / float(curvature[k, k]))
+            if optimum.beside:
+                unseen = linear.errors(total_of(optimum.beside), [j for j in stopped if j != k])[k, k]
+                ways = np.hypot(interval - at[k], optimum.times * math.sqrt(unseen))
+                low, high = np.clip(at[k] + ways * (-1, 1), *bounds[k])
+                interval = float(low), float(high)
             if bounds[k, 0] < interval[0] and interval[1] < bounds[k, 1]:
                 # A tangent leaves a curved valley long before the sum of squares rises.
                 error = _half_width(parameter, float(at[k]), interval) / optimum.times

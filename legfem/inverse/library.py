@@ -323,8 +323,7 @@ class Library:
         """Return what a spline through the grid's values takes of each for the stations, (n, m)."""
         if not self._weights or self._weights[0][0] is not observed:
             unit = CubicSpline(self.grid, np.eye(len(self.grid)))
-            weights = unit(np.maximum(observed.displacement, self.grid[0]))
-            self._weights[:] = [(observed, weights)]
+            self._weights[:] = [(observed, unit(np.maximum(observed.displacement, self.grid[0])))]
         return self._weights[0][1]
 
 

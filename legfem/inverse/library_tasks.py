@@ -195,8 +195,7 @@ def middle_of(observed: Observations, solved: SolvedResponses, stiffening: float
     d, force = observed.displacement[loading], observed.force[loading]
     log = np.log(_FIRST_C10)
     for _ in range(5):
-        c10 = float(np.exp(log))
-        curve = solved.curve(*stiffness_at(c10, stiffening))
+        curve = solved.curve(*stiffness_at(float(np.exp(log)), stiffening))
         if np.isnan(curve).any():
             log += 0.7
             continue

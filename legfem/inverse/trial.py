@@ -85,8 +85,7 @@ type Asking = Generator[tuple[FloatArray, Stage], list[Trial]]
 
 def objective_of(law: IdentifiedLaw, misfit: Comparison, force: FloatArray, points: FloatArray) -> FloatArray:
     """Return what is minimised (...) for forces (..., n), N, at points (..., p)."""
-    departures = law.priors.residual(points)
-    return np.asarray(misfit.objective(force) + np.sum(departures**2, axis=-1))
+    return np.asarray(misfit.objective(force) + np.sum(law.priors.residual(points) ** 2, axis=-1))
 
 
 def sizes_of(trial: Trial, parameters: Sequence[Parameter]) -> FloatArray:
@@ -146,9 +145,11 @@ class Linearised:
         """Return a matrix (n, n) of the readings with the priors, which have errors of one; (n + k, n + k)."""
         return np.asarray(block_diag(matrix, np.eye(len(self.law.priors))))
 
-    def errors(self, covariance: FloatArray) -> FloatArray:
-        """Return the covariance (p, p) of the parameters' errors from the forces', (n, n)."""
-        return sandwich(self.gain, self.with_priors(covariance))
+    def errors(self, covariance: FloatArray, held: Sequence[int] = ()) -> FloatArray:
+        """Return the covariance (p, p) of the parameters' errors from the forces', (n, n), with some of them held."""
+        moving = self.jacobian * np.isin(np.arange(len(self.point)), held, invert=True)
+        gain = inverse_in_units(moving) @ self.with_priors(self.misfit.weighting_matrix)
+        return sandwich(gain, self.with_priors(covariance))
 
     def nearest(self, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return differences (n,) and departures (k,) where the law misses least, in the readings' errors.

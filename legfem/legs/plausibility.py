@@ -100,8 +100,7 @@ def _bones(toml: Path, subject: Subject) -> Iterator[Doubt]:
 
 def _stretched(toml: Path, subject: Subject) -> Iterator[Doubt]:
     """Yield a doubt about a section that is longer one way than any leg is."""
-    box = subject.section.polygon("skin").minimum_rotated_rectangle
-    corners = np.array(box.exterior.coords)
+    corners = np.array(subject.section.polygon("skin").minimum_rotated_rectangle.exterior.coords)
     narrow, wide = sorted(np.linalg.norm(np.diff(corners[:3], axis=0), axis=1))
     limb = subject.section.limb
     if wide > (_LONGEST_CALF if limb == CALF else _LONGEST) * narrow:

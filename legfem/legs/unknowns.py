@@ -122,8 +122,7 @@ def _of_shape(
     A thickness that is off at rest is so in proportion all along the test.
     """
     at_rest = layer_thicknesses(subject.section, subject.indenter.aim, subject.indenter.direction)
-    spans = test.observed.data.spans[1:]
-    for one, span in zip(test.observed.channels, spans, strict=True):
+    for one, span in zip(test.observed.channels, test.observed.data.spans[1:], strict=True):
         if one.name in at_rest and accuracy.contour_sd > 0:
             effect = np.zeros(len(predicted))
             # A thickness lies between two outlines.

@@ -362,8 +362,7 @@ def _fascia(geometry: Any, outer: tuple[list[int], list[int]], inner: tuple[list
         geometry.mesh.setTransfiniteCurve(rung, 2)
     layer = []
     for k, (above, below) in enumerate(zip(outer[1], inner[1], strict=True)):
-        following = rungs[(k + 1) % len(rungs)]
-        loop = geometry.addCurveLoop([above, following, -below, -rungs[k]])
+        loop = geometry.addCurveLoop([above, rungs[(k + 1) % len(rungs)], -below, -rungs[k]])
         layer.append(geometry.addPlaneSurface([loop]))
         geometry.mesh.setTransfiniteSurface(layer[-1], "AlternateLeft" if k % 2 else "Right")
     return layer

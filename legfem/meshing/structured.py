@@ -175,8 +175,7 @@ def grid_counts(
 ) -> tuple[int, int, int]:
     """Return the numbers of hexahedra around, through and along the mesh of `mesh_leg`."""
     around, circles, _ = _section_grid(leg, cylinder_radius, settings)
-    along = _along(leg, cylinder_length, settings)
-    return len(around) - 1, circles.shape[1] - 1, len(along) - 1
+    return len(around) - 1, circles.shape[1] - 1, len(_along(leg, cylinder_length, settings)) - 1
 
 
 def _section_grid(

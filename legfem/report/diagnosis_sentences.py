@@ -108,8 +108,7 @@ def hidden_sentence(found: Diagnosis, limit: Limit, end: HiddenEnd) -> str:
     """Return what would not have been seen, and what C10 would then be."""
     mechanism = next(e.fit.mechanisms[0] for e in found.explained.every if e.names == (limit.name,))
     first = mechanism.parameters[0]
-    value = end.values[first.name]
-    size = f"{value:.2g}{spaced_unit(first.unit)}"
+    size = f"{end.values[first.name]:.2g}{spaced_unit(first.unit)}"
     plain = f"{limit.name.replace('-', ' ')} ({first.name.replace('_', ' ')} of {{}})"
     what = (mechanism.would_be or plain).format(size)
     seen = "would not have been detected" + ("" if end.open else ", but a stronger effect would")

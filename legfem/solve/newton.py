@@ -219,8 +219,7 @@ class NewtonSolver:
         """
         self._norms, self._factorisations, self._evaluated_now = [], 0, False
         self._damper.turn_to(damping)
-        unknown = self._system.unknown.x.petsc_vec
-        unknown.copy(self._solution)
+        self._system.unknown.x.petsc_vec.copy(self._solution)
         self._snes.solve(None, self._solution)
         reason = self._snes.getConvergedReason()
         converged = reason > 0

@@ -107,8 +107,7 @@ class SensitivityTracker:
             self._rate.x.scatter_forward()
             trace = self._rate.x.array[spaces.trace]
             force = -(skin + self._skin.tangent_action(trace)).reshape(-1, spaces.dimension)
-            total = force.sum(axis=0)
-            self.contact_force_rates[index] = sum_over(system.comm, total)
+            self.contact_force_rates[index] = sum_over(system.comm, force.sum(axis=0))
             forces.append(float(self.contact_force_rates[index] @ system.direction))
             if shift is not None:
                 forces[-1] += float(pressing @ shift.direction)

@@ -253,8 +253,7 @@ class SpecimenDiagnoser:
             whose = Identity(name, title, folder.origin, folder.directory)
             first = every[name][0]
             try:
-                own = folder.test_of(first)
-                found, left = self._diagnosed(own, whose, every[name])
+                found, left = self._diagnosed(folder.test_of(first), whose, every[name])
             except InputError as error:
                 yield DiagnosedSpecimen(name, None, problem=error, test=first.test)
             else:

@@ -68,6 +68,10 @@ class SpecimenFolder(Pictured):
     """Standard deviations of the specimens' sizes by key of ``specimen.toml``, mm or mm²."""
     sizes_sd: float = 0.0
     """The same of other sizes, relative."""
+    rig_sd: float | None = None
+    """Standard deviation of what the rig yields, mm/N; as rigs usually do without it."""
+    contact_sd: float | None = None
+    """Standard deviation (mm) of how far specimens were strained before the start, where it may be stated there."""
     tests: Mapping[str, "SpecimenFolder"] = field(default_factory=dict)
     """Folders of the tests by name, where there are several of one material."""
 
@@ -194,6 +198,8 @@ def load_specimen(directory: Path) -> SpecimenFolder:
         kind.alternatives(given.test),
         {key: sd for key in SIZES if (sd := getattr(given.accuracy, key)) is not None},
         _sizes_sd(given),
+        given.accuracy.rig_sd_mm_per_N,
+        given.accuracy.contact_sd_mm,
     )
 
 

@@ -196,8 +196,7 @@ class OwnStiffness:
         return self._weighed(self.measured)
 
     def _weighed(self, values: FloatArray) -> FloatArray:
-        flat = values.reshape(-1, values.shape[-1])
-        return self.weighted(flat.T).T.reshape(values.shape)
+        return self.weighted(values.reshape(-1, values.shape[-1]).T).T.reshape(values.shape)
 
     def _relative(self, felt: FloatArray) -> FloatArray:
         """Return the factors (..., g) at forces (..., n) of typical specimens."""

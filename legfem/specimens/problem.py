@@ -17,7 +17,7 @@ from legfem.common.errors import Argument, InputError
 from legfem.common.units import FloatArray
 from legfem.inverse.answer import Notice, doubted
 from legfem.inverse.catalogue import IdentifiedLaw, LawName, Values, model_values
-from legfem.inverse.comparison import total_of
+from legfem.inverse.comparison import ErrorSource, total_of
 from legfem.inverse.estimates import Optimum, estimates
 from legfem.inverse.fit import ChannelFit, Fit, Goodness, Identity, least_akaike, versions
 from legfem.inverse.intervals import bound_of, quantile
@@ -112,20 +112,23 @@ class SpecimenProblem:
         by_chance = spread * float(stdtrit(apart, 0.975)) / 1.96 if self.folder.tests and apart else 0.0
         covariance = total_of(comparison.covariances_at(predicted, by_chance))
         covariances = dict(comparison.covariances_at(predicted, spread))
+        thickness = goes_with_thickness(comparison, predicted, stiffness)
+        rig, on_a_rig = None, OnARig(comparison, linear.prediction.model_values, readings)
+        softer = 1.0 if thickness or self.folder.rig else on_a_rig.softened(self.folder)
+        begun = on_a_rig.begun_strained(self.folder)
+        unseen: dict[ErrorSource, FloatArray] = {"differences": covariances.pop("differences"), "contact": begun}
         if comparison.own is None:
-            covariances["sizes"] = self._errors_of_sizes(comparison, model_values(best.values), readings, predicted)
-        if self.folder.tests and "sizes" in covariances:
+            unseen["sizes"] = self._errors_of_sizes(comparison, model_values(best.values), readings, predicted)
+        if self.folder.tests and "sizes" in unseen:
             # Of one test the stiffness takes up what sizes err by.
-            covariance = covariance + covariances["sizes"]
+            covariance = covariance + unseen["sizes"]
         missed, agreement = self._missed(found, covariance)
         covariances["misfit"] = comparison.of_forces_alone(missed.covariance)
         goodness = goodness_of(found, covariance + comparison.thickness_errors, lost=apart)
         fitted = comparison.recordings
-        optimum = Optimum(found, covariances, quantile(apart or len(fitted) - 1), goodness.fits)
+        times = quantile(apart or len(fitted) - 1)
+        optimum = Optimum(found, covariances, times, goodness.fits, beside=unseen)
         known = estimates(optimum)
-        thickness = goes_with_thickness(comparison, predicted, stiffness)
-        rig, on_a_rig = None, OnARig(comparison, linear.prediction.model_values, readings)
-        softer = 1.0 if thickness or self.folder.rig else on_a_rig.softened
         stiffnesses = [(name, one) for name, one in known.items() if name.endswith("C10")]
         if thickness is not None:
             rig = None if self.folder.rig else on_a_rig.yielding(thickness)
@@ -139,7 +142,7 @@ class SpecimenProblem:
         left_out, told = self._predicted(found, stiffness, readings)
         lateral = lateral_fit(comparison, self.forward, model_values(best.values))
         face = face_fit(comparison, predicted)
-        told += [Notice.of(details.SpecimenNotice.MAY_BE_STIFFER, factor=softer)] if softer > 1.0 else []
+        told += [Notice.of(details.SpecimenNotice.MAY_BE_STIFFER, factor=softer)] if softer > _TOLD else []
         told += [Notice.of(details.SpecimenNotice.SIDE_SEEN, text=one.text) for one in (lateral, face) if one]
         why = why_ratio_undetermined(self.folder, fitted) if self._seeks_ratio else ""
         values = self.forward.models[0].with_compressibility(best.values)
@@ -203,9 +206,8 @@ class SpecimenProblem:
                     if not comparison.told_by(outcome):
                         continue
                     change = (comparison.predict(outcome, readings).values - predicted) / RESIZED
-                for specimen in dict.fromkeys(specimens):
-                    mode = sd * np.where((specimens == specimen) & (numbers == place), change, 0.0)
-                    found += np.outer(mode, mode)
+                mode = sd * np.where(numbers == place, change, 0.0)
+                found += np.outer(mode, mode) * (specimens[:, None] == specimens)
         return found
 
     def _missed(
@@ -290,6 +292,8 @@ class SpecimenProblem:
         return [_test_fit(one, seen[span], fitted=False) for one, span in zip(others, own.spans, strict=True)], told
 
 
+_TOLD = 1.2
+"""Factor by which a rig may hide stiffness, from which on it is said."""
 type _SpecimenFit = Fit[details.SpecimenDetails]
 
 _PLAIN, _USUAL = ParameterRequest(), SearchRequest()

@@ -10,11 +10,13 @@ factor
 .. math:: s(c) = \frac{\sum F f(d - c F)}{\sum f(d - c F)^2}
 
 on its constants. Pieces of one material have one, within a few per cent: that c is found at which the factors differ
-least. Of one thickness nothing tells c, and a thin, wide piece may be stiffer than it seems.
+least. Of one thickness nothing tells c, and a piece may be stiffer than it seems, a thin, wide one by much. Nor does
+anything tell of a way p by which it was strained before the start, with the load cell tared there: with the
+relaxation of the law the readings are those of :math:`f(d + p) - f(p)`.
 """
 
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,6 +27,9 @@ from legfem.common.numbers import fit_probability
 from legfem.common.units import FloatArray
 from legfem.inverse.estimates import Estimate
 from legfem.specimens.comparison import SpecimenComparison
+from legfem.specimens.course import Course
+from legfem.specimens.folder import SpecimenFolder
+from legfem.specimens.parts import Part
 
 _RARE = 0.01
 """Chance of so strong a dependence among specimens that differ for other reasons."""
@@ -148,8 +153,11 @@ _MOST_TAKEN = 0.9
 """Share of the displacement that a rig takes at most."""
 _USUAL, _USUAL_WAY = 0.09, 0.25
 """mm/N and mm up to which 19 of 20 rigs yield: judgements, of load cells of bench tests."""
-_THIN = 0.25
-"""Height over width below which what a rig takes is no small share of a usual press."""
+_BEFORE = 0.04
+"""Way by which specimens are strained before a start that says nothing of it, over the travel, one standard deviation:
+a judgement, of preloads that are tared."""
+_STEP = 0.01
+"""Share of the travel by which differences are taken."""
 
 
 @dataclass(frozen=True)
@@ -185,13 +193,18 @@ class OnARig:
 
     def factors(self, compliance: float) -> FloatArray:
         """Return logarithms of the recordings' factors (r,) on the law's forces where a rig yields (mm/N)."""
+        alike, values = self._where(lambda one: one.displacement - compliance * one.force)
+        return np.log(np.maximum(alike.scales(values), 1e-6))
+
+    def _where(self, way: Callable[[Course], FloatArray]) -> tuple[SpecimenComparison, FloatArray]:
+        """Return typical specimens with another way (mm) of their recordings, and readings (n,) by the law there."""
         parts = []
         for part in self.comparison.tests:
             course = part.course
-            left = np.maximum(course.displacement - compliance * course.force, 1e-6 * course.depth)
-            parts.append(replace(part, recording=replace(part.recording, course=replace(course, displacement=left))))
+            there = replace(course, displacement=np.maximum(way(course), 1e-6 * course.depth))
+            parts.append(replace(part, recording=replace(part.recording, course=there)))
         alike = replace(self.comparison, tests=tuple(parts), own=None)
-        return np.log(np.maximum(alike.scales(alike.read(self.model, self.readings)), 1e-6))
+        return alike, alike.read(self.model, self.readings)
 
     def yielding(self, without: SizeDependence) -> YieldingRig | None:
         """Return the rig on which specimens that differ by their thickness are alike; None where none is."""
@@ -203,17 +216,38 @@ class OnARig:
             return None
         return YieldingRig(float(found.x), sd, float(slopes.mean()) * sd, without)
 
-    @property
-    def softened(self) -> float:
-        """By what factor thin specimens may seem softer than they are, as far as 19 of 20 rigs yield; else one."""
-        courses = [part.course for part in self.comparison.tests]
-        every = [one.sizes for one in self.comparison.recordings]
-        shapes = [one.kind.slenderness(one.body) if one.kind.presses(one.body) else None for one in every]
-        if not all(shape and shape[0] < _THIN for shape in shapes):
-            return 1.0
-        peak, depth = max(one.peak for one in courses), min(one.depth for one in courses)
-        usual = min(_USUAL, min(_USUAL_WAY, 0.5 * depth) / peak)
-        return float(np.exp(np.mean(self.factors(usual) - self.factors(0.0))))
+    def softened(self, folder: SpecimenFolder) -> float:
+        """Return by what factor specimens may seem softer in all tests than they are, as far as 19 of 20 rigs yield."""
+        usual = min(_usual_rig(folder.test_of(part.recording), part) for part in self.comparison.tests)
+        logs = self.factors(usual) - self.factors(0.0)
+        return float(np.exp(min(logs[places].mean() for places in self.comparison.recordings_of.values())))
+
+    def begun_strained(self, folder: SpecimenFolder) -> FloatArray:
+        """Return the covariance (n, n) of the readings by how far specimens were strained before the start."""
+        here = self._where(lambda one: one.displacement)[1]
+        farther = self._where(lambda one: one.displacement + _STEP * one.depth)[1]
+        begun = self._where(lambda one: np.full_like(one.displacement, _STEP * one.depth))[1]
+        shares = np.array([_begun(folder.test_of(part.recording), part) for part in self.comparison.tests])
+        part_of, names = self.comparison.part_of, np.array([one.test for one in self.comparison.recordings])
+        mode = np.where(self.comparison.is_force, shares[part_of] / _STEP * (farther - begun - here), 0.0)
+        return np.asarray(np.outer(mode, mode) * (names[part_of][:, None] == names[part_of]))
+
+
+def _assumed(folder: SpecimenFolder, part: Part) -> bool:
+    """Return whether a test's setup is one as labs have it, for all that is stated."""
+    one = part.recording
+    return folder.origin == "measured" and one.sizes.kind.load_field == "force_N" and one.recording.timed
+
+
+def _usual_rig(folder: SpecimenFolder, part: Part) -> float:
+    usual = min(_USUAL, min(_USUAL_WAY, 0.5 * part.course.depth) / part.course.peak) * _assumed(folder, part)
+    return usual if folder.rig_sd is None else 2 * folder.rig_sd
+
+
+def _begun(folder: SpecimenFolder, part: Part) -> float:
+    """Return which share of the travel may have been made before the start, one standard deviation."""
+    unseen = part.recording.detected.known and not part.course.standing and _assumed(folder, part)
+    return _BEFORE * unseen if folder.contact_sd is None else folder.contact_sd / part.course.depth
 
 
 def widened(found: Estimate, above: float, below: float, fits: bool) -> Estimate:

@@ -213,8 +213,7 @@ class ContourMisfit:
         They are projected on the modes of the outlines' errors; finer undulations are left out,
         since the errors of the model itself are unknown there.
         """
-        columns = values.reshape(len(values), -1)
-        parts = np.split(columns, len(CONTOURS))
+        parts = np.split(values.reshape(len(values), -1), len(CONTOURS))
         shares = [
             amplitudes(modes, part.reshape(*modes.shape[:2], -1))
             for modes, part in zip(self._modes, parts, strict=True)

@@ -87,8 +87,7 @@ class PressureProbe:
         mesh = self._spaces.mesh
         candidates = geometry.compute_collisions_points(self._tree, points)
         hits = geometry.compute_colliding_cells(mesh, candidates, points)
-        counts = np.diff(hits.offsets)
-        here = np.flatnonzero(counts > 0)
+        here = np.flatnonzero(np.diff(hits.offsets) > 0)
         cells = hits.array[hits.offsets[here]]
         found = np.full(len(points), -np.inf)
         for region, tag in self._spaces.regions.items():
@@ -104,8 +103,7 @@ class PressureProbe:
     def nodal(self, region: str, state: Compressed) -> tuple[FloatArray, FloatArray]:
         """Return the nodes (n, 3) and pressures (n,) of a region on all ranks, ends left out."""
         space = self._functions[region].function_space
-        cells = self._spaces.cells(region)
-        nodes = np.unique(space.dofmap.list[cells])
+        nodes = np.unique(space.dofmap.list[self._spaces.cells(region)])
         x = space.tabulate_dof_coordinates()[nodes]
         values = -state.unknown[self._dofs[region]][nodes]
         x = np.concatenate(self._comm.allgather(x))

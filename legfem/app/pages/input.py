@@ -19,8 +19,7 @@ type Questions = Callable[[Workspace, str, dict[str, Any]], None]
 
 def actions_tab(workspace: Workspace, name: str) -> None:
     """Put the commands, and the runs that there are."""
-    folder = workspace.input(name)
-    described = description_of(folder)
+    described = description_of(workspace.input(name))
     assert described is not None
     for action in ACTIONS[described]:
         _command_form(workspace, name, action)

@@ -30,13 +30,11 @@ class NormalContact(Memoryless):
     def pressure(self, skin: Skin) -> Expr:
         """Return the pressure (MPa)."""
         indenter = skin.symbols.of("indenter", self.indenter)
-        law = skin.symbols.of(self.name, self.law)
-        return law.pressure(-indenter.gap(skin.relative_position))
+        return skin.symbols.of(self.name, self.law).pressure(-indenter.gap(skin.relative_position))
 
     def residual(self, skin: Skin, history: Mapping[str, Any]) -> Expr:
         """Return the work of the pressure along the indenter's normal."""
-        indenter = skin.symbols.of("indenter", self.indenter)
-        normal = indenter.normal(skin.relative_position)
+        normal = skin.symbols.of("indenter", self.indenter).normal(skin.relative_position)
         return -self.pressure(skin) * ufl.dot(normal, skin.variation) * skin.measure
 
 

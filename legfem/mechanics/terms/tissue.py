@@ -158,8 +158,7 @@ def _variance(p: Expr) -> Expr:
     The barycentric coordinates of a simplex of dimension d have the variance
     :math:`d / ((d + 1)^2 (d + 2))` and, two of them, minus the d-th part of it.
     """
-    domain = ufl.domain.extract_unique_domain(p)
-    slope = ufl.dot(ufl.grad(p), ufl.Jacobian(domain))
+    slope = ufl.dot(ufl.grad(p), ufl.Jacobian(ufl.domain.extract_unique_domain(p)))
     d = slope.ufl_shape[0]
     total = sum(slope[i] for i in range(d))
     return ((d + 1) * ufl.dot(slope, slope) - total**2) / ((d + 1) ** 2 * (d + 2))

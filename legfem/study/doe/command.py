@@ -232,8 +232,7 @@ def _effects(result: StudyResult) -> list[web.Block]:
 
 
 def _curves(result: StudyResult) -> Curves:
-    depth = result.definition.depth
-    grid = np.linspace(0.0, depth, _POINTS)
+    grid = np.linspace(0.0, result.definition.depth, _POINTS)
     every = np.full((len(result.outcomes), _POINTS), np.nan)
     for row, found in zip(every, result.outcomes, strict=True):
         for curve in found.curves:

@@ -1,0 +1,74 @@
+"""What recordings of specimens can't show of their setup: a tared preload, a rig that yields, sizes beside a bound."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from making_specimens import BAR, compressed
+
+import legfem as lf
+from legfem.common.errors import InputError
+from legfem.data import Recording, write_recording
+from legfem.inverse.estimates import Estimate
+from legfem.mechanics.materials import NeoHookean
+
+C10 = 5e-3
+MEASURED = BAR.replace('"simulated"', '"measured"')
+PULLED = MEASURED.replace('"compression"', '"tension"')
+
+
+def pressed(folder: Path, toml: str, before: float = 0.0, yields: float = 0.0) -> Path:
+    """Write three recordings of a bar strained by a way (mm) before a tared start, on a rig that yields (mm/N)."""
+    law, sign = NeoHookean(C10, 1 / (1000 * C10)), 1.0 if "tension" in toml else -1.0
+    (folder / "recordings").mkdir(parents=True)
+    own = np.linspace(0.0, 3.0, 301)
+    force = compressed(law, own + before, sign) - compressed(law, np.array([before]), sign)
+    d = own + yields * force
+    for k in range(3):
+        drawn = np.random.default_rng(k)
+        read = force * (1 + drawn.normal(0.0, 5e-3)) + drawn.normal(0.0, 2e-3, len(d))
+        write_recording(Recording(10 * own, d, read, f"r{k}"), folder / "recordings" / f"r{k}.csv")
+    (folder / "specimen.toml").write_text(toml)
+    return folder
+
+
+def c10_of(folder: Path, law: str = "neo-hookean") -> Estimate:
+    return lf.identify(folder, law)[law].estimates["deep.C10"]
+
+
+@pytest.mark.parametrize("toml", [MEASURED, PULLED])
+@pytest.mark.parametrize("law", ["neo-hookean", "reduced-polynomial"])
+@pytest.mark.parametrize("spoilt", [{}, {"before": 0.2}, {"yields": 0.06}])
+def test_what_no_recording_shows_of_the_setup_is_in_the_interval(tmp_path: Path, toml: str, law: str, spoilt) -> None:
+    found = c10_of(pressed(tmp_path / "bar", toml, **spoilt), law)
+    print(found.value, found.ci95, found.error_shares)
+    assert found.ci95[0] < C10 < found.ci95[1]
+    assert found.identifiability == "identifiable"
+
+
+def test_what_is_stated_of_the_setup_counts(tmp_path: Path) -> None:
+    """A rig and a start that are known exactly leave the sizes, of 1 %, and how recordings differ."""
+    usual = c10_of(pressed(tmp_path / "usual", MEASURED))
+    exact = f"{MEASURED}\n[accuracy]\nrig_sd_mm_per_N = 0.0\ncontact_sd_mm = 0.0\n"
+    known = c10_of(pressed(tmp_path / "known", exact))
+    width, own = (one.ci95[1] - one.ci95[0] for one in (usual, known))
+    assert own < 0.75 * width and known.value == usual.value
+    assert "contact" in usual.error_shares and known.error_shares["contact"] == 0.0
+    rig = c10_of(pressed(tmp_path / "rig", exact.replace("_N = 0.0", "_N = 0.1")))
+    # It may be stiffer by what the rig takes, and no softer.
+    assert rig.ci95[0] == pytest.approx(known.ci95[0]) and rig.ci95[1] > known.ci95[1] + 0.05 * C10
+    drawn = c10_of(pressed(tmp_path / "drawn", BAR))
+    assert drawn.ci95[1] - drawn.ci95[0] < own
+    with pytest.raises(InputError, match="rig_sd_mm_per_N"):
+        c10_of(pressed(tmp_path / "wrong", exact.replace("_N = 0.0", "_N = -1")))
+
+
+def test_sizes_move_a_stiffness_as_much_where_stiffening_stands_at_its_bound(tmp_path: Path) -> None:
+    """A neo-Hookean bar by both laws: the area is in proportion to C10, whatever else the law has."""
+    wide = f"{MEASURED}\n[accuracy]\nrig_sd_mm_per_N = 0.0\ncontact_sd_mm = 0.0\nsizes_percent = 0\narea_mm2 = 5.0\n"
+    plain, stiffening = (c10_of(pressed(tmp_path / law, wide), law) for law in ("neo-hookean", "reduced-polynomial"))
+    print(plain.ci95, stiffening.ci95)
+    assert stiffening.ci95[1] == pytest.approx(plain.ci95[1], rel=0.01)
+    assert stiffening.ci95[0] == pytest.approx(plain.ci95[0], rel=0.01)
