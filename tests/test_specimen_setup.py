@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from making_specimens import BAR, compressed
+from making_specimens import AREA, BAR, compressed
 
 import legfem as lf
 from legfem.common.errors import InputError
@@ -72,3 +72,18 @@ def test_sizes_move_a_stiffness_as_much_where_stiffening_stands_at_its_bound(tmp
     print(plain.ci95, stiffening.ci95)
     assert stiffening.ci95[1] == pytest.approx(plain.ci95[1], rel=0.01)
     assert stiffening.ci95[0] == pytest.approx(plain.ci95[0], rel=0.01)
+
+
+def test_a_table_of_what_softens_has_stiffening_at_its_bound_and_ends(tmp_path: Path) -> None:
+    """One recording differs from no other: by rounding, its factor's part in C20's variance is less than nothing."""
+    stretch = np.linspace(1.0, 0.4, 60)
+    d = 10 * (1 - stretch)
+    force = compressed(NeoHookean(C10, 1e4), d) * (1 - 0.5 * d / 6)
+    (tmp_path / "recordings").mkdir()
+    rows = np.column_stack([stretch, -force / AREA])
+    np.savetxt(tmp_path / "recordings" / "a.csv", rows, delimiter=",", header="lambda,P_MPa", comments="")
+    table = 'table = { stretch = "lambda", stress = "P_MPa", unit = "MPa", measure = "nominal" }'
+    (tmp_path / "specimen.toml").write_text(MEASURED.replace("starts_at_contact = true", table))
+    law = "reduced-polynomial"
+    found = lf.identify(tmp_path, law)[law].estimates["deep.C20"]
+    assert found.value == found.ci95[0] == 0.0 < found.ci95[1] < C10

@@ -164,7 +164,7 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
             interval = given[k] if given else profile.interval(seen**2 / float(curvature[k, k]))
             if optimum.beside:
                 unseen = linear.errors(total_of(optimum.beside), [j for j in stopped if j != k])[k, k]
-                ways = np.hypot(interval - at[k], optimum.times * math.sqrt(unseen))
+                ways = np.hypot(interval - at[k], optimum.times * math.sqrt(max(unseen, 0.0)))
                 low, high = np.clip(at[k] + ways * (-1, 1), *bounds[k])
                 interval = float(low), float(high)
             if bounds[k, 0] < interval[0] and interval[1] < bounds[k, 1]:
