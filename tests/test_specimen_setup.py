@@ -10,9 +10,12 @@ from making_specimens import AREA, BAR, compressed
 
 import legfem as lf
 from legfem.common.errors import InputError
+from legfem.common.progress import Silent
 from legfem.data import Recording, write_recording
 from legfem.inverse.estimates import Estimate
 from legfem.mechanics.materials import NeoHookean
+from legfem.specimens.diagnosis import SpecimenDiagnoser
+from legfem.specimens.folder import load_specimen
 
 C10 = 5e-3
 MEASURED = BAR.replace('"simulated"', '"measured"')
@@ -38,7 +41,7 @@ def c10_of(folder: Path, law: str = "neo-hookean") -> Estimate:
     return lf.identify(folder, law)[law].estimates["deep.C10"]
 
 
-@pytest.mark.parametrize("toml", [MEASURED, PULLED])
+@pytest.mark.parametrize("toml", [MEASURED, PULLED], ids=["pressed", "pulled"])
 @pytest.mark.parametrize("law", ["neo-hookean", "reduced-polynomial"])
 @pytest.mark.parametrize("spoilt", [{}, {"before": 0.2}, {"yields": 0.06}])
 def test_what_no_recording_shows_of_the_setup_is_in_the_interval(tmp_path: Path, toml: str, law: str, spoilt) -> None:
@@ -87,3 +90,20 @@ def test_a_table_of_what_softens_has_stiffening_at_its_bound_and_ends(tmp_path: 
     law = "reduced-polynomial"
     found = lf.identify(tmp_path, law)[law].estimates["deep.C20"]
     assert found.value == found.ci95[0] == 0.0 < found.ci95[1] < C10
+
+
+@pytest.mark.parametrize("toml", [MEASURED, PULLED], ids=["pressed", "pulled"])
+def test_a_diagnosis_weighs_a_start_that_was_tared(tmp_path: Path, toml: str) -> None:
+    """A bar that was strained by 3 % before; its base model errs as far as the start is stated to be known."""
+    errs = []
+    for name, stated in (("usual", ""), ("known", "\n[accuracy]\ncontact_sd_mm = 0.0\n")):
+        folder = pressed(tmp_path / name, toml + stated, before=0.3)
+        (found,) = SpecimenDiagnoser(None, 1, Silent()).diagnosed(load_specimen(folder))
+        assert found.diagnosis is not None
+        base = found.diagnosis.base_model
+        errs.append(abs(base.value("deep.C10") / C10 - 1))
+        if not stated:
+            low, high = found.diagnosis.own_intervals["deep.C10"]
+            assert found.diagnosis.verdict == "consistent" and low < C10 < high
+    print(errs)
+    assert errs[0] < 0.02 < errs[1]

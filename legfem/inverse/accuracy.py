@@ -83,6 +83,8 @@ class Accuracy:
         How strong effects are that the model may leave out, by other means.
     contact_sd
         Of first contact (mm) in all trials alike, where it is stated to be at zero; None as the load cell feels it.
+    tared
+        Whether the load cell's zero was taken where trials begin, in contact or not.
     """
 
     assumed_sd: float | None = None
@@ -90,6 +92,7 @@ class Accuracy:
     measured: Mapping[str, Prior] = field(default_factory=dict)
     effects: tuple[MeasuredEffect, ...] = ()
     contact_sd: float | None = 0.0
+    tared: bool = False
 
     @property
     def shape_errors(self) -> tuple[ShapeError, ...]:

@@ -39,7 +39,7 @@ from legfem.specimens.mechanisms import Scale, mechanisms_of
 from legfem.specimens.model_discrepancy import TestsAgreement, agreement_of_tests
 from legfem.specimens.nuisances import deepest_of
 from legfem.specimens.sizes import LeftOut, Sizes, SpecimenRecording, differing_doubts
-from legfem.specimens.thickness import SizeDependence, size_dependence
+from legfem.specimens.thickness import SizeDependence, begun_share, size_dependence
 from legfem.specimens.variants import SpecimenVariants
 
 _ABOVE = 1.02
@@ -147,8 +147,6 @@ _REACH = 3.5
 """Reach of the library in ln C10: what relaxes fast hides how little lasts."""
 _OTHERWISE = 1.1
 """Factor by which an end of C10's interval differs where laws do."""
-_DRAWN = Accuracy(size_sd=1e-3)
-"""Accuracy of a specimen that was simulated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -283,7 +281,8 @@ class SpecimenDiagnoser:
             problem = f"its test can't be solved to {solved.depth:.3g} mm"
             raise InputError(folder.directory, used[0].specimen, problem, "check the sizes, or record less deep")
         last = max(float(s.protocol.time[-1]) for s in observed.protocols)
-        accuracy = Accuracy() if folder.origin == "measured" else _DRAWN
+        begun = float(np.mean([begun_share(folder, one) * one.course.depth for one in used]))
+        accuracy = Accuracy(size_sd=folder.sizes_sd, contact_sd=begun, tared=True)
         shown = [(one.course.instrument.force_sd, one.course.instrument.displacement_sd) for one in used]
         force_sd, displacement_sd = map(float, np.sqrt(np.mean(np.square(shown), axis=0)))
         instrument = folder.instrument or Instrument(force_sd, displacement_sd, stated=False)

@@ -29,7 +29,7 @@ from legfem.inverse.estimates import Estimate
 from legfem.specimens.comparison import SpecimenComparison
 from legfem.specimens.course import Course
 from legfem.specimens.folder import SpecimenFolder
-from legfem.specimens.parts import Part
+from legfem.specimens.sizes import SpecimenRecording
 
 _RARE = 0.01
 """Chance of so strong a dependence among specimens that differ for other reasons."""
@@ -218,7 +218,7 @@ class OnARig:
 
     def softened(self, folder: SpecimenFolder) -> float:
         """Return by what factor specimens may seem softer in all tests than they are, as far as 19 of 20 rigs yield."""
-        usual = min(_usual_rig(folder.test_of(part.recording), part) for part in self.comparison.tests)
+        usual = min(_usual_rig(folder.test_of(one), one) for one in self.comparison.recordings)
         logs = self.factors(usual) - self.factors(0.0)
         return float(np.exp(min(logs[places].mean() for places in self.comparison.recordings_of.values())))
 
@@ -227,27 +227,26 @@ class OnARig:
         here = self._where(lambda one: one.displacement)[1]
         farther = self._where(lambda one: one.displacement + _STEP * one.depth)[1]
         begun = self._where(lambda one: np.full_like(one.displacement, _STEP * one.depth))[1]
-        shares = np.array([_begun(folder.test_of(part.recording), part) for part in self.comparison.tests])
+        shares = np.array([begun_share(folder.test_of(one), one) for one in self.comparison.recordings])
         part_of, names = self.comparison.part_of, np.array([one.test for one in self.comparison.recordings])
         mode = np.where(self.comparison.is_force, shares[part_of] / _STEP * (farther - begun - here), 0.0)
         return np.asarray(np.outer(mode, mode) * (names[part_of][:, None] == names[part_of]))
 
 
-def _assumed(folder: SpecimenFolder, part: Part) -> bool:
+def _assumed(folder: SpecimenFolder, one: SpecimenRecording) -> bool:
     """Return whether a test's setup is one as labs have it, for all that is stated."""
-    one = part.recording
     return folder.origin == "measured" and one.sizes.kind.load_field == "force_N" and one.recording.timed
 
 
-def _usual_rig(folder: SpecimenFolder, part: Part) -> float:
-    usual = min(_USUAL, min(_USUAL_WAY, 0.5 * part.course.depth) / part.course.peak) * _assumed(folder, part)
+def _usual_rig(folder: SpecimenFolder, one: SpecimenRecording) -> float:
+    usual = min(_USUAL, min(_USUAL_WAY, 0.5 * one.course.depth) / one.course.peak) * _assumed(folder, one)
     return usual if folder.rig_sd is None else 2 * folder.rig_sd
 
 
-def _begun(folder: SpecimenFolder, part: Part) -> float:
+def begun_share(folder: SpecimenFolder, one: SpecimenRecording) -> float:
     """Return which share of the travel may have been made before the start, one standard deviation."""
-    unseen = part.recording.detected.known and not part.course.standing and _assumed(folder, part)
-    return _BEFORE * unseen if folder.contact_sd is None else folder.contact_sd / part.course.depth
+    unseen = one.detected.known and not one.course.standing and _assumed(folder, one)
+    return _BEFORE * unseen if folder.contact_sd is None else folder.contact_sd / one.course.depth
 
 
 def widened(found: Estimate, above: float, below: float, fits: bool) -> Estimate:
