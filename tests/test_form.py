@@ -51,6 +51,15 @@ def test_what_one_trial_has_is_missing_from_the_others(seed: int) -> None:
     assert shares[1].share > 2.0 > shares[1].others
 
 
+def test_what_no_trial_has_is_missing_from_none() -> None:
+    """Held at a drift upwards where all drift downwards, one of them by more."""
+    name, observed = "force-drift.rate", observations(ramps(3))[0]
+    rates = np.array([-0.05, -0.03, -0.03])
+    problem, base = problem_of(ramps(3), {}, 1, rates[observed.trial] * observed.time)
+    shares = shares_by_part(fit(problem, [DRIFT], {**base.values, name: 0.05}, (name,)))["force-drift"]
+    assert all(one.share < -0.3 for one in shares) and not any(one.missing for one in shares)
+
+
 def pushed(channels_too: bool, seed: int) -> Diagnosis:
     """Return the diagnosis of a leg pushed back by springs of 0.25 mm/N, or of a cell that reads as much less."""
     observed = seen(ramps(3), CHANNELS)

@@ -343,7 +343,8 @@ def shares_by_part(fitted: LinearisedFit) -> dict[str, tuple[ShareOfPart, ...]]:
     priors, and errors :math:`\epsilon` of the observations' whole covariance. The share of the mechanism that is there
     in a part is :math:`1 + b_p`; by generalised least squares it has a standard deviation, which is large where the
     part tells nothing. It is missing from a part that surely has less of it than the others by more than forms are
-    inexact. Parts are trials, phases, thirds of the depth, and channels, each by themselves.
+    inexact; where those have none either, none is missing. Parts are trials, phases, thirds of the depth, and channels,
+    each by themselves.
 
     Parameters
     ----------
@@ -383,7 +384,7 @@ def _of_part(k: int, name: str, shares: FloatArray, covariance: FloatArray) -> S
     weights /= weights.sum()
     short = -(1.0 - INEXACT_SHARE) * weights
     short[k] = 1.0
-    missing = short @ shares + _SURELY * np.sqrt(short @ covariance @ short) < 0.0
+    missing = min(weights @ shares, -short @ shares - _SURELY * np.sqrt(short @ covariance @ short)) > 0.0
     return ShareOfPart(name, float(shares[k]), float(np.sqrt(covariance[k, k])), float(weights @ shares), bool(missing))
 
 
