@@ -132,8 +132,7 @@ def _force(subject: Subject) -> Iterator[Doubt]:
     if not subject.indenter.lies_along or subject.section.lacks:  # the envelopes are of sections with fat and bone
         return
     loadings = [trial.loading for trial in subject.trials]
-    depth = min(loading.depth for loading in loadings)
-    at = np.linspace(0.2, 0.9, 8) * depth
+    at = np.linspace(0.2, 0.9, 8) * min(loading.depth for loading in loadings)
     force = np.array([np.median([one.force_near(d) for one in loadings]) for d in at])
     error = 2 * subject.instrument.force_sd / np.sqrt(len(loadings)) + 0.02
     low, high = force_range(subject, at)

@@ -16,7 +16,7 @@ from legfem.common.errors import Argument, Doubt, InputError
 from legfem.common.progress import Progress
 from legfem.common.units import mpa_to_kpa
 from legfem.data import Instrument
-from legfem.inverse.accuracy import Accuracy
+from legfem.inverse.accuracy import SIZE_LOG_SD, Accuracy
 from legfem.inverse.answer import FitNotice, Notice, doubted
 from legfem.inverse.catalogue import DEEP_C10, RATIO, LawName
 from legfem.inverse.diagnose import DiagnosisInput, diagnose
@@ -282,7 +282,8 @@ class SpecimenDiagnoser:
             raise InputError(folder.directory, used[0].specimen, problem, "check the sizes, or record less deep")
         last = max(float(s.protocol.time[-1]) for s in observed.protocols)
         begun = float(np.mean([begun_share(folder, one) * one.course.depth for one in used]))
-        accuracy = Accuracy(size_sd=folder.sizes_sd, contact_sd=begun, tared=True)
+        size_sd = folder.sizes_sd if used[0].recording.timed else SIZE_LOG_SD
+        accuracy = Accuracy(size_sd=size_sd, contact_sd=begun, tared=True)
         shown = [(one.course.instrument.force_sd, one.course.instrument.displacement_sd) for one in used]
         force_sd, displacement_sd = map(float, np.sqrt(np.mean(np.square(shown), axis=0)))
         instrument = folder.instrument or Instrument(force_sd, displacement_sd, stated=False)
