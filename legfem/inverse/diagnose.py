@@ -208,7 +208,8 @@ def starts(law: LawName, middle: float) -> list[dict[str, float]]:
     """Return where searches for the base parameters begin, about a C10 in the middle (MPa)."""
     if law == "neo-hookean":
         return [{DEEP_C10: factor * middle, DEEP_C20: 0.0} for factor in (0.6, 1.5)]
-    factors = ((0.6, 1.0), (1.0, 0.3), (1.4, 0.1))
+    # Pressed deep, a little stiffening rules: a law almost without it is then far stiffer at first.
+    factors = ((0.6, 1.0), (1.0, 0.3), (1.4, 0.1), (4.0, 0.1), (10.0, 0.1))
     return [{DEEP_C10: factor * middle, DEEP_C20: share * middle} for factor, share in factors]
 
 
