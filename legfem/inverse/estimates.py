@@ -19,6 +19,7 @@ from legfem.inverse.intervals import (
     SquaresProfile,
     bound_of,
     departure_of,
+    with_further,
 )
 from legfem.inverse.least_squares import inverse_in_units, sandwich
 from legfem.inverse.parameter import Domain, Parameter
@@ -146,8 +147,9 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
         DISPLACEMENT: misfit.if_deeper,
     }
     moves = {name: _moves(linear, _TENTH * change) for name, change in tenths.items() if change.any()}
-    shares = shares_of_error(linear.gain, {**optimum.covariances, **optimum.beside})
-    stopped = [j for j in range(len(at)) if at[j] in bounds[j]]
+    shares = shares_of_error(linear.gain(), {**optimum.covariances, **optimum.beside})
+    seen = linear.errors(total_of(optimum.covariances))
+    stopped = [j for j, one in enumerate(law.parameters) if bound_of(at[j], one.bounds)]
     told = shares_of_information(
         linear.prediction.jacobian(law.names),
         total_of(optimum.covariances),
@@ -158,15 +160,13 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
     for k, parameter in enumerate(law.parameters):
         if curvature[k, k] > 0:
             error = math.sqrt(spread[k, k])
-            seen = optimum.times * math.sqrt(linear.errors(total_of(optimum.covariances))[k, k])
-            given = optimum.intervals
-            profile = SquaresProfile(residual, at, k, bounds, seen)
-            interval = given[k] if given else profile.interval(seen**2 / float(curvature[k, k]))
+            rise = optimum.times**2 * float(seen[k, k]) / float(curvature[k, k])
+            profile = SquaresProfile(residual, at, k, bounds, optimum.times * math.sqrt(seen[k, k]))
+            interval = optimum.intervals[k] if optimum.intervals else profile.interval(rise)
             if optimum.beside:
                 unseen = linear.errors(total_of(optimum.beside), [j for j in stopped if j != k])[k, k]
-                ways = np.hypot(interval - at[k], optimum.times * math.sqrt(max(unseen, 0.0)))
-                low, high = np.clip(at[k] + ways * (-1, 1), *bounds[k])
-                interval = float(low), float(high)
+                more = optimum.times * math.sqrt(max(unseen, 0.0))
+                interval = with_further(float(at[k]), interval, more, bounds[k])
             if bounds[k, 0] < interval[0] and interval[1] < bounds[k, 1]:
                 # A tangent leaves a curved valley long before the sum of squares rises.
                 error = _half_width(parameter, float(at[k]), interval) / optimum.times

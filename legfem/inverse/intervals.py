@@ -22,7 +22,7 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 from scipy.special import stdtrit
 
@@ -152,6 +152,13 @@ def bound_of(value: float, bounds: tuple[float, float]) -> Bound:
     if value <= bounds[0]:
         return "lower"
     return "upper" if value >= bounds[1] else ""
+
+
+def with_further(value: float, ends: tuple[float, float], more: ArrayLike, bounds: ArrayLike) -> tuple[float, float]:
+    """Return an interval's ends with further errors' half-widths, squares added to squares (2,), within bounds."""
+    ways = np.hypot(np.subtract(ends, value), more)
+    low, high = np.clip(value + ways * (-1, 1), *np.asarray(bounds))
+    return float(low), float(high)
 
 
 # Of a value's size, for differences.

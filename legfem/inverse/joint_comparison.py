@@ -266,7 +266,7 @@ class SingleTests:
     def _gain(self, number: int, alone: JointComparison) -> FloatArray:
         """How a test's parameters follow readings and priors, (p, n + k)."""
         linear, n, span = self.found.linear, len(self._comparison), self._comparison.spans[number]
-        own = Linearised(linear.law, alone, linear.prediction.part(span), linear.point).gain
+        own = Linearised(linear.law, alone, linear.prediction.part(span), linear.point).gain()
         gain = np.zeros((len(own), n + len(linear.law.priors)))
         gain[:, span], gain[:, n:] = np.split(own, [span.stop - span.start], axis=1)
         return gain
@@ -287,7 +287,7 @@ class SingleTests:
             return
         law = linear.law
         emulated, domain = self.found.search.emulated(), Domain(law.parameters)
-        joint_gain = linear.gain
+        joint_gain = linear.gain()
         for number, span in enumerate(joint.spans):
             alone = joint.alone(number)
             gain = self._gain(number, alone)

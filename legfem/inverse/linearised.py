@@ -301,9 +301,10 @@ def late_touch(predicted: Observations, accuracy: Accuracy) -> Iterator[Nuisance
     """
     if not predicted.shows_air and accuracy.contact_sd != 0.0:
         sd = contact_sd_alike(predicted) if accuracy.contact_sd is None else accuracy.contact_sd
-        slope, trial = predicted.by_displacement, predicted.trial
+        slope = predicted.by_displacement.copy()
         if accuracy.tared:
-            slope = np.append(slope[: len(trial)] - slope[[np.argmax(trial == k) for k in trial]], slope[len(trial) :])
+            _, first, of = np.unique(predicted.trial, return_index=True, return_inverse=True)
+            slope[: len(of)] -= slope[first[of]]
         effect = math.sqrt(1.0 - predicted.chance_of_air) * sd * slope
         yield NuisanceEffect("first contact", effect, Cause("first contact"), "contact")
 

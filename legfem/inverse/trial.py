@@ -136,10 +136,10 @@ class Linearised:
         own = self.misfit.weighted(self.prediction.jacobian(self.law.names))
         return np.vstack([own, self.law.priors.jacobian(self.point)])
 
-    @property
-    def gain(self) -> FloatArray:
-        """How the parameters follow forces and priors; (p, n + k)."""
-        return inverse_in_units(self.jacobian) @ self.with_priors(self.misfit.weighting_matrix)
+    def gain(self, held: Sequence[int] = ()) -> FloatArray:
+        """Return how the parameters follow forces and priors, some of them held; (p, n + k)."""
+        moving = self.jacobian * np.isin(np.arange(len(self.point)), held, invert=True)
+        return inverse_in_units(moving) @ self.with_priors(self.misfit.weighting_matrix)
 
     def with_priors(self, matrix: FloatArray) -> FloatArray:
         """Return a matrix (n, n) of the readings with the priors, which have errors of one; (n + k, n + k)."""
@@ -147,9 +147,7 @@ class Linearised:
 
     def errors(self, covariance: FloatArray, held: Sequence[int] = ()) -> FloatArray:
         """Return the covariance (p, p) of the parameters' errors from the forces', (n, n), with some of them held."""
-        moving = self.jacobian * np.isin(np.arange(len(self.point)), held, invert=True)
-        gain = inverse_in_units(moving) @ self.with_priors(self.misfit.weighting_matrix)
-        return sandwich(gain, self.with_priors(covariance))
+        return sandwich(self.gain(held), self.with_priors(covariance))
 
     def nearest(self, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return differences (n,) and departures (k,) where the law misses least, in the readings' errors.

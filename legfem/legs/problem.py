@@ -195,7 +195,7 @@ class LegProblem:
 
     def _quantile(self, found: Found[JointComparison], covariances: Covariances) -> float:
         """Return Student's two-sided 95 % quantile for the first parameter, by how well its errors are known."""
-        gain = found.linear.gain[0, : len(found.search.misfit)]
+        gain = found.linear.gain()[0, : len(found.search.misfit)]
         parts = {source: float(gain @ part @ gain) for source, part in covariances.items()}
         # The sites' repeats say how well their errors are known; the fewest count.
         repeats = min(curve.n_trials for curve in self.curves) - 1

@@ -40,6 +40,9 @@ from legfem.specimens.side import face_fit, lateral_fit
 from legfem.specimens.sizes import OF_LAYER, RESIZED, Sizes, SpecimenRecording
 from legfem.specimens.thickness import OnARig, goes_with_thickness, widened
 
+_TOLD = 1.2
+"""Factor by which a rig may hide stiffness, from which on it is said."""
+
 
 @dataclass(frozen=True, eq=False)
 class SpecimenProblem:
@@ -126,8 +129,7 @@ class SpecimenProblem:
         covariances["misfit"] = comparison.of_forces_alone(missed.covariance)
         goodness = goodness_of(found, covariance + comparison.thickness_errors, lost=apart)
         fitted = comparison.recordings
-        times = quantile(apart or len(fitted) - 1)
-        optimum = Optimum(found, covariances, times, goodness.fits, beside=unseen)
+        optimum = Optimum(found, covariances, quantile(apart or len(fitted) - 1), goodness.fits, beside=unseen)
         known = estimates(optimum)
         stiffnesses = [(name, one) for name, one in known.items() if name.endswith("C10")]
         if thickness is not None:
@@ -292,8 +294,6 @@ class SpecimenProblem:
         return [_test_fit(one, seen[span], fitted=False) for one, span in zip(others, own.spans, strict=True)], told
 
 
-_TOLD = 1.2
-"""Factor by which a rig may hide stiffness, from which on it is said."""
 type _SpecimenFit = Fit[details.SpecimenDetails]
 
 _PLAIN, _USUAL = ParameterRequest(), SearchRequest()

@@ -26,6 +26,7 @@ from scipy.stats import linregress, norm
 from legfem.common.numbers import fit_probability
 from legfem.common.units import FloatArray
 from legfem.inverse.estimates import Estimate
+from legfem.inverse.intervals import with_further
 from legfem.specimens.comparison import SpecimenComparison
 from legfem.specimens.course import Course
 from legfem.specimens.folder import SpecimenFolder
@@ -251,9 +252,6 @@ def begun_share(folder: SpecimenFolder, one: SpecimenRecording) -> float:
 
 def widened(found: Estimate, above: float, below: float, fits: bool) -> Estimate:
     """Return an estimate with more errors in its 95 % interval, to either side, relative."""
-    low, high = (
-        float(np.hypot(end - found.value, more * found.value))
-        for end, more in zip(found.ci95, (below, above), strict=True)
-    )
-    wide = replace(found, ci95=(max(found.value - low, found.parameter.bounds[0]), found.value + high))
+    more, least = (below * found.value, above * found.value), found.parameter.bounds[0]
+    wide = replace(found, ci95=with_further(found.value, found.ci95, more, (least, np.inf)))
     return replace(wide, identifiability=wide.verdict(fits))
