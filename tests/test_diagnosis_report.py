@@ -283,6 +283,7 @@ def test_a_model_that_explains_a_part_is_not_said_to_fit(monkeypatch, missing, i
         "aside": None,
         "base_model": SimpleNamespace(fit=SimpleNamespace(free=())),
         "weighed": (20, 20),
+        "in_part": in_part,
     }
     found = SimpleNamespace(
         provisional=False, withheld=False, verdict="named", models=[model], may_be_off=0.19, **given

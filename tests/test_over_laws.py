@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -11,14 +12,16 @@ import numpy as np
 import pytest
 from making_diagnosed import diagnosed as made_up
 from making_diagnosed import diagnosed_of
+from making_diagnosis import observations, ramps
 from making_specimens import BAR, compressed, record, relaxing
 
 import legfem as lf
 from legfem.inverse.catalogue import DEEP_C10
+from legfem.inverse.library_tasks import nearest_stiffening, stiffness_at
 from legfem.inverse.verdict import IMPROBABLE, Diagnosis
 from legfem.mechanics.materials import ExponentialStiffening
 from legfem.report.answers import sentence_of
-from legfem.specimens.diagnosis import laws_told
+from legfem.specimens.diagnosis import _STIFFENINGS, laws_told
 
 ASKED = ("force-drift", "leg-movement")
 """Neither stiffens: a law without C20 has to do without."""
@@ -51,6 +54,26 @@ def test_laws_that_both_may_be_right_share_the_range_and_the_asked_one_is_shown(
         assert found.law == asked.law and min(chance for _, chance in found.by_law) > IMPROBABLE
         assert found.intervals[DEEP_C10] == (other_low, max(high, other_high))
         assert not list(laws_told(found))
+
+
+def test_a_law_that_explains_in_part_alone_gives_way_to_a_more_probable_one() -> None:
+    plain = made_up({}, asked=ASKED, law="neo-hookean")
+    stiffening = diagnosed_of(plain.observed, ASKED, "reduced-polynomial")
+    assert stiffening.over_laws([plain]).law == "reduced-polynomial"
+    for one, other in ((stiffening, plain), (plain, stiffening)):
+        in_part = replace(one, verdict="named", models=(SimpleNamespace(in_part=True),))
+        assert in_part.over_laws([other]).law == "neo-hookean"
+
+
+@pytest.mark.parametrize(("stiffening", "expected"), [(0.024, 0.03), (0.7, 0.8), (5.0, 1.6)])
+def test_the_stiffening_is_that_whose_course_the_loading_has(stiffening: float, expected: float) -> None:
+    observed = observations(ramps(3))[0]
+    grid = np.linspace(0.5, 25.0, 50)
+    solved = SimpleNamespace(grid=grid, curve=lambda c10, c20: c10 * grid + 0.01 * c20 * grid**3)
+    c10, c20 = stiffness_at(2e-3, stiffening)
+    d = observed.displacement
+    recorded = replace(observed, force=c10 * d + 0.01 * c20 * d**3)
+    assert nearest_stiffening(recorded, solved, 1e-3, _STIFFENINGS) == expected
 
 
 def test_ranges_of_laws_that_differ_are_told_with_their_probabilities() -> None:

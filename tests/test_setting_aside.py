@@ -138,7 +138,14 @@ def test_a_misfit_below_a_hundredth_of_the_force_that_hardly_moves_c10_is_good_e
     assert low < BASE[DEEP_C10] < high
 
 
-def test_a_misfit_that_is_large_or_moves_c10_beyond_its_interval_is_not(small_misfit):
+def test_an_interval_counts_how_far_a_small_misfit_moves_c10(small_misfit):
+    value, (low, high) = small_misfit.best.value(DEEP_C10), small_misfit.intervals[DEEP_C10]
+    moving = replace(small_misfit, misfit=Misfit(small_misfit.misfit.size, 0.14))
+    assert not moving.withheld
+    assert moving.intervals[DEEP_C10] == pytest.approx((min(low, 0.86 * value), max(high, 1.14 * value)))
+
+
+def test_a_misfit_that_is_large_or_moves_c10_far_is_not(small_misfit):
     found = small_misfit
     large = replace(found, misfit=Misfit(0.02, found.misfit.moves))
     moving = replace(found, misfit=Misfit(found.misfit.size, 0.9))

@@ -357,8 +357,7 @@ def done_with(options: cohort_rows.Options, out: Path, member: Member) -> Made:
         log.setLevel(before)
     unit = 1e6 if sys.platform == "darwin" else 1e3
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit
-    seconds = (time.perf_counter() - started) / len(rows)
-    return Made([replace(row, seconds=seconds, peak_mb=peak) for row in rows])
+    return Made([replace(row, seconds=(time.perf_counter() - started) / len(rows), peak_mb=peak) for row in rows])
 
 
 def _identified(options: cohort_rows.Options, member: Member, folder: Path) -> list[cohort_rows.Row]:

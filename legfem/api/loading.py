@@ -152,8 +152,7 @@ def _parts(kind: Any) -> Iterator[Any]:
 
 def wrong(name: str, given: object, problem: str, remedy: str | Remedy) -> InputError:
     """Return what is wrong with an argument."""
-    shown = given if isinstance(given, str) else repr(given)
-    return InputError(Argument(name), shown, problem, remedy)
+    return InputError(Argument(name), given if isinstance(given, str) else repr(given), problem, remedy)
 
 
 def seconds_of(name: str, given: str | None) -> float | None:

@@ -121,8 +121,7 @@ class Lines:
         self._print(f"  {self._done}{f'/{self._total}' if self._total else ''}  {text}{left}")
 
     def _print(self, text: str) -> None:
-        seconds = time.perf_counter() - self._started
-        print(f"[{seconds:6.1f} s] {text}", file=self._stream, flush=True)
+        print(f"[{time.perf_counter() - self._started:6.1f} s] {text}", file=self._stream, flush=True)
 
 
 class Rewritten:

@@ -120,8 +120,7 @@ def sizes_from_repeats(expected: FloatArray, vagueness: ArrayLike, differences: 
             total += 0.5 * (one.contrasts.shape[1] * log_det + float(np.sum(white**2)))
         return total
 
-    bounds = [(-_FACTOR, _FACTOR)] * len(expected)
-    found = minimize(cost, np.zeros(len(expected)), method="L-BFGS-B", bounds=bounds)
+    found = minimize(cost, np.zeros(len(expected)), method="L-BFGS-B", bounds=[(-_FACTOR, _FACTOR)] * len(expected))
     return np.asarray(expected * np.exp(found.x))
 
 

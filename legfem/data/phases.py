@@ -29,8 +29,7 @@ def phases_of_motion(time: FloatArray, displacement: FloatArray, unit: float) ->
         Way of `legfem.data.contact.Scales`, mm.
     """
     held = max(_HELD_SHARE * float(np.ptp(displacement)), 5.0 * sample_noise(displacement))
-    motion = _motion(time, displacement, held, unit)
-    return np.array([UNLOADING, HOLD, LOADING])[motion + 1].astype("<U9")
+    return np.array([UNLOADING, HOLD, LOADING])[_motion(time, displacement, held, unit) + 1].astype("<U9")
 
 
 def _motion(t: FloatArray, d: FloatArray, held: float, unit: float) -> NDArray[np.int_]:

@@ -108,8 +108,7 @@ class Segment:
         if self.phase in (HOLD, AIR):
             return False
         line = np.polynomial.Polynomial.fit(self.time, self.displacement, 1)
-        away = np.abs(self.displacement - line(self.time)).max()
-        return bool(away > 0.03 * np.ptp(self.displacement))
+        return bool(np.abs(self.displacement - line(self.time)).max() > 0.03 * np.ptp(self.displacement))
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from legfem.common.progress import Progress, TimeIsUpError
 from legfem.common.units import mpa_to_kpa
@@ -191,22 +190,37 @@ def middle_of(observed: Observations, solved: SolvedResponses, stiffening: float
     stiffening
         ln(1 + C20 / C10) there.
     """
-    loading = observed.phase == LOADING
-    d, force = observed.displacement[loading], observed.force[loading]
     log = np.log(_FIRST_C10)
     for _ in range(5):
-        curve = solved.curve(*stiffness_at(float(np.exp(log)), stiffening))
-        if np.isnan(curve).any():
+        ratio, _ = _beside(observed, solved, stiffness_at(float(np.exp(log)), stiffening))
+        if np.isnan(ratio):
             log += 0.7
             continue
-        grid = np.concatenate([[0.0], solved.grid])
-        there = CubicSpline(grid, np.concatenate([[0.0], curve]))(np.maximum(d, 0.0))
-        ratio = float(force @ there) / float(there @ there)
         step = float(np.clip(np.log(max(ratio, 1e-3)) / 0.7, -1.5, 1.5))
         log += step
         if abs(step) < 0.5 * ROUND:
             break
     return rounded(float(np.exp(log)))
+
+
+def nearest_stiffening(observed: Observations, solved: SolvedResponses, middle: float, among: Sequence[float]) -> float:
+    """Return which ln(1 + C20 / C10) the loading goes with, a middle C10 (MPa) scaling its force."""
+    return min(among, key=lambda q: _beside(observed, solved, stiffness_at(middle, q))[1])
+
+
+def _beside(observed: Observations, solved: SolvedResponses, stiffness: Stiffness) -> tuple[float, float]:
+    """Return the factor on an elastic solution's force with which the loading is best met, and its misfit (N).
+
+    Where it stops, not a number.
+    """
+    loading = observed.phase == LOADING
+    d, force = np.maximum(observed.displacement[loading], 0.0), observed.force[loading]
+    curve = solved.curve(*stiffness)
+    if np.isnan(curve).any():
+        return np.nan, np.inf
+    there = np.interp(d, np.r_[0.0, solved.grid], np.r_[0.0, curve])
+    ratio = float(force @ there) / float(there @ there)
+    return ratio, float(np.linalg.norm(force - ratio * there))
 
 
 def stiffness_at(c10: float, stiffening: float) -> Stiffness:

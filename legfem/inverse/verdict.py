@@ -114,12 +114,17 @@ class Diagnosis:
         return replace(self, observed=replace(self.observed, notices=(*notices, *self.observed.notices)))
 
     def over_laws(self, others: "Sequence[Diagnosis]") -> "Diagnosis":
-        """Return this diagnosis beside those by other laws, or theirs where this one's law is improbable."""
+        """Return this diagnosis beside those by other laws; a more probable one where this one's law does in part."""
         beside = replace(self, other_laws=tuple(others))
-        if beside.by_law[0][1] > IMPROBABLE:
+        if beside.by_law[0][1] > IMPROBABLE and not self.in_part:
             return beside
         best, _ = max(beside.by_law, key=lambda one: one[1])
         return replace(best, other_laws=tuple(one for one in (self, *others) if one is not best))
+
+    @property
+    def in_part(self) -> bool:
+        """Whether what is named isn't all that was left out."""
+        return self.verdict == "named" and self.models[0].in_part
 
     @property
     def equally(self) -> bool:
@@ -224,15 +229,16 @@ class Diagnosis:
     def own_intervals(self) -> dict[str, tuple[float, float]]:
         """95 % intervals of C10 and C20 (MPa), by full name, over all explanations by this law, by their probability.
 
-        Of unexplained recordings all that was searched: what they give may be off by any amount.
+        Of unexplained recordings all that was searched, what they give may be off by any amount; or as far as a
+        small misfit moves C10, too.
         """
         if self.withheld:
             fitted = self.base_model.fit
             return {p.name: p.bounds for p in fitted.parameters if p.name in fitted.stiffness}
         found = {name: robust_interval(self.explained, name) for name in (DEEP_C10, DEEP_C20)}
-        free = self.best.fit.free
+        free, by = self.best.fit.free, self.misfit.moves * (self.verdict == "unexplained")
         known = [(n, *ends, self.best.value(n) if n in free else ends[0]) for n, ends in found.items() if ends]
-        return {name: (min(low, at), max(high, at)) for name, low, high, at in known}
+        return {n: (min(low, at * (1 - by)), max(high, at * (1 + by))) for n, low, high, at in known}
 
     def shown_interval(self, name: str) -> tuple[float, float]:
         """Return one of the intervals as people read it, in kPa."""
@@ -248,12 +254,10 @@ class Diagnosis:
     def withheld(self) -> bool:
         """Whether no stiffness is given: nothing explains the misfit, and it isn't small.
 
-        A misfit is small that is less than `SMALL` of the largest force and moves C10 by less than its interval.
+        A misfit is small that is less than `SMALL` of the largest force and moves C10 by less than `TRUSTED`.
         """
-        if self.verdict != "unexplained" or self.misfit.size >= SMALL or self.interval_as_seen is None:
-            return self.verdict == "unexplained"
-        value, (low, high) = self.base_model.value(DEEP_C10), self.interval_as_seen
-        return not (low < value < high and self.misfit.moves < min(value - low, high - value) / value)
+        small = self.misfit.size < SMALL and self.misfit.moves < TRUSTED and self.interval_as_seen is not None
+        return self.verdict == "unexplained" and not small
 
     @cached_property
     def may_be_off(self) -> float:
@@ -350,7 +354,7 @@ def answer_of(found: Diagnosis, doubts: int = 0) -> Answer:
         "misfit": found.misfit.size,
         "may_be_off": found.may_be_off,
         "aside": "" if found.aside is None else found.aside.described,
-        "fits_in_part": bool(found.models) and found.verdict == "named" and found.models[0].in_part,
+        "fits_in_part": found.in_part,
         "missing_in_parts": bool(found.models) and bool(found.models[0].missing),
         "weighed": list(found.weighed),
     }
@@ -371,7 +375,7 @@ def _finding(found: Diagnosis) -> tuple[Finding, Tone]:
         return Finding.FITS, "caution" if found.base.agreement.p_value < DIFFER else "sound"
     if found.verdict == "consistent":
         return Finding.FITS_WITHOUT_PART, "caution"
-    if found.verdict == "named" and found.models[0].in_part:
+    if found.in_part:
         return Finding.CORRECTED_IN_PART, "caution"
     if not causes_differ(found):
         return Finding.CORRECTED, "caution"

@@ -219,7 +219,8 @@ def to_do(found: Diagnosis, plan: Sequence[DesignValue]) -> str:
         return f"{use}. What could settle the cause {_RECORDED}."
     asked = f"ask the lab to {f'{plan[0].design.name} ({chance_text(plan[0])})' if plan else lines[0]}"
     if found.verdict == "unexplained" and not found.withheld:
-        return f"Use the number above. To find out what the model misses, ask the lab to {lines[0]}."
+        use = use if wide(found) else "Use the number above"
+        return f"{use}. To find out what the model misses, ask the lab to {lines[0]}."
     if found.verdict == "unexplained":
         return (
             f"Use no number of this test. First ask the lab to check the data for a mistake. Then ask it to {lines[0]}."

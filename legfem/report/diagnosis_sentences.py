@@ -91,7 +91,7 @@ def misfit_sentence(found: Diagnosis) -> str:
     return (
         f"The model misses the recordings by more than their noise, but only by {share(found.misfit.size)} of the "
         f"largest force (root mean square). Leaving out any one phase, or any third of the depth, changes C10 by at "
-        f"most {share(found.misfit.moves)}. That is less than its interval, so the model is good enough for C10."
+        f"most {share(found.misfit.moves)}. Its interval counts that, so the model is good enough for C10."
     )
 
 

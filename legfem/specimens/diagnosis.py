@@ -23,7 +23,7 @@ from legfem.inverse.diagnose import DiagnosisInput, diagnose
 from legfem.inverse.fit import Identity
 from legfem.inverse.library import Detail
 from legfem.inverse.library_build import build_library
-from legfem.inverse.library_tasks import LOGS, STIFFENING, middle_of
+from legfem.inverse.library_tasks import LOGS, STIFFENING, middle_of, nearest_stiffening
 from legfem.inverse.mechanism import shown_mechanisms
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.outcome import Outcome, solve_test
@@ -140,7 +140,8 @@ _SOME_C10 = 1e-3
 """MPa: whether a test can be solved doesn't depend on it."""
 _BEYOND = 1.04
 """Depth to which responses are solved, over the greatest recorded."""
-_LATTICE = tuple(product(LOGS, (0.0, 0.03, 0.1, 0.3, 0.8, 1.6)))
+_STIFFENINGS = (0.03, 0.1, 0.3, 0.8, 1.6)
+_LATTICE = tuple(product(LOGS, (0.0, *_STIFFENINGS)))
 """ln C10 over the middle's and ln(1 + C20 / C10) of the elastic curves: a bench's repeats tell a little stiffening from
 none."""
 _REACH = 3.5
@@ -289,13 +290,15 @@ class SpecimenDiagnoser:
         instrument = folder.instrument or Instrument(force_sd, displacement_sd, stated=False)
 
         def by_law(law: LawName) -> Diagnosis:
-            middle = middle_of(observed, solved, STIFFENING[law])
+            among = (0.0,) if law == "neo-hookean" else _STIFFENINGS
+            stiffening = nearest_stiffening(observed, solved, middle_of(observed, solved, 0.0), among)
+            middle = middle_of(observed, solved, stiffening)
             scale = Scale(observed.depth, float(observed.force.max()), last, middle, asked.bulk_ratio)
             every, unable = mechanisms_of(sizes, scale, used[0].recording.timed)
             able, _ = shown_mechanisms(every, observed, {})
             detail = Detail.of_all(able, pairs=False)
             tables = build_library(
-                solved, observed, able, self.jobs, self.progress, middle, STIFFENING[law], detail, _LATTICE
+                solved, observed, able, self.jobs, self.progress, middle, stiffening, detail, _LATTICE
             )
             library = replace(tables, missing={**unable, **tables.missing}, reach=_REACH)
             seen = observed.with_channels(library.beside.names)

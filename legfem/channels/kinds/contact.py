@@ -133,9 +133,8 @@ class ContactWidths(base.ChannelFile):
         """Return the width; nothing before the skin touches."""
         skin, radius = seen.lines["skin"], seen.radius
         reach = radius + seen.onset
-        away = skin.points - seen.centre
         # Of an edge from 0 to 1: a + b s + c s^2.
-        first, last, middle = away.transpose(1, 0, 2)
+        first, last, middle = (skin.points - seen.centre).transpose(1, 0, 2)
         bend, rise = 2 * first + 2 * last - 4 * middle, 4 * middle - 3 * first - last
         beyond = _squared(first, rise, bend)
         beyond[:, 0] -= reach**2
@@ -255,8 +254,7 @@ class ContactPressures(base.FramesFile[Site]):
     def arrows(self, places: FloatArray, site: Site) -> tuple[FloatArray, FloatArray]:
         """Return the sensels' middles on the face at first touch, and the directions in which they press."""
         angle = places.mean(axis=1) / site.indenter.radius
-        left = across(site.direction)
-        ways = np.cos(angle)[:, None] * site.direction + np.sin(angle)[:, None] * left
+        ways = np.cos(angle)[:, None] * site.direction + np.sin(angle)[:, None] * across(site.direction)
         return site.touch + site.indenter.radius * ways, ways
 
     def apart(self, places: FloatArray) -> FloatArray:

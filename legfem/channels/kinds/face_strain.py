@@ -70,9 +70,8 @@ _TO_ALONG = np.linalg.pinv(_SAMPLED[:, None] * _shares(_SAMPLED, HEIGHTS[1:]))
 
 def homogeneous(across: Any, along: Any) -> dict[str, Any]:
     """Return the courses of a face that is strained alike everywhere."""
-    strains = across, along
     names = FACE_STRAIN.courses(len(PLACES))
-    return {name: strains[int(way)] for name, (_, way) in zip(names, PLACES, strict=True)}
+    return {name: (across, along)[int(way)] for name, (_, way) in zip(names, PLACES, strict=True)}
 
 
 class FaceStrains(FramesFile[Sequence[Face]]):
