@@ -320,7 +320,7 @@ def test_a_mechanism_is_fitted_anew_from_where_a_pair_has_it(monkeypatch):
 def test_a_strength_is_integrated_out_as_its_explanation_was_weighed(monkeypatch):
     """By the same errors as its fit's, with the same shares of what is unknown beside it."""
     observed = problem_of(ramps())[0].predictor.observed
-    wave = 0.06 * np.sin(np.pi * observed.displacement / 6)
+    wave = 0.08 * np.sin(np.pi * observed.displacement / 6)
     problem, base = problem_of(ramps(), {"contact-onset.offset": 1.0}, seed=1, extra=wave)
     seen = []
     monkeypatch.setattr(

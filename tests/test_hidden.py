@@ -33,18 +33,25 @@ from legfem.inverse.explanation import Explanation
 from legfem.inverse.hidden import profile_of
 from legfem.inverse.laplace import laplace_posterior
 from legfem.inverse.map_fit import fit
-from legfem.inverse.mechanism import Occurrence, Unseen, shown_mechanisms
+from legfem.inverse.mechanism import Occurrence, Unseen, shown_mechanisms, strength
 from legfem.inverse.parameter import Prior
 from legfem.inverse.posterior import Mixture
 from legfem.inverse.verdict import TRUSTED, shift_of
 from legfem.legs.diagnosis import WITHOUT_ENDS
 from legfem.legs.nuisances import ShapeAccuracy
 from legfem.mechanisms import OCCURRENCES, mechanism_named, mechanisms
+from legfem.mechanisms.rig import ForceDrift
 from legfem.mechanisms.time_dependence import carried
 from legfem.report.diagnosis_headline import headline
 from legfem.report.diagnosis_sentences import hidden_sentence
 
 DRIFT = "force-drift.rate"
+
+
+class LinearDrift(ForceDrift):
+    """A drift whose prior is normal, beside which a problem is linear."""
+
+    parameters = (strength("rate", "N/s", "drift of the zero", 0.005, (-0.1, 0.1)),)
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +130,7 @@ def drifting(measured=()):
     problem, _ = problem_of(ramps(), seed=3)
     problem = replace(problem, measured=measured)
     base = fit(problem, (), TRUTH)
-    mine = fit(problem, [mechanism_named("force-drift")], {**base.values, DRIFT: 0.002})
+    mine = fit(problem, [LinearDrift()], {**base.values, DRIFT: 0.002})
     evidence = Evidence(problem.errors, possible_discrepancies(problem.predictor.observed, base.prediction))
     posterior = laplace_posterior(evidence, mine, [0.0] + [-np.inf] * (len(evidence.unknowns) - 1))
     return Explanation(mine, posterior, 0.0, False, False), base
@@ -154,7 +161,7 @@ def test_limits_are_those_of_the_normal_equations_where_the_problem_is_linear():
 def test_a_reading_of_the_strength_counts_in_its_limits():
     alone, base = drifting()
     middle, sd = normal_equations(alone)
-    mechanism = mechanism_named("force-drift")
+    mechanism = LinearDrift()
     scale = mechanism.parameters[0].prior.sd
     one, _ = drifting((MeasuredStrength(mechanism, middle / scale, sd / scale),))
     limit = profile_of(one, base).limit(base)

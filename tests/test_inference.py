@@ -19,6 +19,24 @@ from legfem.inverse.settings import Genetic, Minimum
 FREE = (-1e3, 1e3)
 
 
+@pytest.mark.parametrize("scale", ["linear", "log", "tailed"])
+def test_a_prior_s_departure_its_inverse_and_its_derivative_agree(scale) -> None:
+    prior = Prior(2.0, 0.5, scale)
+    priors = Priors((Parameter("a", "-", (-1e3, 1e3), prior),))
+    for z in (-1.5, 0.0, 0.7, 3.0):
+        value = prior.value_at(z)
+        assert prior.departure(value) == pytest.approx(z, abs=1e-12)
+        before, after = (priors.residual(np.array([value + h])) for h in (-1e-5, 1e-5))
+        assert priors.jacobian(np.array([value]))[0, 0] == pytest.approx(float(after - before) / 2e-5, rel=1e-6)
+
+
+def test_what_is_far_beyond_a_tailed_prior_is_as_likely_as_ten_deviations_are_three() -> None:
+    usual, tailed = Prior(0.0, 0.005), Prior(0.0, 0.005, "tailed")
+    assert tailed.departure(0.05) == pytest.approx(3.0, abs=0.01) and usual.departure(0.05) == pytest.approx(10.0)
+    assert tailed.departure(1e-4) == pytest.approx(usual.departure(1e-4), rel=1e-3)
+    assert tailed.width(0.0) == usual.width(0.0) == usual.width(0.05) == 0.005
+
+
 def linear_gaussian(p: int, seed: int = 0):
     """A straight model with correlated errors, and its exact answer."""
     rng = np.random.default_rng(seed)

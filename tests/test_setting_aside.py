@@ -138,16 +138,25 @@ def test_a_misfit_below_a_hundredth_of_the_force_that_hardly_moves_c10_is_good_e
     assert low < BASE[DEEP_C10] < high
 
 
-def test_an_interval_counts_how_far_a_small_misfit_moves_c10(small_misfit):
-    value, (low, high) = small_misfit.best.value(DEEP_C10), small_misfit.intervals[DEEP_C10]
-    moving = replace(small_misfit, misfit=Misfit(small_misfit.misfit.size, 0.14))
-    assert not moving.withheld
-    assert moving.intervals[DEEP_C10] == pytest.approx((min(low, 0.86 * value), max(high, 1.14 * value)))
+def test_by_errors_as_large_as_what_nothing_explains_nothing_is_missing_and_C10_is_less_certain(small_misfit):
+    assert small_misfit.tolerant.adequacy > 0.99 > small_misfit.explained.adequacy
+    (low, high), ends = small_misfit.own_intervals[DEEP_C10], small_misfit.interval_as_seen
+    assert high - low > ends[1] - ends[0]
 
 
-def test_a_misfit_that_is_large_or_moves_c10_far_is_not(small_misfit):
+def test_a_misfit_that_is_not_small_gives_a_range_alone(small_misfit):
+    found = replace(small_misfit, misfit=Misfit(0.02, small_misfit.misfit.moves))
+    assert not found.withheld and found.intervals == small_misfit.intervals
+    answer = headline(found, ())
+    assert answer.heading == "The model misses by 2 % of the largest force, and nothing explains it."
+    assert answer.sentence.startswith("Report a range")
+    assert "good enough" not in dict(answer.answers)["Problems found"]
+    assert dict(answer.answers)["What to do"].startswith("Use the range.")
+
+
+def test_a_misfit_that_is_large_or_moves_c10_far_gives_no_number(small_misfit):
     found = small_misfit
-    large = replace(found, misfit=Misfit(0.02, found.misfit.moves))
+    large = replace(found, misfit=Misfit(0.06, found.misfit.moves))
     moving = replace(found, misfit=Misfit(found.misfit.size, 0.9))
     for one in (large, moving):
         assert one.withheld

@@ -104,8 +104,7 @@ def statistics(members: Sequence[Member], rows: Sequence[Row]) -> Statistics:
         reasons[f"{len(wrong)} members whose model does not fit are left out of statistics."] = None
     kept = [row for row in rows if row.judged.tone != "wrong"]
     names = dict.fromkeys(name for _, one in measured(kept, cohort_model(rows)) for name in one.measures)
-    made = [_analysed(*values_of(members, kept, name), name, reasons) for name in names]
-    return _together(made, reasons)
+    return _together([_analysed(*values_of(members, kept, name), name, reasons) for name in names], reasons)
 
 
 def statistics_of_readings(table: pd.DataFrame, name: str, unit: str, notes: Sequence[str]) -> Statistics:

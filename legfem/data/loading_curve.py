@@ -169,5 +169,4 @@ def _depths(trial: Segmentation, forces: FloatArray) -> FloatArray:
     order = np.argsort(loading.displacement, kind="stable")
     d, force = loading.displacement[order], loading.force[order]
     grid = np.linspace(d[0], d[-1], 200)
-    rising = np.maximum.accumulate(local_line(d, force, grid, 0.25 * way).value)
-    return np.asarray(np.interp(forces, rising, grid))
+    return np.asarray(np.interp(forces, np.maximum.accumulate(local_line(d, force, grid, 0.25 * way).value), grid))

@@ -138,8 +138,7 @@ class Recording(Pictured):
 
     def part(self, samples: slice | NDArray[np.bool_]) -> "Recording":
         """Return some of its samples, and all of its other channels."""
-        own = {name: getattr(self, name)[samples] for name in ("time", "displacement", "force")}
-        return replace(self, **own)
+        return replace(self, **{name: getattr(self, name)[samples] for name in ("time", "displacement", "force")})
 
     def told(self) -> str:
         """Name, samples, and greatest readings."""

@@ -126,8 +126,7 @@ def without_outliers(values: FloatArray) -> FloatArray:
     """Return a motion whose single readings far off are replaced by their neighbours' middle."""
     middle = median_filter(values, 3, mode="nearest")
     off = np.abs(values - middle)
-    far = off > 5.0 * sample_noise(values) + 0.02 * float(np.ptp(middle))
-    return np.where(far, middle, values)
+    return np.where(off > 5.0 * sample_noise(values) + 0.02 * float(np.ptp(middle)), middle, values)
 
 
 def _stretches(time: FloatArray, displacement: FloatArray) -> FloatArray:

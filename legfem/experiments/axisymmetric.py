@@ -186,8 +186,7 @@ class AxisymmetricTest[Sizes](AxisymmetricBody[Sizes], IndentationTest):
     def model(self) -> LegModel:
         """Mechanical model: the sum of its terms."""
         given, formulation = self.arrangement, self.settings.formulation
-        model = leg_model(self.laws, given.indenter, given.contact, formulation)
-        return model.with_terms(self.mechanisms)
+        return leg_model(self.laws, given.indenter, given.contact, formulation).with_terms(self.mechanisms)
 
     @property
     def _seen(self) -> SeenSpecimen | None:
@@ -358,8 +357,7 @@ def settings_to(depth: float) -> AxisymmetricSettings:
         first=min(usual.steps.first, depth / _STEPS), largest=min(usual.steps.largest, depth / 10)
     )
     # A shallow test's forces are of millinewtons, which the volume of large elements rounds.
-    newton = replace(usual.newton, absolute_tolerance=1e-10)
-    return replace(usual, steps=steps, newton=newton)
+    return replace(usual, steps=steps, newton=replace(usual.newton, absolute_tolerance=1e-10))
 
 
 def onset_to(faces: Faces, depth: float) -> ContactSettings:

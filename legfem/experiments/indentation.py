@@ -36,8 +36,7 @@ def leg_model(
     """Return the sum of tissues (law by region) and contact, the latter of unit stiffness."""
     normal = NormalContact(indenter, contact.pressure_law(1.0))
     along = TangentialContact(normal, contact.tangential_law(1.0))
-    regions = tuple(Tissue(region, law) for region, law in tissues.items())
-    return LegModel((*regions, normal, along), formulation)
+    return LegModel((*(Tissue(region, law) for region, law in tissues.items()), normal, along), formulation)
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,8 +263,7 @@ class IndentationTest(Picklable, ABC):
         return self._farthest(self.attempts(), IndentationRequest(values, given, sensitivities, on_step, keep_in))
 
     def _farthest(self, attempts: Iterator[Attempt], asked: IndentationRequest) -> Solved:
-        made = (self._tried(one, number, asked) for number, one in enumerate(attempts))
-        return farthest(self._trusted(made))
+        return farthest(self._trusted(self._tried(one, number, asked) for number, one in enumerate(attempts)))
 
     def _tried(self, attempt: Attempt, number: int, asked: IndentationRequest) -> Solved:
         folder = asked.keep_in
@@ -350,5 +348,4 @@ class RecentSolutions:
 
     def find(self, values: Mapping[str, float], depth: float) -> SolutionStates | None:
         """Return what was solved for values to a depth (mm), None where that isn't kept."""
-        same = (one for one in self._kept if one.values == dict(values) and one.depth == depth)
-        return next(same, None)
+        return next((one for one in self._kept if one.values == dict(values) and one.depth == depth), None)

@@ -244,8 +244,7 @@ class IdealisedLegIndentation(IndentationTest):
         """Mechanical model: the sum of its terms."""
         laws = {region: self.tissues[region] for region in self.leg.regions}
         shape, settings = self.cylinder.shape(self.dimension), self.settings
-        base = leg_model(laws, shape, settings.contact, settings.formulation)
-        return base.with_terms(self.mechanisms)
+        return leg_model(laws, shape, settings.contact, settings.formulation).with_terms(self.mechanisms)
 
     @cached_in_process
     def leg_mesh(self) -> LegMesh:

@@ -59,8 +59,7 @@ class SuctionTest(AxisymmetricBody[CupOnLayer], ProtocolTest):
     def model(self) -> LegModel:
         """Mechanical model: the sum of its terms."""
         tissues = tuple(Tissue(name, law) for name, law in self.laws.items())
-        model = LegModel((*tissues, SkinPressure()), self.settings.formulation)
-        return model.with_terms(self.mechanisms)
+        return LegModel((*tissues, SkinPressure()), self.settings.formulation).with_terms(self.mechanisms)
 
     def with_terms(self, terms: Sequence[Term]) -> Self:
         """Return the test with other laws and with fibres: it is solved for its first loading alone."""

@@ -156,8 +156,7 @@ def _gathered(spaces: LegSpaces, cells: NDArray[np.int32], edges: NDArray[np.int
     """Return the outline along local edges of cells."""
     space, comm = spaces.displacement_space, spaces.mesh.comm
     nodes = np.take_along_axis(space.dofmap.list[cells], _EDGES[edges], axis=1).astype(np.int32)
-    places = space.tabulate_dof_coordinates()[:, :2]
-    return Outline(nodes, np.concatenate(comm.allgather(places[nodes])), comm)
+    return Outline(nodes, np.concatenate(comm.allgather(space.tabulate_dof_coordinates()[nodes, :2])), comm)
 
 
 _OUTSIDE = 0.3

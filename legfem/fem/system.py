@@ -354,8 +354,7 @@ class System:
     def contact_force(self) -> FloatArray:
         """Return the indenter's force on the skin, (dimension,), N per mm of leg in 2D, N in 3D."""
         self._trace()
-        local = self._assemble_skin().reshape(-1, self.spaces.dimension).sum(axis=0)
-        return -sum_over(self.comm, local)
+        return -sum_over(self.comm, self._assemble_skin().reshape(-1, self.spaces.dimension).sum(axis=0))
 
     def nodal_contact_force(self) -> FloatArray:
         """Return what the rank adds to the indenter's force on each of its skin's nodes, (nodes, dimension)."""

@@ -129,8 +129,7 @@ class LegShape:
     def points(self, part: str) -> FloatArray:
         """Return the points of a part in space, (n_levels, n_points, 3), mm."""
         xy = self.contours[part]
-        z = np.broadcast_to(self.levels[:, None, None], (*xy.shape[:2], 1))
-        return np.concatenate([xy, z], axis=2)
+        return np.concatenate([xy, np.broadcast_to(self.levels[:, None, None], (*xy.shape[:2], 1))], axis=2)
 
     def at_levels(self, levels: ArrayLike) -> "LegShape":
         """Return the shape at other levels (mm) within the segment."""
@@ -321,8 +320,7 @@ def tube(levels: int, around: int) -> NDArray[np.int64]:
     a = (level * around + point).ravel()
     b = (level * around + (point + 1) % around).ravel()
     lower = np.stack([a, b, b + around], axis=1)
-    upper = np.stack([a, b + around, a + around], axis=1)
-    return np.concatenate([lower, upper])
+    return np.concatenate([lower, np.stack([a, b + around, a + around], axis=1)])
 
 
 _SPACING = 2.0

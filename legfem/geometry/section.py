@@ -202,8 +202,7 @@ def depth_to_bone(section: LegSection, point: FloatArray, direction: FloatArray)
         If the line misses the skin.
     """
     at, unit = np.asarray(point), np.asarray(direction) / np.linalg.norm(direction)
-    touched = at + first_crossing(section.polygon("skin").exterior, at, unit) * unit
-    return float(section.held.distance(Point(touched)))
+    return float(section.held.distance(Point(at + first_crossing(section.polygon("skin").exterior, at, unit) * unit)))
 
 
 def across(direction: FloatArray) -> FloatArray:
@@ -262,8 +261,7 @@ def _tidy(points: FloatArray) -> FloatArray:
         raise ValueError(f"a contour is an (n, 2) array, not {xy.shape}")
     step = np.linalg.norm(xy - np.roll(xy, 1, axis=0), axis=1)
     kept = xy[step > 1e-9 * (1.0 + np.abs(xy).max(initial=0.0))]
-    doubled_area = cross(kept, np.roll(kept, -1, axis=0)).sum()
-    return np.asarray(kept if doubled_area > 0 else kept[::-1])
+    return np.asarray(kept if cross(kept, np.roll(kept, -1, axis=0)).sum() > 0 else kept[::-1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -317,8 +315,7 @@ def smooth_closed_curve(points: ArrayLike, smoothing: float = 0.0) -> ClosedCurv
         ring[-1] = ring[0]
         arc = arc_lengths(ring)
     spline = CubicSpline(arc / arc[-1], ring, bc_type="periodic")
-    length = float(arc_lengths(spline(np.linspace(0.0, 1.0, 4 * len(ring) + 1)))[-1])
-    return ClosedCurve(spline, length)
+    return ClosedCurve(spline, float(arc_lengths(spline(np.linspace(0.0, 1.0, 4 * len(ring) + 1)))[-1]))
 
 
 def resample_closed_curve(points: ArrayLike, spacing: float, smoothing: float = 0.0) -> FloatArray:
@@ -406,5 +403,4 @@ def _distinct(xy: FloatArray) -> FloatArray:
 
 def arc_lengths(ring: FloatArray) -> FloatArray:
     """Return the length of a line through points (n, d) up to each of them, (n,)."""
-    steps = np.linalg.norm(np.diff(ring, axis=0), axis=1)
-    return np.concatenate([[0.0], np.cumsum(steps)])
+    return np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(ring, axis=0), axis=1))]

@@ -146,7 +146,10 @@ def measured_strength(mechanism: Mechanism, value: float, sd: float, accuracy: A
     """
     prior = prior_of(mechanism.parameters[0])
     whole = float(np.hypot(sd, max((accuracy.log_sd(name) for name in mechanism.scaled), default=0.0)))
-    return MeasuredStrength(mechanism, prior.departure(value), whole / prior.sd)
+    apart = prior.departure(value)
+    # Over the way to what the effect is nothing at, so that readings of nothing count by their own errors.
+    of_one = (value - prior.centre) / apart if prior.scale == "tailed" and apart else prior.sd
+    return MeasuredStrength(mechanism, apart, whole / of_one)
 
 
 def measured_strengths(accuracy: Accuracy, able: Sequence[Mechanism]) -> Iterator[MeasuredStrength]:

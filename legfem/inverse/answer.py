@@ -28,6 +28,7 @@ class Finding(StrEnum):
     TESTS_DISAGREE = "tests_disagree"
     NOT_COMPUTED = "not_computed"
     SMALL_MISFIT = "misfit_is_small"
+    UNEXPLAINED = "misfit_is_unexplained"
     HIDDEN_EFFECTS = "effects_may_be_hidden"
     FITS_WITHOUT_PART = "model_fits_without_part"
     CORRECTED = "corrected"

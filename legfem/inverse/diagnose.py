@@ -15,7 +15,7 @@ from legfem.inverse.averaging import unseen_of
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, LawName, deep_stiffness
 from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.errors import NuisanceEffect, error_model
-from legfem.inverse.explain import explain
+from legfem.inverse.explain import explain, tolerantly
 from legfem.inverse.explanation import Explained, Explanation
 from legfem.inverse.fit import LEAST_CHANCE, Fit, Identity
 from legfem.inverse.hidden import Limit
@@ -155,6 +155,7 @@ def diagnose(
             problem, ordinary, base, explained = rest, plain, alone, again
     verdict, models = _verdict(explained)
     limits: tuple[Limit, ...] = ()
+    tolerant = tolerantly(explained, able) if verdict == "unexplained" else None
     if verdict == "consistent" and not deadline.passed:
         progress.stage("what could hide")
         limits = limits_of(explained)
@@ -187,6 +188,7 @@ def diagnose(
         seed,
         aside,
         bool(unweighed) or explained.cut,
+        tolerant=tolerant,
     )
 
 

@@ -73,8 +73,7 @@ class FibreRatio:
 
     def __str__(self) -> str:
         """Return it with its error, as reports show it."""
-        error = f" ± {self.sd:.2g}" if self.sd else ""
-        return f"{self.value:.3g}{error}"
+        return f"{self.value:.3g}{f' ± {self.sd:.2g}' if self.sd else ''}"
 
 
 StatedRatio = Annotated[float, Field(ge=1.0, le=HIGHEST_RATIO, allow_inf_nan=False)]

@@ -90,8 +90,7 @@ class Kriging:
             bounds=bounds,
             options={"maxiter": 40},
         )
-        best = self._fitted(np.exp(found.x))
-        return max(start, best, key=lambda fit: fit.log_likelihood)
+        return max(start, self._fitted(np.exp(found.x)), key=lambda fit: fit.log_likelihood)
 
     def _likelihood(self, lengths: FloatArray) -> float:
         try:

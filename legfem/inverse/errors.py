@@ -269,8 +269,7 @@ class ErrorModel:
 
     def without_bounds(self, readings: NDArray[np.bool_]) -> "ErrorModel":
         """Return the errors with those of some readings (N,) a thousand times as large."""
-        more = np.where(readings, _UNBOUNDED * np.diag(self.covariance), 0.0)
-        return replace(self, dense=self.dense + np.diag(more))
+        return replace(self, dense=self.dense + np.diag(readings * _UNBOUNDED * np.diag(self.covariance)))
 
     def draw(self, number: int, generator: np.random.Generator) -> FloatArray:
         """Return error vectors (number, n), N."""

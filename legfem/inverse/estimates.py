@@ -186,8 +186,7 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
 def _half_width(parameter: Parameter, value: float, interval: tuple[float, float]) -> float:
     """Return half the width of an interval, of a logarithmic parameter's logarithm times its value."""
     low, high = interval
-    logarithmic = parameter.scale == "log" and low > 0
-    return 0.5 * (value * math.log(high / low) if logarithmic else high - low)
+    return 0.5 * (value * math.log(high / low) if parameter.scale == "log" and low > 0 else high - low)
 
 
 def _moves(linear: Linearised, change: FloatArray) -> FloatArray:

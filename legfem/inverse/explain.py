@@ -258,6 +258,15 @@ def explain(
             return Explained(tuple(found), _nothing(found), share, cut)
 
 
+def tolerantly(explained: Explained, mechanisms: Sequence[Mechanism]) -> Explained:
+    """Return explanations by errors as large as what nothing explains, so that its form refutes none of them."""
+    base, unknown = explained.base.fit, next(one for one in explained.every if one.unnamed)
+    most = int(np.argmax(unknown.posterior.discrepancy_weights))
+    error = possible_discrepancies(base.problem.predictor.observed, base.prediction)[most]
+    problem = replace(base.problem, errors=with_discrepancy(base.problem.errors, error))
+    return explain(fit(problem, (), base.values), mechanisms)
+
+
 @dataclass(frozen=True, eq=False)
 class _Sought:
     """What explanations are sought with; see `explain`."""
@@ -395,8 +404,7 @@ def _untried(found: Sequence[Explanation], begins: bool = False) -> list[tuple[E
 def _joint(one: Explanation, other: Explanation) -> LinearisedFit:
     """Return the fit of two mechanisms, begun from what each explained."""
     shapes = {k: v for k, v in other.fit.values.items() if k.split(".")[0] in other.names}
-    both = [*one.fit.mechanisms, *other.fit.mechanisms]
-    return fit(one.problem, both, {**one.fit.values, **shapes})
+    return fit(one.problem, [*one.fit.mechanisms, *other.fit.mechanisms], {**one.fit.values, **shapes})
 
 
 def _led_by(one: Explanation, found: Sequence[Explanation], every: bool) -> list[Explanation]:

@@ -121,8 +121,7 @@ class Explanation:
 
         Where they tell nothing of it, its probability is its prior's. A part that lacks a mechanism asks for it, too.
         """
-        asked_for = expit(logit(INEXACT) + ADDS_FROM)
-        differs = self.posterior.discrepancy_probability > asked_for or self.trials_differ
+        differs = self.posterior.discrepancy_probability > expit(logit(INEXACT) + ADDS_FROM) or self.trials_differ
         return bool(self.names and (differs or self.missing))
 
     @cached_property

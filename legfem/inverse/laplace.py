@@ -230,7 +230,7 @@ def gain_of_widths(fitted: LinearisedFit, posterior: Posterior) -> float:
 
 def _widths(prior: Prior) -> tuple[FloatArray, FloatArray]:
     """Return a strength's widths and their shares: of a factor, which is measured, one alone."""
-    known = WIDTHS if prior.scale == "linear" else {1.0: 1.0}
+    known = WIDTHS if prior.scale != "log" else {1.0: 1.0}
     return np.array(list(known)), np.array(list(known.values()))
 
 

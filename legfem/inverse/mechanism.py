@@ -15,7 +15,7 @@ import numpy as np
 from legfem.common.units import FloatArray
 from legfem.inverse.advice import LabStep, left
 from legfem.inverse.observations import Observations
-from legfem.inverse.parameter import Parameter, Prior
+from legfem.inverse.parameter import Parameter, Prior, Scale
 
 if TYPE_CHECKING:
     from legfem.experiments.plane_strain import Tissues
@@ -66,7 +66,8 @@ def factor(name: str, statement: str, bounds: tuple[float, float], log_sd: float
 
 def shape(name: str, unit: str, statement: str, prior: Prior, bounds: tuple[float, float]) -> Parameter:
     """Return a mechanism's further parameter, searched on the scale of what is known of it."""
-    return Parameter(name, unit, bounds, prior, scale=prior.scale, statement=statement)
+    scale: Scale = "log" if prior.scale == "log" else "linear"
+    return Parameter(name, unit, bounds, prior, scale=scale, statement=statement)
 
 
 def error_mode(name: str, statement: str, source: str) -> Parameter:

@@ -11,6 +11,9 @@ from legfem.common.units import FloatArray
 
 Role = Literal["identified", "nuisance", "fixed"]
 Scale = Literal["linear", "log"]
+Normal = Literal["linear", "log", "tailed"]
+"""What is normal of a parameter: it, its logarithm, or the inverse hyperbolic sine of its departure: as the first where
+that is small, and as likely to be ten standard deviations off as a normal one three."""
 
 
 @dataclass(frozen=True)
@@ -23,15 +26,15 @@ class Prior:
         Mean, or median of a logarithmic one; in the parameter's unit.
     sd : float
         Standard deviation, in the parameter's unit or of the natural logarithm.
-    scale : {"linear", "log"}
-        What is normal.
+    scale : {"linear", "log", "tailed"}
+        What is normal, see `Normal`.
     source : str
         Where that is known from.
     """
 
     centre: float
     sd: float
-    scale: Scale = "linear"
+    scale: Normal = "linear"
     source: str = ""
 
     def __post_init__(self) -> None:
@@ -43,15 +46,20 @@ class Prior:
 
     def departure[Value: (float, FloatArray)](self, value: Value) -> Value:
         """Return how far a value lies from the centre, in standard deviations."""
-        if self.scale == "linear":
-            return (value - self.centre) / self.sd
+        if self.scale != "log":
+            off = (value - self.centre) / self.sd
+            return off if self.scale == "linear" else np.arcsinh(off)
         with np.errstate(divide="ignore"):
             return np.log(np.maximum(value, 0.0) / self.centre) / self.sd
 
+    def width(self, value: float) -> float:
+        """Return the standard deviation about a value, in the parameter's unit or of the natural logarithm."""
+        return math.hypot(self.sd, value - self.centre) if self.scale == "tailed" else self.sd
+
     def value_at(self, departure: float) -> float:
         """Return the value that lies so many standard deviations from the centre."""
-        if self.scale == "linear":
-            return self.centre + departure * self.sd
+        if self.scale != "log":
+            return self.centre + self.sd * (departure if self.scale == "linear" else math.sinh(departure))
         return self.centre * math.exp(departure * self.sd)
 
 
@@ -126,7 +134,7 @@ class Priors:
         """Return the derivatives (k, p) of the departures at values (p,)."""
         rows = np.zeros((len(self), len(self.parameters)))
         for row, (k, prior) in enumerate(self._known):
-            rows[row, k] = 1 / (prior.sd * (values[k] if prior.scale == "log" else 1.0))
+            rows[row, k] = 1 / (prior.width(values[k]) * (values[k] if prior.scale == "log" else 1.0))
         return rows
 
 

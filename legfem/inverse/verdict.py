@@ -21,6 +21,7 @@ from legfem.inverse.evidence import possible_discrepancies
 from legfem.inverse.explanation import Explained, Explanation, unknown_course
 from legfem.inverse.fit import Fit, Goodness, Identity, KindDetails, versions
 from legfem.inverse.hidden import HiddenEnd, Limit, profile_of
+from legfem.inverse.intervals import with_further
 from legfem.inverse.library import UNTRIED
 from legfem.inverse.linearised import LinearisedFit
 from legfem.inverse.location import MisfitAssessment, SetAside, runs_within
@@ -47,6 +48,8 @@ def shift_of(limit: Limit, base: LinearisedFit) -> float:
 Verdict = Literal["consistent", "named", "ambiguous", "unexplained"]
 SMALL = 0.01
 """Share of the largest force: a root mean square misfit that is less may be good enough."""
+LARGE = Misfit(0.03, 0.25)
+"""A misfit that nothing explains, with which C10 isn't given."""
 TRUSTED = 0.15
 """Share of C10: where all that may hide moves it by less, with 95 %, a model that fits is trusted."""
 ADEQUATE = 0.5
@@ -101,6 +104,8 @@ class Diagnosis:
     """Whether the time that it was given was over before all was solved that it rests on."""
     other_laws: tuple["Diagnosis", ...] = ()
     """Of the same recordings by other laws, where they were tried."""
+    tolerant: Explained | None = None
+    """Explanations by errors as large as what nothing explains, where that is the verdict."""
 
     @cached_property
     def by_law(self) -> "list[tuple[Diagnosis, float]]":
@@ -229,16 +234,17 @@ class Diagnosis:
     def own_intervals(self) -> dict[str, tuple[float, float]]:
         """95 % intervals of C10 and C20 (MPa), by full name, over all explanations by this law, by their probability.
 
-        Of unexplained recordings all that was searched, what they give may be off by any amount; or as far as a
-        small misfit moves C10, too.
+        Of unexplained recordings over what explains them by errors as large as the misfit, and beside how far that
+        moves C10; or all that was searched.
         """
         if self.withheld:
             fitted = self.base_model.fit
             return {p.name: p.bounds for p in fitted.parameters if p.name in fitted.stiffness}
-        found = {name: robust_interval(self.explained, name) for name in (DEEP_C10, DEEP_C20)}
-        free, by = self.best.fit.free, self.misfit.moves * (self.verdict == "unexplained")
+        found = {name: robust_interval(self.tolerant or self.explained, name) for name in (DEEP_C10, DEEP_C20)}
+        free = self.best.fit.free
         known = [(n, *ends, self.best.value(n) if n in free else ends[0]) for n, ends in found.items() if ends]
-        return {n: (min(low, at * (1 - by)), max(high, at * (1 + by))) for n, low, high, at in known}
+        by, within = self.misfit.moves * (self.tolerant is not None), (0.0, np.inf)
+        return {n: with_further(at, (min(low, at), max(high, at)), by * at, within) for n, low, high, at in known}
 
     def shown_interval(self, name: str) -> tuple[float, float]:
         """Return one of the intervals as people read it, in kPa."""
@@ -252,12 +258,9 @@ class Diagnosis:
 
     @cached_property
     def withheld(self) -> bool:
-        """Whether no stiffness is given: nothing explains the misfit, and it isn't small.
-
-        A misfit is small that is less than `SMALL` of the largest force and moves C10 by less than `TRUSTED`.
-        """
-        small = self.misfit.size < SMALL and self.misfit.moves < TRUSTED and self.interval_as_seen is not None
-        return self.verdict == "unexplained" and not small
+        """Whether no stiffness is given: nothing explains the misfit, and it is `LARGE`, or C10 isn't fitted."""
+        large = self.misfit.size >= LARGE.size or self.misfit.moves >= LARGE.moves
+        return self.tolerant is not None and (large or self.interval_as_seen is None)
 
     @cached_property
     def may_be_off(self) -> float:
@@ -368,7 +371,7 @@ def _finding(found: Diagnosis) -> tuple[Finding, Tone]:
     if found.withheld:
         return Finding.MISFIT, "wrong"
     if found.verdict == "unexplained":
-        return Finding.SMALL_MISFIT, "caution"
+        return (Finding.SMALL_MISFIT, "caution") if found.misfit.size < SMALL else (Finding.UNEXPLAINED, "open")
     if wide(found):
         return Finding.HIDDEN_EFFECTS, "caution"
     if found.verdict == "consistent" and found.aside is None:
@@ -422,5 +425,6 @@ def causes_differ(found: Diagnosis) -> bool:
 
 
 def wide(found: Diagnosis) -> bool:
-    """Return whether C10 is known as a range alone: what is hidden may move it."""
-    return not found.withheld and not causes_differ(found) and found.may_be_off > TRUSTED
+    """Return whether C10 is known as a range alone: what is hidden, or what nothing explains, may move it."""
+    may_move = found.may_be_off > TRUSTED or (found.tolerant is not None and found.misfit.size >= SMALL)
+    return not found.withheld and not causes_differ(found) and may_move

@@ -206,7 +206,7 @@ class ForceDrift(Mechanism):
 
     name = "force-drift"
     statement = "the load cell's zero drifted in time"
-    parameters = (strength("rate", "N/s", "drift of the zero", 0.005, (-0.1, 0.1)),)
+    parameters = (shape("rate", "N/s", "drift of the zero", Prior(0.0, 0.005, "tailed", "warm cells"), (-0.1, 0.1)),)
     would_be = "a zero that drifts by {}"
     next_experiment = "record a minute in air before and after each trial, and compare the zeros"
     measured_sd = 0.0005

@@ -137,6 +137,9 @@ _HEADINGS: Mapping[Finding, Callable[[Answer], str]] = {
     Finding.SMALL_MISFIT: lambda answer: (
         f"Good enough: the model misses by {share(answer.parameters['misfit'])} of the largest force."
     ),
+    Finding.UNEXPLAINED: lambda answer: (
+        f"The model misses by {share(answer.parameters['misfit'])} of the largest force, and nothing explains it."
+    ),
     Finding.HIDDEN_EFFECTS: _where_effects_hide,
     Finding.FITS: lambda answer: "Yes.",
     Finding.FITS_WITHOUT_PART: lambda answer: f"Yes, without {answer.parameters['aside']}.",
