@@ -16,6 +16,7 @@ from legfem.inverse.fit import Identity
 from legfem.inverse.library import NO_CHANNELS, ChannelTables, Detail, NuisanceChanges
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
 from legfem.inverse.map_fit import fit
+from legfem.inverse.mechanism import strength
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.predictor import Predictor
 from legfem.inverse.responses import Acting, Columns
@@ -25,6 +26,7 @@ from legfem.legs.finite_element_models import LegVariants, plane_strain_test
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
 from legfem.mechanisms import Mechanism, Stiffness, mechanism_named, mechanisms
+from legfem.mechanisms.rig import ForceDrift
 from legfem.mechanisms.time_dependence import TIMES_S, TissueRelaxation
 from legfem.solve.protocol import Protocol
 
@@ -213,6 +215,12 @@ def problem_of(
     seen = noisy(observed, force if extra is None else force + extra, seed)
     problem = LinearisedProblem(replace(predictor, observed=seen), error_model(seen, NOISE, force))
     return problem, fit(problem, (), {DEEP_C10: 0.0007, DEEP_C20: 0.0004})
+
+
+class LinearDrift(ForceDrift):
+    """A drift whose prior is normal, beside which a problem is linear."""
+
+    parameters = (strength("rate", "N/s", "drift of the zero", 0.005, (-0.1, 0.1)),)
 
 
 def mechanisms_in(effects: Mapping[str, float]) -> tuple[Mechanism, ...]:

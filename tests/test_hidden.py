@@ -11,6 +11,7 @@ from making_diagnosis import (
     MADE,
     TRUTH,
     ClosedForm,
+    LinearDrift,
     force_at,
     noisy,
     observations,
@@ -33,25 +34,18 @@ from legfem.inverse.explanation import Explanation
 from legfem.inverse.hidden import profile_of
 from legfem.inverse.laplace import laplace_posterior
 from legfem.inverse.map_fit import fit
-from legfem.inverse.mechanism import Occurrence, Unseen, shown_mechanisms, strength
+from legfem.inverse.mechanism import Occurrence, Unseen, shown_mechanisms
 from legfem.inverse.parameter import Prior
 from legfem.inverse.posterior import Mixture
 from legfem.inverse.verdict import TRUSTED, shift_of
 from legfem.legs.diagnosis import WITHOUT_ENDS
 from legfem.legs.nuisances import ShapeAccuracy
 from legfem.mechanisms import OCCURRENCES, mechanism_named, mechanisms
-from legfem.mechanisms.rig import ForceDrift
 from legfem.mechanisms.time_dependence import carried
 from legfem.report.diagnosis_headline import headline
 from legfem.report.diagnosis_sentences import hidden_sentence
 
 DRIFT = "force-drift.rate"
-
-
-class LinearDrift(ForceDrift):
-    """A drift whose prior is normal, beside which a problem is linear."""
-
-    parameters = (strength("rate", "N/s", "drift of the zero", 0.005, (-0.1, 0.1)),)
 
 
 @dataclass(frozen=True, eq=False)

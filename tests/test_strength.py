@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from making_diagnosis import ClosedForm, problem_of, ramps
+from making_diagnosis import ClosedForm, LinearDrift, problem_of, ramps
 from scipy.stats import multivariate_normal, norm
 
 from legfem.inverse.averaging import averaged_intervals, widened_by
@@ -109,7 +109,7 @@ def test_evidence_and_stiffness_are_those_of_sums_where_a_strength_is_far_from_l
 
 def test_a_strength_that_acts_in_proportion_is_as_a_line_has_it():
     problem, base = problem_of(ramps(), {"force-drift.rate": 0.004}, seed=2)
-    fitted = fit(problem, [mechanism_named("force-drift")], base.values)
+    fitted = fit(problem, [LinearDrift()], base.values)
     evidence = Evidence(problem.errors, possible_discrepancies(problem.predictor.observed, base.prediction))
     shares = [0.0 if u.covariance is None else -np.inf for u in evidence.unknowns]
     conditional = partial(laplace_posterior, evidence, shares=shares)

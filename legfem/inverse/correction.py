@@ -158,8 +158,7 @@ class TabulatedCorrection:
         """Return P (..., n) at displacements (n,) in mm for stiffnesses (...) in MPa."""
         c10, c20 = (np.asarray(one, dtype=float)[..., None] for one in (c10, c20))
         at = np.stack(np.broadcast_arrays(np.log(c10), c20 / (c10 + c20), displacement), axis=-1)
-        ends = np.array([(axis[0], axis[-1]) for axis in self._table.grid]).T
-        return np.asarray(self._table(np.clip(at, *ends)))
+        return np.asarray(self._table(np.clip(at, *np.array([(axis[0], axis[-1]) for axis in self._table.grid]).T)))
 
     def factor(self, displacement: FloatArray, c10: FloatArray, c20: FloatArray) -> FloatArray:
         """Return ``1 - P`` (..., n)."""

@@ -206,8 +206,7 @@ class GridSpline:
     @cached_property
     def _coefficients(self) -> FloatArray:
         """Of every piece by the values, (4 m, m + 1), the cubic ones of all pieces first."""
-        own = CubicSpline(self._knots, np.eye(len(self._knots))).c
-        return np.ascontiguousarray(own.reshape(-1, len(self._knots)))
+        return CubicSpline(self._knots, np.eye(len(self._knots))).c.reshape(-1, len(self._knots)).copy()
 
     def through(self, courses: FloatArray) -> PPoly:
         """Return the splines through courses (m + 1, ...)."""

@@ -264,8 +264,7 @@ class SquaresProfile:
         own = np.arange(len(self.at)) == self.k
         moves = 1e-3 * np.where(own, self.half_width, self.units)
         jacobian, units = _differences(self.residual, self.at, moves, self.bounds), self.units[self.others]
-        scaled = np.linalg.lstsq(jacobian[:, self.others] * units, -jacobian[:, self.k])[0]
-        return np.asarray(scaled * units)
+        return np.asarray(units * np.linalg.lstsq(jacobian[:, self.others] * units, -jacobian[:, self.k])[0])
 
 
 def _differences(residual: Residual, at: FloatArray, moves: FloatArray, bounds: FloatArray) -> FloatArray:

@@ -92,5 +92,4 @@ def polished(residual: Residual, start: FloatArray) -> FloatArray:
 
 def polished_with(residual: Residual, start: FloatArray, k: int, held: float) -> FloatArray:
     """Return the same with gene k held."""
-    rest = polished(lambda genes: residual(np.insert(genes, k, held)), np.delete(start, k))
-    return np.insert(rest, k, held)
+    return np.insert(polished(lambda genes: residual(np.insert(genes, k, held)), np.delete(start, k)), k, held)

@@ -135,8 +135,7 @@ def geometric_changes(
     """
     tasks = [Task(stiffness, derivatives=unknowns_of(responses.variants))]
     done = [(tasks[0], one) for one in outcomes_of(responses, tasks, jobs, progress).values() if one is not None]
-    names = _known_channels(done) if observed.channels else ()
-    return _nuisances(responses, done, names)
+    return _nuisances(responses, done, _known_channels(done) if observed.channels else ())
 
 
 type _Made = tuple[Task, Outcome | None]

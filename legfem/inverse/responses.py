@@ -170,8 +170,7 @@ class SolvedResponses:
 
     def elastic(self, stiffness: Stiffness) -> Columns:
         """Return the elastic force and its derivatives (N per MPa or 1/MPa) at the grid."""
-        asked = self._at_grid(stiffness, Solution())
-        return self._solve(replace(asked, derivatives=ELASTIC_DERIVATIVES))
+        return self._solve(replace(self._at_grid(stiffness, Solution()), derivatives=ELASTIC_DERIVATIVES))
 
     def _at_grid(self, stiffness: Stiffness, solution: Solution) -> PathRequest:
         return PathRequest(Motion.ramp(self.depth, 1.0), self.grid, stiffness, solution)

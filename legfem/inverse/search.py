@@ -262,8 +262,7 @@ class Search[C: Comparison]:
     def newton_step(self, trial: Trial | None = None) -> FloatArray:
         """Return the Gauss-Newton step (p,) from a full solve, or the best one, within bounds."""
         linear = self.linearised(trial or self.best)
-        limits = self.domain.bounds - linear.point[:, None]
-        return gauss_newton_step(linear.jacobian, linear.residual, limits)
+        return gauss_newton_step(linear.jacobian, linear.residual, self.domain.bounds - linear.point[:, None])
 
     def _least_expected(self) -> float:
         """Return the sum of squares that the full model's own step leads to, by the derivatives at the best solve."""

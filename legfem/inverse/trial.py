@@ -127,8 +127,7 @@ class Linearised:
     @property
     def residual(self) -> FloatArray:
         """Weighted differences and departures; (n + k,)."""
-        departures = self.law.priors.residual(self.point)
-        return np.concatenate([self.misfit.residual(self.prediction.values), departures])
+        return np.concatenate([self.misfit.residual(self.prediction.values), self.law.priors.residual(self.point)])
 
     @property
     def jacobian(self) -> FloatArray:
@@ -321,8 +320,7 @@ class Emulated:
 
     def values(self, points: FloatArray) -> FloatArray:
         """Return what the instrument shows (..., n), N, at points (..., p)."""
-        force = self.emulator(Coordinates(self.law).of(points))
-        return self.misfit.read(force, self.law.readings(points))
+        return self.misfit.read(self.emulator(Coordinates(self.law).of(points)), self.law.readings(points))
 
     def residual(self, points: FloatArray) -> FloatArray:
         """Return weighted differences and departures (..., n + k) of points (..., p)."""

@@ -47,8 +47,7 @@ def key_of(*given: object) -> str:
         For a value of which nobody knows what it depends on. So is a path: say `Contents` of it,
         or ``str``.
     """
-    text = json.dumps([_described(value) for value in given])
-    return hashlib.sha256(text.encode()).hexdigest()[:24]
+    return hashlib.sha256(json.dumps([_described(value) for value in given]).encode()).hexdigest()[:24]
 
 
 def _described(value: Any) -> Any:

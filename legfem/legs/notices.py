@@ -149,8 +149,7 @@ def of_ends(subject: Subject, correction: AppliedCorrection | None) -> Iterator[
 
 
 def _of_fibres(code: LegNotice, fibres: FibreRatio, **further: object) -> Notice:
-    told = {"ratio": str(fibres), "provenance": fibres.provenance, "source": fibres.source}
-    return Notice.of(code, **told, **further)
+    return Notice.of(code, ratio=str(fibres), provenance=fibres.provenance, source=fibres.source, **further)
 
 
 def of_elastography(subject: Subject, estimates: Mapping[str, Estimate]) -> Iterator[Notice]:

@@ -98,8 +98,8 @@ def plan_after(found: Diagnosis, subject: Subject, diagnoser: Diagnoser, progres
     found_by_tests = _reckoned(tests, candidates, plain, subject, found.errors.noise, found.best.posterior.gain_sd)
     accuracy = accuracy_of(subject)
     known = {one.effect for one in accuracy.effects}
-    by_readings = evaluate_readings([m for m in asked if m.name not in known], candidates, accuracy)
-    return ranked([*found_by_tests, *by_readings])
+    untold = [m for m in asked if m.name not in known]
+    return ranked([*found_by_tests, *evaluate_readings(untold, candidates, accuracy)])
 
 
 def bought_in_visit(found: Diagnosis, subject: Subject, can: Collection[str]) -> dict[str, float]:

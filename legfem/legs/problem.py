@@ -103,8 +103,7 @@ class LegProblem:
             changes = self.geometry(number, deep_stiffness(best.values))
             unknowns = list(unknowns_at(moved, subject, curve, best.values, changes, law, self.own_errors))
             tests.append(moved.about(curve, best.values, test.contacts, noise, unknowns))
-        about = best.values, near.linear.prediction.values
-        return JointComparison(tuple(tests), weighting, about)
+        return JointComparison(tuple(tests), weighting, (best.values, near.linear.prediction.values))
 
     def _read_by(self, law: IdentifiedLaw, tests: Sequence[StationTest]) -> tuple[StationTest, ...]:
         """Return tests on a grid that goes as deep as a law's instrument may show them."""

@@ -169,8 +169,7 @@ def oval(angle: FloatArray, aspect: float, bulge: float, asymmetry: float) -> Fl
     a, b = np.sqrt(aspect), 1 / np.sqrt(aspect)
     ellipse = 1 / np.sqrt((np.cos(angle) / a) ** 2 + (np.sin(angle) / b) ** 2)
     bulged = -bulge * np.sin(angle) + asymmetry * np.cos(angle)
-    flattened = -0.012 * np.cos(3 * (angle - np.pi / 2))
-    return ellipse * (1 + bulged + flattened)
+    return ellipse * (1 + bulged - 0.012 * np.cos(3 * (angle - np.pi / 2)))
 
 
 def bone_outline(radius: float, centre: tuple[float, float], lobe: float, lobes: int, turn: float) -> FloatArray:

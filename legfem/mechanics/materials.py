@@ -199,10 +199,8 @@ class ExponentialStiffening(_Stiffening):
     def distortion_energy(self, F: Expr) -> Expr:
         """Return the reduced polynomial's and the exponential term (MPa)."""
         grown = self.exponent * (isochoric_first_invariant(F) - 3)
-        exponential = self.stiffening / self.exponent * (ufl.exp(grown) - 1 - grown)
-        return super().distortion_energy(F) + exponential
+        return super().distortion_energy(F) + self.stiffening / self.exponent * (ufl.exp(grown) - 1 - grown)
 
     def distortion_slope(self, stretch: Scalar) -> Scalar:
         """Return the reduced polynomial's and the exponential term's (MPa)."""
-        exponential = self.stiffening * np.expm1(self.exponent * stretch)
-        return super().distortion_slope(stretch) + exponential
+        return super().distortion_slope(stretch) + self.stiffening * np.expm1(self.exponent * stretch)

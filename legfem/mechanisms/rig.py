@@ -217,6 +217,27 @@ class ForceDrift(Mechanism):
         return values["rate"] * observed.time
 
 
+class ForceLag(Mechanism):
+    """The force is recorded behind the displacement, by a time at which the tissue was pressed less."""
+
+    name = "force-lag"
+    statement = "the force was recorded behind the displacement: a filter, two clocks, or play in the drive"
+    parameters = (shape("lag", "s", "time that it is behind", Prior(0.0, 0.3, "tailed", "usual filters"), (-2.0, 8.0)),)
+    would_be = "a force that is {} behind"
+    next_experiment = "record both by one clock without a filter, and the way at the indenter"
+
+    def untestable(self, observed: Observations) -> str | None:
+        """Return whether all is recorded at one velocity, at which it is a first contact that came later."""
+        rates = {round(part.rate, 3) for stations in observed.protocols for part in stations.protocol.segments}
+        alone = "all was recorded on the way in at one rate, where it is the same as a later contact"
+        return alone if len(rates) == 1 else None
+
+    def displacement_loss(self, values: Values, observed: Observations, force: FloatArray) -> FloatArray:
+        """Return the way made meanwhile."""
+        each = ((one.time - values["lag"], one.protocol) for one in observed.protocols)
+        return observed.displacement - observed.spread([protocol.displacement_at(at) for at, protocol in each])
+
+
 class ContactOnset(Mechanism):
     """Displacement doesn't count from first touch, though it is stated to."""
 

@@ -273,8 +273,7 @@ class PoroelasticDrainage(TissueMechanism):
 
     def solution(self, values: Values) -> Solution:
         """Return the porous model."""
-        numbers = {f"deep.drainage.{name}": values[name] for name in ("permeability", "skeleton")}
-        return Solution(self.variant, numbers)
+        return Solution(self.variant, {f"deep.drainage.{name}": values[name] for name in ("permeability", "skeleton")})
 
     def starts(self, observed: Observations) -> tuple[Values, ...]:
         """Return slow and fast drainage of the usual skeleton."""
