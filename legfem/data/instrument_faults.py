@@ -402,7 +402,7 @@ def _ratios(presses: Sequence[Press], repeat: float) -> Iterator[tuple[float, fl
         near = one.at <= depth
         others = np.mean([np.interp(one.at[near], p.at, p.force) for p in presses if p is not one], axis=0)
         weighed = np.linalg.solve(one.covariance(one.force)[np.ix_(near, near)] + one.slow**2, others)
-        known = float(weighed @ others)
+        known = float(weighed @ others) or np.finfo(float).tiny  # nothing beside a trial that is beyond all numbers
         yield float(weighed @ one.force[near]) / known, float(np.sqrt(repeat**2 + count / (count - 1) / known))
 
 

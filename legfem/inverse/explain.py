@@ -65,9 +65,8 @@ class Weighing:
             for u in self.evidence.unknowns
         ]
         posterior = laplace_posterior(self.evidence, self.base, shares)
-        return Explanation(
-            self.base, posterior, float(np.log(PRIOR_UNKNOWN if unknown else PRIOR_NONE)), unknown, False
-        )
+        log_prior = float(np.log(PRIOR_UNKNOWN if unknown else PRIOR_NONE))
+        return Explanation(self.base, posterior, log_prior, unknown, False)
 
     def of(self, fitted: LinearisedFit, log_prior: float, confirmed: bool = False) -> Explanation:
         """Return a fit with mechanisms as an explanation, beside what their forms may leave."""

@@ -224,11 +224,11 @@ class ForceLag(Mechanism):
     statement = "the force was recorded behind the displacement: a filter, two clocks, or play in the drive"
     parameters = (shape("lag", "s", "time that it is behind", Prior(0.0, 0.3, "tailed", "usual filters"), (-2.0, 8.0)),)
     would_be = "a force that is {} behind"
-    next_experiment = "record both by one clock without a filter, and the way at the indenter"
+    next_experiment = "record force and displacement by one clock and without a filter, the latter at the indenter"
 
     def untestable(self, observed: Observations) -> str | None:
-        """Return whether all is recorded at one velocity, at which it is a first contact that came later."""
-        rates = {round(part.rate, 3) for stations in observed.protocols for part in stations.protocol.segments}
+        """Return why it doesn't show where all is recorded at one velocity."""
+        rates = {f"{part.rate:.2g}" for stations in observed.protocols for part in stations.protocol.segments}
         alone = "all was recorded on the way in at one rate, where it is the same as a later contact"
         return alone if len(rates) == 1 else None
 
