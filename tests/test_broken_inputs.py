@@ -157,6 +157,10 @@ def test_folders_of_every_kind_broken_at_random_give_no_traceback(tmp_path, kind
     broken_of_a_kind(tmp_path, kind, range(6))
 
 
+def test_specimens_of_which_one_is_beyond_all_numbers_give_no_traceback(tmp_path):
+    broken_of_a_kind(tmp_path, "specimens", range(1145, 1146))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_four_hundred_of_every_kind_give_no_traceback(tmp_path, kind):
