@@ -371,7 +371,7 @@ def _finding(found: Diagnosis) -> tuple[Finding, Tone]:
     if found.withheld:
         return Finding.MISFIT, "wrong"
     if found.verdict == "unexplained":
-        return (Finding.SMALL_MISFIT, "caution") if found.misfit.size < SMALL else (Finding.UNEXPLAINED, "open")
+        return (Finding.UNEXPLAINED, "open") if wide(found) else (Finding.SMALL_MISFIT, "caution")
     if wide(found):
         return Finding.HIDDEN_EFFECTS, "caution"
     if found.verdict == "consistent" and found.aside is None:

@@ -148,6 +148,8 @@ def _stiffness(found: Diagnosis) -> str:
     if why := reported(found)[1]:
         return str(WORDS["no_c10"][why])
     before = _value(found, found.base_model)
+    if found.verdict == "unexplained" and wide(found):
+        return f"{_C10}, is {before} kPa as fitted; what is missing could change it by {percent(found.may_be_off)}."
     if found.verdict == "unexplained":
         return f"{_C10}, is {before} kPa; the misfit changes it by {share(found.misfit.moves)} at most."
     if found.verdict == "consistent" and wide(found):

@@ -9,7 +9,7 @@ from legfem.inverse.explanation import Explanation
 from legfem.inverse.hidden import HiddenEnd, Limit
 from legfem.inverse.location import SetAside
 from legfem.inverse.mechanism import Mechanism
-from legfem.inverse.verdict import SMALL, Diagnosis, ends_of_c10, explained_share, residual_intervals, widest_error
+from legfem.inverse.verdict import Diagnosis, ends_of_c10, explained_share, residual_intervals, wide, widest_error
 from legfem.mechanisms.time_dependence import needs_time
 from legfem.report.diagnosis_curves import plain
 from legfem.report.words import capital
@@ -88,7 +88,7 @@ def kin_sentence(models: Sequence[Explanation]) -> str:
 
 def misfit_sentence(found: Diagnosis) -> str:
     """Return how far a model misses that nothing explains, and what that does to C10."""
-    enough = ", so the model is good enough for C10" if found.misfit.size < SMALL else ""
+    enough = "" if wide(found) else ", so the model is good enough for C10"
     return (
         f"The model misses the recordings by more than their noise, by {share(found.misfit.size)} of the largest force "
         "(root mean square), and no cause that this program knows explains it. Leaving out any one phase, or any third "
