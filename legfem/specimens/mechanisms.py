@@ -82,7 +82,7 @@ _TOLD: Mapping[str, Mapping[str, str]] = _TEXTS["told"]
 _NONE: Mapping[str, str] = _TEXTS["none"]
 _OF_LAYERS: Mapping[str, str] = _TEXTS["none_of_layers"]
 """Why specimens, and those of layers, don't have a mechanism; empty where they do."""
-_WITHOUT_TIME = ("viscoelasticity", "force-drift", "force-lag", "leg-movement", "preconditioning")
+_WITHOUT_TIME = ("viscoelasticity", "force-drift", "leg-movement", "preconditioning")
 _LEAST_BULK = 5.0
 """Bulk over shear modulus down to which compressibility is tabulated: Poisson's ratio 0.41."""
 _LEAST_FACTOR = 3.0
