@@ -169,7 +169,8 @@ class Seen:
     def _moved(self) -> FloatArray:
         """Displacements of a section's nodes, mm, and derivatives (1 + p, nodes, 2)."""
         dofs = self.model.system.spaces.displacement_dofs
-        return np.vstack([self.state.unknown, self.state.unknown_rates])[:, dofs].reshape(-1, len(dofs) // 2, 2)
+        every = np.vstack([self.state.unknown[dofs], self.state.unknown_rates[:, dofs]])
+        return every.reshape(len(every), -1, 2)
 
     def move(self, place: tuple[float, float], component: int) -> tuple[float, FloatArray]:
         """Return a component of the displacement (mm) of the node nearest to a place, and its derivatives (p,)."""

@@ -67,7 +67,8 @@ def legfem_build() -> str:
 def versions_of(*names: str) -> dict[str, str]:
     """Return versions of ``legfem``, ``python`` and packages, by name; ``dolfinx`` is DOLFINx."""
     known = {"legfem": legfem_build(), "python": platform.python_version()}
-    return {name: known.get(name) or package_version({"dolfinx": "fenics-dolfinx"}.get(name, name)) for name in names}
+    packages = {"dolfinx": "fenics-dolfinx"}
+    return {name: known.get(name) or package_version(packages.get(name, name)) for name in names}
 
 
 def write_atomically(path: Path, content: str | bytes) -> None:

@@ -18,6 +18,7 @@ Soc. B 63 (2001) 425.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
@@ -186,16 +187,18 @@ class Evidence:
 
     def __init__(self, errors: ErrorModel, unknowns: Sequence[Discrepancy]) -> None:
         self.errors, self.unknowns = errors, tuple(unknowns)
-        shared = _shared(errors)
-        self._factors = []
-        for unknown in unknowns:
-            lower = np.asarray(cholesky(with_discrepancy(errors, unknown).dense, lower=True))
-            self._factors.append(
-                _Factor(lower, 2 * float(np.sum(np.log(np.diag(lower)))), solve_triangular(lower, shared, lower=True))
-            )
         gains, zeros = np.meshgrid(GAIN_SDS, errors.zero_sds, indexing="ij")
         self._gains, self._zeros = gains.ravel(), zeros.ravel()
         self._log_sizes = np.add.outer(_log_normal(len(GAIN_SDS)), _log_normal(len(errors.zero_sds))).ravel()
+
+    @cached_property
+    def _factors(self) -> list[_Factor]:
+        shared, found = _shared(self.errors), list[_Factor]()
+        for unknown in self.unknowns:
+            lower = np.asarray(cholesky(with_discrepancy(self.errors, unknown).dense, lower=True))
+            whitened = solve_triangular(lower, shared, lower=True)
+            found.append(_Factor(lower, 2 * float(np.sum(np.log(np.diag(lower)))), whitened))
+        return found
 
     def of(
         self, about: Linearisation, log_unknown: Sequence[float] | None = None, errors: ErrorModel | None = None

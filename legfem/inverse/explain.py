@@ -261,9 +261,7 @@ def explain(
 def tolerantly(explained: Explained, mechanisms: Sequence[Mechanism]) -> Explained:
     """Return explanations by errors as large as what nothing explains, so that its form refutes none of them."""
     base, unknown = explained.base.fit, next(one for one in explained.every if one.unnamed)
-    most = int(np.argmax(unknown.posterior.discrepancy_weights))
-    error = possible_discrepancies(base.problem.predictor.observed, base.prediction)[most]
-    problem = replace(base.problem, errors=with_discrepancy(base.problem.errors, error))
+    problem = Weighing.about(base).aware(base.problem, unknown.posterior)
     return explain(fit(problem, (), base.values), mechanisms)
 
 

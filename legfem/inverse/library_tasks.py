@@ -14,7 +14,7 @@ from legfem.inverse.catalogue import LawName
 from legfem.inverse.library import Detail, pair_strength
 from legfem.inverse.mechanism import Stiffness, TissueMechanism, Values, null_of
 from legfem.inverse.observations import Observations
-from legfem.inverse.responses import PLAIN, BodyModels, Columns, NotKeptError, SolvedResponses
+from legfem.inverse.responses import PLAIN, BodyModels, Columns, NotKeptError, SolvedResponses, at_displacement
 from legfem.inverse.stations import Stations
 from legfem.jobs.pool import Workers
 
@@ -205,20 +205,15 @@ def middle_of(observed: Observations, solved: SolvedResponses, stiffening: float
 
 def nearest_stiffening(observed: Observations, solved: SolvedResponses, middle: float, among: Sequence[float]) -> float:
     """Return which ln(1 + C20 / C10) the loading goes with, a middle C10 (MPa) scaling its force."""
-    return min(among, key=lambda q: _beside(observed, solved, stiffness_at(middle, q))[1])
+    misfits = [_beside(observed, solved, stiffness_at(middle, q))[1] for q in among]
+    return among[int(np.argmin(np.nan_to_num(misfits, nan=np.inf)))]
 
 
 def _beside(observed: Observations, solved: SolvedResponses, stiffness: Stiffness) -> tuple[float, float]:
-    """Return the factor on an elastic solution's force with which the loading is best met, and its misfit (N).
-
-    Where it stops, not a number.
-    """
+    """Return the factor on an elastic solution's force that meets the loading best, and its misfit (N); NaN of none."""
     loading = observed.phase == LOADING
-    d, force = np.maximum(observed.displacement[loading], 0.0), observed.force[loading]
-    curve = solved.curve(*stiffness)
-    if np.isnan(curve).any():
-        return np.nan, np.inf
-    there = np.interp(d, np.r_[0.0, solved.grid], np.r_[0.0, curve])
+    force = observed.force[loading]
+    there = at_displacement(solved.grid, solved.curve(*stiffness), observed.displacement[loading])
     ratio = float(force @ there) / float(there @ there)
     return ratio, float(np.linalg.norm(force - ratio * there))
 

@@ -192,7 +192,7 @@ class SolvedResponses:
         solution = mechanism.solution(values)
         if not mechanism.along_path:
             change = mechanism.share(values) * self.elastic_change(solution, at)["force"]
-            return _at_displacement(self.grid, change, observed.displacement, level=True)
+            return at_displacement(self.grid, change, observed.displacement, level=True)
         return observed.spread([self.path_change(solution, s, at)["force"] for s in observed.protocols])
 
     def channel_curves(self, names: Sequence[str], c10: float, c20: float) -> FloatArray:
@@ -254,7 +254,7 @@ class SolvedResponses:
         porous = solution.variant == "porous"
         null = Solution("porous", dict.fromkeys(solution.parameters, 0.0)) if porous else Solution()
         elastic = self._on_grid(stiffness, null)
-        before = _at_displacement(self.grid, elastic["force"], stations.displacement)
+        before = at_displacement(self.grid, elastic["force"], stations.displacement)
         changed = self._solve(PathRequest(stations.protocol, stations.time, stiffness, solution))
         found = {"force": changed["force"] / np.maximum(before, _SMALLEST_FORCE_N) - 1.0}
         at = GridSpline(self.grid).at(stations.displacement)
@@ -360,8 +360,11 @@ def _in_series(grid: FloatArray, force: FloatArray, compliance: float) -> Callab
     return changed
 
 
-def _at_displacement(grid: FloatArray, values: FloatArray, at: FloatArray, level: bool = False) -> FloatArray:
-    """Interpolate from the grid; towards zero to nothing, or level from the first point on."""
+def at_displacement(grid: FloatArray, values: FloatArray, at: FloatArray, level: bool = False) -> FloatArray:
+    """Interpolate from the grid; towards zero to nothing, or level from the first point on.
+
+    NaN where the course stops.
+    """
     if np.isnan(values).any():
         return np.full(len(at), np.nan)
     if level:

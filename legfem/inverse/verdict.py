@@ -224,8 +224,7 @@ class Diagnosis:
     @cached_property
     def intervals(self) -> dict[str, tuple[float, float]]:
         """Those of `own_intervals`, of C10 over all laws that are not improbable."""
-        probable = [one for one, chance in self.by_law if chance > IMPROBABLE and not one.withheld]
-        ends = [one.own_intervals[DEEP_C10] for one in probable if DEEP_C10 in one.own_intervals]
+        ends = [one.own_intervals[DEEP_C10] for one, _ in probable_laws(self) if DEEP_C10 in one.own_intervals]
         if self.withheld or not ends:
             return self.own_intervals
         return {**self.own_intervals, DEEP_C10: (min(low for low, _ in ends), max(high for _, high in ends))}
@@ -260,7 +259,7 @@ class Diagnosis:
     def withheld(self) -> bool:
         """Whether no stiffness is given: nothing explains the misfit, and it is `LARGE`, or C10 isn't fitted."""
         large = self.misfit.size >= LARGE.size or self.misfit.moves >= LARGE.moves
-        return self.tolerant is not None and (large or self.interval_as_seen is None)
+        return self.tolerant is not None and (large or DEEP_C10 not in self.base_model.fit.free)
 
     @cached_property
     def may_be_off(self) -> float:
@@ -304,6 +303,11 @@ class ResidualInterval:
     displacement_mm: tuple[float, float]
     size_N: float
     """Greatest of the expected course."""
+
+
+def probable_laws(found: Diagnosis) -> "list[tuple[Diagnosis, float]]":
+    """Return diagnoses by laws that aren't improbable and give a stiffness, and how probable they are."""
+    return [(one, chance) for one, chance in found.by_law if chance > IMPROBABLE and not one.withheld]
 
 
 def explained_share(found: Diagnosis, model: Explanation) -> float:

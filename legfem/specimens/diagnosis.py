@@ -28,7 +28,7 @@ from legfem.inverse.mechanism import shown_mechanisms
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.outcome import Outcome, solve_test
 from legfem.inverse.responses import PLAIN, SolvedResponses
-from legfem.inverse.verdict import IMPROBABLE, Diagnosis
+from legfem.inverse.verdict import Diagnosis, probable_laws
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, code_fingerprint, finish
 from legfem.specimens.details import SpecimenNotice, cut_short
@@ -316,8 +316,7 @@ class SpecimenDiagnoser:
 
 def laws_told(found: Diagnosis) -> Iterator[Notice]:
     """Yield what laws make of C10, where they differ."""
-    probable = [(one, chance) for one, chance in found.by_law if chance > IMPROBABLE and not one.withheld]
-    given = [(one, chance, one.own_intervals.get(DEEP_C10, ())) for one, chance in probable]
+    given = [(one, chance, one.own_intervals.get(DEEP_C10, ())) for one, chance in probable_laws(found)]
     if any(max(ends) / min(ends) > _OTHERWISE for ends in zip(*(own for *_, own in given), strict=False)):
         each = [(one.law.replace("-", " "), *map(mpa_to_kpa, own), chance) for one, chance, own in given]
         yield Notice.of(SpecimenNotice.LAW_DECIDES, each=each)

@@ -251,7 +251,8 @@ def _with_other_columns(lines: list[str]) -> list[tuple[str, str, int]]:
             columns = sum(count == len(rows) for count in numbers)
             if columns >= 2 and (decimal != delimiter or any('"' in line for line in lines)):
                 found.append((columns / width, (delimiter, decimal, width)))
-    return [fit for share, fit in found if share == max(other for other, _ in found)]
+    most = max((share for share, _ in found), default=0.0)
+    return [fit for share, fit in found if share == most]
 
 
 def _are_numbers(cells: Sequence[str], decimal: str) -> bool:
