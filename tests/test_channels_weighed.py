@@ -105,6 +105,14 @@ def recorded(observed: Observations, effects: Mapping[str, float], seed: int = 2
     return observed.with_values(readings + errors.draw(1, np.random.default_rng(seed))[0])
 
 
+def test_channels_show_what_drains_in_one_loading_and_not_what_relaxes() -> None:
+    """Fluid that leaves takes its volume along, which the skin's shape and thicknesses show at one rate, too."""
+    alone, beside = seen(ramps(), ()), seen(ramps())
+    drains, relaxes = mechanism_named("poroelastic-drainage"), mechanism_named("viscoelasticity")
+    assert "one loading ramp" in (drains.untestable(alone) or "") and drains.untestable(beside) is None
+    assert relaxes.untestable(alone) == relaxes.untestable(beside) == drains.untestable(alone)
+
+
 def test_readings_take_means_of_the_course_at_stations() -> None:
     """A channel that is linear in displacement is read exactly: dense, and as frames of an image."""
     for frames, count in (((), 36), ((12.5, 37.5), 6)):

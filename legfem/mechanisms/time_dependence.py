@@ -262,8 +262,8 @@ class PoroelasticDrainage(TissueMechanism):
     strengths = (10.0, 80.0, 400.0, 1600.0)
 
     def untestable(self, observed: Observations) -> str | None:
-        """Return whether there are a hold, an unloading or two rates."""
-        return needs_time(observed)
+        """Return whether there are a hold, an unloading or two rates, or channels: they show what volume is lost."""
+        return None if observed.channels else needs_time(observed)
 
     def terms(self, leg: IndentedLeg) -> Sequence[Any]:
         """Return the flow."""
