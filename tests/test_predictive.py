@@ -19,6 +19,7 @@ from legfem.inverse.predictive import checks_by_phase
 from legfem.mechanisms import mechanism_named
 from legfem.report.diagnosis_numbers import occurrence_table, phase_table
 from legfem.report.diagnosis_sentences import kin_sentence
+from legfem.report.words import capital
 
 SLOW = [one for one in two_rates() if "rate0.4" in one.trial]
 
@@ -102,3 +103,19 @@ def test_it_relaxes_is_said_where_every_explanation_does():
     assert kin_sentence([relaxing, drained]).startswith("The leg relaxes")
     assert kin_sentence([relaxing, drift]) == ""
     assert kin_sentence([]) == ""
+
+
+def test_what_every_explanation_has_is_said_first():
+    """The muscle tenses, with a drift or with a support that gives way: that it tenses is sure."""
+    _, base = problem_of(two_rates(), seed=1)
+    sought = [mechanism_named(name) for name in ("muscle-contraction", "force-drift", "support-compliance")]
+    tenses, drifts, gives = sought
+    made = {e.names: e for e in explain(base, sought).every}
+
+    def with_both(*mechanisms):
+        one = made[mechanisms[0].name,]
+        return replace(one, fit=replace(one.fit, mechanisms=mechanisms), fit_without_discrepancy=one.fit)
+
+    listed = [with_both(tenses, drifts), with_both(gives, tenses)]
+    assert kin_sentence(listed) == f"{capital(tenses.statement)}, whatever else was left out. "
+    assert kin_sentence([*listed, made["force-drift",]]) == ""

@@ -238,11 +238,10 @@ def explain(
     left = sum(m.expected for m in base.problem.unweighed) / max(sum(expected.values()), 1e-300)
     share = 1.0 - PRIOR_SINGLE * left - PRIOR_PAIR * (1.0 - (1.0 - left) ** 2)
     alone = [fit(base.problem, [m], start or base.values) for m in mechanisms]
-    singles = [
+    found += [
         weighing.of(refitted_beside(one), log_prior_of([m.name], expected))
         for m, one in zip(mechanisms, alone, strict=True)
     ]
-    found += sorted(singles, key=lambda e: -e.log_weight)
     found, cut = sought.completed(with_probabilities(found))
     pairs = _untried(found, begins=True)
     while True:

@@ -89,8 +89,7 @@ def _wrong(found: Diagnosis) -> str:
         part = " That explains only a part of the difference." if first.in_part else ""
         part = f" {sentences.missing_sentence(first)}" if first.missing else part
         return f"Most likely {sentences.statements(first)}. The computer model left that out.{part}"
-    shown = found.models[:_MOST_CAUSES]
-    causes = [f"{sentences.statements(m)} ({percent(m.probability)} likely)" for m in shown]
+    causes = [f"{sentences.statements(m)} ({percent(m.probability)} likely)" for m in found.models[:_MOST_CAUSES]]
     more = len(found.models) - len(causes)
     one = f"; or, less likely, {sentences.statements(found.models[-1])}" if more else ""
     others = f"; or one of {more} less likely causes, listed further down" if more > 1 else one
@@ -130,12 +129,11 @@ def _sure(found: Diagnosis) -> str:
     if found.verdict == "unexplained":
         return f"{capital(wrong)}; the recordings do not show what."
     if found.verdict == "named":
-        share = found.models[0].probability
         if found.models[0].missing:
             return f"{capital(wrong)}; what it is like is not what it is. The range also allows for other causes."
         return (
-            f"{capital(wrong)}, and if so {percent(share)} sure of this cause. The range also allows for other causes, "
-            f"and {_NINETEEN_OF_20}"
+            f"{capital(wrong)}, and if so {percent(found.models[0].probability)} sure of this cause. The range also "
+            f"allows for other causes, and {_NINETEEN_OF_20}"
         )
     return f"{capital(wrong)}; this test cannot determine which of these. The range {_NINETEEN_OF_20}"
 

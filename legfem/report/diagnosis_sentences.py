@@ -80,10 +80,13 @@ def missing_sentence(model: Explanation) -> str:
 
 
 def kin_sentence(models: Sequence[Explanation]) -> str:
-    """Return what is sure where every model has a mechanism of one kin; nothing where they haven't."""
+    """Return what is sure where every model has one mechanism, or one kin of them; nothing where they haven't."""
+    named = [set() if one.missing else {m.statement for m in one.fit.mechanisms} for one in models]
     each = [{m.kin for m in model.fit.mechanisms if m.kin} for model in models]
-    shared = set.intersection(*each) if each else set()
-    return f"{shared.pop().capitalize()}, by a mechanism that this test cannot determine. " if len(shared) == 1 else ""
+    for said, how in ((named, "whatever else was left out"), (each, "by a mechanism that this test cannot determine")):
+        if len(shared := set.intersection(*said) if said else set[str]()) == 1:
+            return f"{capital(shared.pop())}, {how}. "
+    return ""
 
 
 def misfit_sentence(found: Diagnosis) -> str:
