@@ -89,6 +89,10 @@ def test_a_dozen_folders_broken_at_random_give_no_traceback(tmp_path):
     broken(tmp_path, range(12))
 
 
+def test_readings_that_are_missing_before_a_turn_give_no_traceback(tmp_path):
+    broken(tmp_path, range(9343, 9344))
+
+
 @pytest.mark.slow
 def test_four_hundred_folders_broken_at_random_give_no_traceback(tmp_path):
     broken(tmp_path, range(400))

@@ -231,7 +231,8 @@ def _late(press: Press) -> Fault:
         phases = str(trial.labels[a]), str(trial.labels[b])
         reach = min(time[b] - time[a], time[c - 1] - time[b], _CORNER * press.lasts)
         part = np.flatnonzero(np.abs(time - time[b]) <= reach)
-        if phases not in _CORNERS or len(part) < _FEWEST or not trial.recording.timed:
+        beside = int(np.bincount(part >= b, minlength=2).min())
+        if phases not in _CORNERS or 2 * beside < _FEWEST or not trial.recording.timed:
             continue
         few, columns = min(_READINGS, len(part)), (time - time[b], trial.recording.displacement, trial.recording.force)
         since, way, force = (np.array([m.mean() for m in np.array_split(one[part], few)]) for one in columns)
@@ -352,8 +353,7 @@ _SIGNS = ("a step", "a drift", "a late touch")
 def instrument_doubts(trials: Sequence[Segmentation]) -> Iterator[Doubt]:
     """Yield the faults that C10 can't bear, the worst first; of a leg's trials in their mean, of specimens in each."""
     presses = presses_of(trials)
-    together = all(one.trial.scales is LEG for one in presses)
-    for group in [presses] if together else [[one] for one in presses]:
+    for group in [presses] if all(one.trial.scales is LEG for one in presses) else [[one] for one in presses]:
         found = (*_of_each(group), *(_among(group) if len(group) > 1 else ()))
         yield from sorted(found, key=lambda one: -abs(one.effect_on_C10 or 0.0))
 
