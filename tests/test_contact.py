@@ -12,15 +12,7 @@ from ufl.algorithms import expand_derivatives
 from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 
 from legfem.common.errors import InputError
-from legfem.mechanics.contact import (
-    ContactSettings,
-    Coulomb,
-    ExponentialPressure,
-    Frictionless,
-    Rough,
-    StiffPressure,
-    Tape,
-)
+from legfem.mechanics.contact import ContactSettings, Coulomb, ExponentialPressure, Frictionless, Rough, StiffPressure
 from legfem.mechanics.indenters import RigidCylinder
 
 LAWS = [
@@ -127,17 +119,6 @@ def test_coulomb_friction_sticks_and_then_slips():
     assert np.linalg.norm(sliding) == pytest.approx(0.5 * 0.1, rel=1e-12)
     np.testing.assert_allclose(sliding / 0.05, [0.6, -0.8], rtol=1e-12)
     np.testing.assert_array_equal(_traction(law, [0.0, 0.0], 0.1), [0.0, 0.0])
-
-
-def test_tape_holds_up_to_its_strength():
-    tape = Tape(weakness=1 / 0.1, stiffness=0.4)
-    np.testing.assert_allclose(_traction(tape, [0.03, -0.04], 0.0), [0.012, -0.016], rtol=1e-12)
-    slipping = _traction(tape, [0.3, -0.4], 0.0)
-    np.testing.assert_allclose(slipping, [0.06, -0.08], rtol=1e-12)
-    sound = Tape(weakness=0.0, stiffness=0.4)
-    np.testing.assert_array_equal(_traction(sound, [30.0, -40.0], 0.0), [12.0, -16.0])
-    with pytest.raises(InputError, match="weakness"):
-        Tape(weakness=-1.0, stiffness=0.4)
 
 
 @pytest.mark.parametrize("law", LAWS)

@@ -11,7 +11,7 @@ from typing import Any, Literal, Protocol
 
 import ufl
 
-from legfem.common.errors import AboveZero, Checked, ZeroOrMore
+from legfem.common.errors import AboveZero, Checked
 from legfem.mechanics.kinematics import Expr
 
 Scalar = Any
@@ -150,34 +150,7 @@ class Coulomb(Checked):
         return self.stiffness * slip * ufl.conditional(ufl.lt(trial, limit), 1, limit / trial)
 
 
-@dataclass(frozen=True)
-class Tape(Checked):
-    r"""Tape that fails: the skin sticks up to a shear strength, then slips at that traction.
-
-    With the trial traction :math:`k s` of the slip :math:`s` and the weakness :math:`w`,
-
-    .. math:: t = k s / \max(1, w\, k |s|),
-
-    and the anchor follows, as in Coulomb's law. At ``weakness = 0`` this is `Rough`.
-
-    Parameters
-    ----------
-    weakness : float
-        Inverse of the shear strength (1/MPa).
-    stiffness : float
-        Stiffness of the stick, MPa/mm.
-    """
-
-    weakness: ZeroOrMore[Scalar]
-    stiffness: AboveZero[Scalar]
-
-    def traction(self, slip: Expr, pressure: Expr) -> Expr:
-        """Return the traction, limited by the strength."""
-        trial = self.stiffness * ufl.sqrt(ufl.dot(slip, slip) + 1e-24)
-        return self.stiffness * slip / ufl.max_value(1, self.weakness * trial)
-
-
-TangentialName = Literal["rough", "frictionless", "coulomb", "tape"]
+TangentialName = Literal["rough", "frictionless", "coulomb"]
 PENALTY_PARAMETERS = ("deep.C10", "deep.C20", "superficial.C10")
 """Stiffnesses of a leg whose sum the penalty is in proportion to."""
 
@@ -190,8 +163,8 @@ class ContactSettings(Checked):
     ----------
     normal : {"stiff", "exponential"}
         Law of the pressure: a rounded linear penalty, or Abaqus' exponential law.
-    tangential : {"rough", "frictionless", "coulomb", "tape"}
-        Law along the surface; the paper's tape is ``"rough"``, and ``"tape"`` one that can fail.
+    tangential : {"rough", "frictionless", "coulomb"}
+        Law along the surface; the paper's tape is ``"rough"``.
     stiffness : float
         Dimensionless: the penalty is ``stiffness * mu / radius`` (MPa/mm) with the tissue's
         :math:`\mu = 2 (C_{10}^{deep} + C_{20}^{deep} + C_{10}^{superficial})`. The exponential law
@@ -200,8 +173,6 @@ class ContactSettings(Checked):
         Gap at which the pressure starts (mm).
     friction : float
         Coulomb's coefficient.
-    weakness : float
-        Inverse of the tape's shear strength (1/MPa).
     stiffnesses : tuple of str
         Full names of those whose sum the penalty is in proportion to; a leg's by default.
     """
@@ -211,7 +182,6 @@ class ContactSettings(Checked):
     stiffness: float = 1000.0
     onset: float = 0.005
     friction: float = 0.5
-    weakness: float = 0.0
     stiffnesses: tuple[str, ...] = PENALTY_PARAMETERS
 
     def penalty(self, parameters: Mapping[str, float], radius: float) -> float:
@@ -235,6 +205,4 @@ class ContactSettings(Checked):
             return Rough(penalty)
         if self.tangential == "coulomb":
             return Coulomb(self.friction, penalty)
-        if self.tangential == "tape":
-            return Tape(self.weakness, penalty)
         return Frictionless()

@@ -12,7 +12,6 @@ from making_mechanics import COARSE, block, fixed_steps, free_of_contact, nodal,
 from legfem.common.errors import InputError
 from legfem.experiments.plane_strain import LateralPlacement, PlaneStrainIndentation, PlaneStrainSettings
 from legfem.fem.system import System
-from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import ExponentialStiffening, Yeoh
 from legfem.mechanics.terms import Fibres, Prestress, Tissue, Viscoelasticity
 from legfem.mechanics.terms.membranes import contour_tangents
@@ -26,32 +25,25 @@ CYCLE = Protocol.cycle(2.0, rate=1.0, hold=4.0)
 YEOH = Tissue("deep", Yeoh.of(TISSUES.deep))
 EXPONENTIAL = Tissue("deep", ExponentialStiffening.of(TISSUES.deep))
 CIRCLE = 30 * np.column_stack([f(np.linspace(0, 2 * np.pi, 61)[:-1]) for f in (np.cos, np.sin)])
-TAPE = ContactSettings(tangential="tape", onset=0.02)
-# What is added to the model, the contact's settings, and values at which it is felt.
+# What is added to the model, and values at which it is felt.
 MECHANISMS = {
-    "third order": ([YEOH], None, {"deep.C30": 2e-3}),
-    "exponential": ([EXPONENTIAL], None, {"deep.stiffening": 2e-3, "deep.exponent": 1.5}),
-    "prestress": ([Prestress(CIRCLE, region="deep")], None, {"deep.prestress.tension": 1e-3}),
-    "fibres": (
-        [Fibres("deep", axis=(0.8, 0.6, 0.0))],
-        None,
-        {"deep.fibres.shear": 2e-3, "deep.fibres.extension": 5e-3},
-    ),
-    "tape": ([], TAPE, {"friction.weakness": 1 / 2e-4}),
+    "third order": ([YEOH], {"deep.C30": 2e-3}),
+    "exponential": ([EXPONENTIAL], {"deep.stiffening": 2e-3, "deep.exponent": 1.5}),
+    "prestress": ([Prestress(CIRCLE, region="deep")], {"deep.prestress.tension": 1e-3}),
+    "fibres": ([Fibres("deep", axis=(0.8, 0.6, 0.0))], {"deep.fibres.shear": 2e-3, "deep.fibres.extension": 5e-3}),
 }
 
 
 def _system(name: str, formulation: str = "mixed") -> tuple[System, dict[str, float]]:
-    terms, contact, felt = MECHANISMS[name]
-    system = pressed_block(formulation, contact, TISSUES, direction=(0.28, -0.96), meshed=SMALL, mechanisms=terms)
+    terms, felt = MECHANISMS[name]
+    system = pressed_block(formulation, None, TISSUES, direction=(0.28, -0.96), meshed=SMALL, mechanisms=terms)
     return system, {**system.model.parameters, **felt}
 
 
 @pytest.mark.parametrize("name", MECHANISMS)
 def test_it_vanishes_at_its_null_and_is_felt_beyond(name):
-    _, contact, felt = MECHANISMS[name]
-    rough = replace(contact, tangential="rough") if contact else None
-    base = pressed_block("mixed", rough, TISSUES, direction=(0.28, -0.96), meshed=SMALL)
+    _, felt = MECHANISMS[name]
+    base = pressed_block("mixed", None, TISSUES, direction=(0.28, -0.96), meshed=SMALL)
     without = forces(base, base.model.parameters, CYCLE, 0.5)
     system, values = _system(name)
     null = forces(system, system.model.parameters, CYCLE, 0.5)
@@ -76,7 +68,7 @@ def test_the_tangent_is_the_residual_s_derivative(name):
 @pytest.mark.parametrize("name", MECHANISMS)
 def test_sensitivities_are_exact(name):
     system, values = _system(name)
-    felt = list(MECHANISMS[name][2])
+    felt = list(MECHANISMS[name][1])
     assert worst_error(system, values, ["deep.C10", *felt], CYCLE, 0.5) < 1e-4
 
 
