@@ -193,3 +193,6 @@ def test_what_a_feb_needs_is_said_in_a_line(tmp_path: Path) -> None:
     document = fit_document([result("neo-hookean")])
     with pytest.raises(InputError, match=r"tibia: has no tibia tissue.*give the results of such a leg"):
         cards_of(stored(tmp_path, document), ["tibia"])
+    for changed in ({"chosen": "x"}, {"laws": {}}):
+        with pytest.raises(InputError, match=r"laws: contains no model by the law chosen.*identify again"):
+            cards_of(stored(tmp_path, {**document, **changed}), ["deep"])

@@ -90,7 +90,9 @@ def cards_of(folder: Path, regions: Iterable[str]) -> dict[str, "TissueCard"]:
     from legfem.inverse.stored import read_result
 
     found = read_result(folder)
-    model = found.laws[found.chosen or next(iter(found.laws))]
+    model = found.laws.get(found.chosen or next(iter(found.laws), ""))
+    if model is None:
+        raise InputError(folder, "laws", f"contains no model by the law chosen, '{found.chosen}'", "identify again")
     assumed = {**(found.base_model.assumed if found.base_model else {}), **model.assumed}
     return {region: _card(replace(model, assumed=assumed), region, folder) for region in regions}
 

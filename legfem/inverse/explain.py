@@ -237,10 +237,9 @@ def explain(
     expected = {m.name: m.expected for m in (*mechanisms, *base.problem.unweighed)}
     left = sum(m.expected for m in base.problem.unweighed) / max(sum(expected.values()), 1e-300)
     share = 1.0 - PRIOR_SINGLE * left - PRIOR_PAIR * (1.0 - (1.0 - left) ** 2)
-    alone = [fit(base.problem, [m], start or base.values) for m in mechanisms]
     found += [
-        weighing.of(refitted_beside(one), log_prior_of([m.name], expected))
-        for m, one in zip(mechanisms, alone, strict=True)
+        weighing.of(refitted_beside(fit(base.problem, [m], start or base.values)), log_prior_of([m.name], expected))
+        for m in mechanisms
     ]
     found, cut = sought.completed(with_probabilities(found))
     pairs = _untried(found, begins=True)

@@ -146,6 +146,5 @@ def read_result(folder: str | Path) -> StoredResult:
     try:
         return StoredResult.read(json.loads(path.read_text(encoding="utf-8")))
     except (OSError, ValueError, AttributeError) as error:
-        said = str(error).splitlines()[0]
-        known = " or ".join(SCHEMAS.values())
-        raise InputError(path, "document", f"cannot be read ({said})", f"run it again: {known} is read") from None
+        problem = f"cannot be read ({str(error).splitlines()[0]})"
+        raise InputError(path, "document", problem, f"run it again: {' or '.join(SCHEMAS.values())} is read") from None
