@@ -70,8 +70,9 @@ def test_an_outline_of_any_name_is_a_bone_where_the_folder_says_so(tmp_path: Pat
         ({"femurr": circle(40, 12, 10)}, "", "part, line 490", "did you mean 'femur'?"),
         ({}, REGION.format("nail", "bone"), "nail", "the part is missing"),
         ({"nail": circle(40, 12, 10)}, REGION.format("nail", "stone"), "regions.nail.kind", "'bone'"),
+        ({}, '\n[regions.nail]\nknd = "bone"\n', "regions.nail.knd", "did you mean 'kind'?"),
     ],
-    ids=["outside the fascia", "outside the skin", "two overlap", "misspelt", "not drawn", "no kind"],
+    ids=["outside the fascia", "outside the skin", "two overlap", "misspelt", "not drawn", "no kind", "misspelt key"],
 )
 def test_a_wrong_region_gets_one_line(tmp_path: Path, change, more: str, field: str, words: str):
     error = refusal(write_limb(tmp_path / "leg", {**thigh(), **change}, more))

@@ -384,8 +384,8 @@ def _explain(error: ErrorDetails, keys: list[str], context: dict[str, Any], sche
 def _known_keys(keys: list[str], schema: type[BaseModel]) -> list[str]:
     model = schema
     for key in keys:
-        # In an array of tables the number of the table stands between.
-        if key.isdigit():
+        # Between them stand the number of a table in an array, or a name that the user gives to one.
+        if key.isdigit() or key not in model.model_fields:
             continue
         annotation = model.model_fields[key].annotation
         candidates = [annotation, *get_args(annotation)]
