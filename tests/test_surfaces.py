@@ -17,7 +17,7 @@ from legfem.common.errors import InputError
 from legfem.geometry.leg_shape import LegShape, fat_thickness_around, largest_girth, perimeter
 from legfem.geometry.motion import CuttingPlane
 from legfem.imaging import polydata_reader
-from legfem.imaging.surfaces import outlines_of_surfaces, read_surface, read_surfaces, shape_of_surfaces
+from legfem.imaging.surfaces import _pieces, outlines_of_surfaces, read_surface, read_surfaces, shape_of_surfaces
 
 REAL = SHARED / "data" / "leg_geometry"
 real_leg = pytest.mark.skipif(not REAL.is_dir(), reason="needs ../shared/data/leg_geometry")
@@ -256,3 +256,13 @@ def test_a_real_leg_is_read():
     fat = fat_thickness_around(shape)
     assert 1.5 < fat.min() < 3.5
     assert 15 < fat.max() < 25
+
+
+def test_closed_surfaces_of_files_with_few_digits_are_cut_whole() -> None:
+    """Six digits, as STL files are written, put many points half way between two of the last one that is kept."""
+    plane = CuttingPlane(np.array([0.0, 0.0, 50.0]), np.array([0.0, 0.0, 1.0]))
+    for k in range(20):
+        made = trimesh.creation.cylinder(radius=12.0 + 0.037 * k, segment=[[3.1 * k, 1.7, 0.0], [3.1 * k, 1.7, 100.0]])
+        made.vertices = [[float(f"{x:.6g}") for x in point] for point in made.vertices]
+        (piece,) = _pieces(made, plane)
+        assert piece.area == pytest.approx(np.pi * (12.0 + 0.037 * k) ** 2, rel=0.01)

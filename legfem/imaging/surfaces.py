@@ -160,8 +160,9 @@ def ends_of(surfaces: Sequence[Any]) -> tuple[float, float]:
 def _pieces(surface: Any, plane: CuttingPlane) -> list[Polygon]:
     """Return the outlines of a surface on a plane, without their holes; mm in the plane."""
     segments = trimesh.intersections.mesh_plane(surface, plane.normal, plane.point)
-    # The two triangles at an edge find the same point but for rounding.
-    lines = shapely.linestrings(np.round(plane.flat(segments), 6)) if len(segments) else []
+    # The two triangles at an edge find the same point but for rounding. Points of files with few digits lie half way
+    # between two of the last one: off these.
+    lines = shapely.linestrings(np.round(plane.flat(segments) + 0.27e-6, 6)) if len(segments) else []
     faces = shapely.union_all(shapely.polygonize(list(lines)))
     return [Polygon(face.exterior) for face in shapely.get_parts(faces) if isinstance(face, Polygon) and face.area > 0]
 

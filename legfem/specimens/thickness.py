@@ -252,6 +252,6 @@ def begun_share(folder: SpecimenFolder, one: SpecimenRecording) -> float:
 
 def widened(found: Estimate, above: float, below: float, fits: bool) -> Estimate:
     """Return an estimate with more errors in its 95 % interval, to either side, relative."""
-    more, least = (below * found.value, above * found.value), found.parameter.bounds[0]
-    wide = replace(found, ci95=with_further(found.value, found.ci95, more, (least, np.inf)))
+    more = below * found.value, above * found.value
+    wide = replace(found, ci95=with_further(found.value, found.ci95, more, found.parameter.bounds))
     return replace(wide, identifiability=wide.verdict(fits))
