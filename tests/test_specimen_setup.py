@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from legfem.inverse.estimates import Estimate
 from legfem.mechanics.materials import NeoHookean
 from legfem.specimens.diagnosis import SpecimenDiagnoser
 from legfem.specimens.folder import load_specimen
+from legfem.specimens.thickness import widened
 
 C10 = 5e-3
 MEASURED = BAR.replace('"simulated"', '"measured"')
@@ -49,6 +51,12 @@ def test_what_no_recording_shows_of_the_setup_is_in_the_interval(tmp_path: Path,
     print(found.value, found.ci95, found.error_shares)
     assert found.ci95[0] < C10 < found.ci95[1]
     assert found.identifiability == "identifiable"
+
+
+def test_an_interval_ends_where_the_search_does(tmp_path: Path) -> None:
+    found = c10_of(pressed(tmp_path / "bar", MEASURED))
+    narrow = replace(found.parameter, bounds=(0.95 * C10, 1.05 * C10))
+    assert widened(replace(found, parameter=narrow), 0.2, 0.2, True).ci95 == narrow.bounds
 
 
 def test_what_is_stated_of_the_setup_counts(tmp_path: Path) -> None:

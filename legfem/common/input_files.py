@@ -385,7 +385,7 @@ def _known_keys(keys: list[str], schema: type[BaseModel]) -> list[str]:
     model = schema
     for key in keys:
         # Between them stand the number of a table in an array, or a name that the user gives to one.
-        if key.isdigit() or key not in model.model_fields:
+        if key not in model.model_fields:
             continue
         annotation = model.model_fields[key].annotation
         candidates = [annotation, *get_args(annotation)]
