@@ -75,8 +75,7 @@ class Visit:
     def look(self, now: float) -> list[str]:
         """Look at the folder at a time (s); return what is new to be said."""
         before, told, subject = self.files, self.told, None
-        there = stamps_of(trial_files(self.leg.directory, self.entry))
-        self.files = looked(before, there, now, self._read)
+        self.files = looked(before, stamps_of(trial_files(self.leg.directory, self.entry)), now, self._read)
         if changes(before, self.files):
             self.told = {}
             for path, file in sorted(self.files.items(), key=lambda one: one[1].since):

@@ -157,8 +157,7 @@ class Identification(Result):
 
     def _page(self) -> WebPage:
         experiment = self._experiment
-        pressed = None if experiment is None else pressed_section_of(self.fits, experiment)
-        return page_of(self.fits, pressed)
+        return page_of(self.fits, None if experiment is None else pressed_section_of(self.fits, experiment))
 
 
 DIAGNOSIS = "diagnosis.json"

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from http.cookies import CookieError, SimpleCookie
 from urllib.parse import parse_qs, urlencode
 
-from starlette.datastructures import Headers
+from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import PlainTextResponse, RedirectResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -106,12 +106,9 @@ class Guard:
     def _sealed(send: Send, host: str) -> Send:
         async def sealed(message: Message) -> None:
             if message["type"] == "http.response.start":
-                given = [pair for pair in message.get("headers", [])]
-                if not any(name.lower() == b"content-security-policy" for name, _ in given):
-                    policy = _POLICY.format(host=host).encode()
-                    given.append((b"content-security-policy", policy))
-                given += [(b"x-content-type-options", b"nosniff"), (b"referrer-policy", b"no-referrer")]
-                message = {**message, "headers": given}
+                headers = MutableHeaders(scope=message)
+                headers.setdefault("content-security-policy", _POLICY.format(host=host))
+                headers.update({"x-content-type-options": "nosniff", "referrer-policy": "no-referrer"})
             await send(message)
 
         return sealed

@@ -83,8 +83,7 @@ class Run:
 
         ``then`` is the name of the run that starts once this one is done; one of those ``waits``.
         """
-        arguments = [sys.executable, "-m", module, *options]
-        asked = AskedRun(about, arguments, str(Path.cwd()), time.time(), then, waits)
+        asked = AskedRun(about, [sys.executable, "-m", module, *options], str(Path.cwd()), time.time(), then, waits)
         write_document(folder / "run.json", asdict(asked))
         return cls(folder)
 
@@ -337,8 +336,7 @@ def looked_at(workspace: Workspace, name: str) -> Run:
     for older in folder.parent.iterdir():
         if older != folder and not Run(older).alive:
             shutil.rmtree(older, ignore_errors=True)
-    options = ["preview", str(workspace.input(name)), "--out", str(run.results)]
-    return Run.begun(folder, "legfem.data", options, name)
+    return Run.begun(folder, "legfem.data", ["preview", str(workspace.input(name)), "--out", str(run.results)], name)
 
 
 def runs_of(workspace: Workspace, about: str = "") -> list[Run]:

@@ -294,8 +294,7 @@ def _text_cells(table: Path) -> pd.DataFrame:
         if len(row) != width and any(map(str.strip, row)):
             remedy = "quote texts with separators, and separate empty cells, too"
             raise InputError(table, f"line {line}", f"has {len(row)} cells, and the header {width}", remedy)
-    places = range(width)
-    return pd.read_csv(StringIO(text), sep=mark, dtype=str, header=None, names=places, skip_blank_lines=False)
+    return pd.read_csv(StringIO(text), sep=mark, dtype=str, header=None, names=range(width), skip_blank_lines=False)
 
 
 def _workbook_cells(table: Path) -> pd.DataFrame:

@@ -165,8 +165,7 @@ class PopulationSampler:
 
         given = self.given
         mean = numpyro.sample("mean", dist.Normal(0.0, MEAN_SD))
-        count = given.design.shape[1]
-        effects = numpyro.sample("effects", dist.Normal(0.0, EFFECT_SD).expand([count]).to_event(1))
+        effects = numpyro.sample("effects", dist.Normal(0.0, EFFECT_SD).expand([given.design.shape[1]]).to_event(1))
         theta = jnp.asarray(given.design) @ effects + (0.0 if "person" in given.shared else mean)
         for level, of in (*given.shared.items(), ("test", np.arange(len(given.design)))):
             sd = numpyro.sample(f"sd_{level}", dist.HalfNormal(LEVELS[level]))

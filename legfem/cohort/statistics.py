@@ -133,8 +133,7 @@ def statistics_of_readings(table: pd.DataFrame, name: str, unit: str, notes: Seq
 def _together(found: Sequence[Analysed | None], reasons: Mapping[str, None]) -> Statistics:
     """Return parameters with their groups' p-values adjusted over all of them."""
     made = [one for one in found if one is not None]
-    groups = [effect.p_value for one in made for effect in one.effects if effect.of_group]
-    adjusted = iter(holm(groups))
+    adjusted = iter(holm([effect.p_value for one in made for effect in one.effects if effect.of_group]))
 
     for place, one in enumerate(made):
         each = (replace(e, adjusted=float(next(adjusted))) if e.of_group else e for e in one.effects)

@@ -51,8 +51,7 @@ def spaced_unit(unit: str) -> str:
 
 def runs_of(marks: NDArray[np.generic]) -> list[tuple[int, int]]:
     """Return the first number and the one after the last of each run of equal marks."""
-    edges = [0, *(int(k) + 1 for k in np.flatnonzero(marks[1:] != marks[:-1])), len(marks)]
-    return list(pairwise(edges))
+    return list(pairwise([0, *(int(k) + 1 for k in np.flatnonzero(marks[1:] != marks[:-1])), len(marks)]))
 
 
 def spans_of(sizes: Iterable[int]) -> list[slice]:

@@ -29,16 +29,8 @@ TRIAL = "{trial}"
 """Stands for the trial's name in the name of a file."""
 SITE = "{site}"
 """Stands for the site's name in the name of a file."""
-_STATED = {
-    "gain_percent": ("gain", 100.0),
-    "lag_s": ("lag", 1.0),
-    "shift_mm": ("shift", 1.0),
-    "turn_deg": ("turn", 1.0),
-    "apart_mm": ("apart", 1.0),
-    "each_percent": ("each", 100.0),
-    "creep_percent": ("creep", 100.0),
-    "threshold_kPa": ("threshold", 1.0),
-}
+_KEYS = ("gain_percent", "lag_s", "shift_mm", "turn_deg", "apart_mm", "each_percent", "creep_percent", "threshold_kPa")
+_STATED = {key: (key.rpartition("_")[0], 100.0 if key.endswith("_percent") else 1.0) for key in _KEYS}
 """What of a channel's accuracy a key states, and how many of its unit are one."""
 _OF_ANY = ("gain", "lag")
 """What of these every channel may have; the others only those that usually have it."""
