@@ -94,8 +94,9 @@ def test_nothing_is_written_when_it_cannot_be_whole(tmp_path):
         folder_of_leg(_source(path), 300, tmp_path / "leg")
     assert [p.name for p in tmp_path.iterdir()] == ["sections.csv"]
     good = _write(tmp_path / "sections.csv", _surfaces())
-    with pytest.raises(InputError, match="misses the leg"):
+    with pytest.raises(InputError, match="misses the leg") as caught:
         folder_of_leg(_source(good), 300, tmp_path / "leg", aim=np.array([200.0, 0.0]))
+    assert caught.value.source == str(tmp_path / "leg" / "subject.toml")
     assert [p.name for p in tmp_path.iterdir()] == ["sections.csv"]
 
 

@@ -26,7 +26,7 @@ from legfem.inverse.readings import READINGS
 from legfem.mechanisms import Solution
 from legfem.solve.protocol import Protocol
 from legfem.specimens.comparison import comparison_of
-from legfem.specimens.folder import tissue_asked_for
+from legfem.specimens.folder import _doubts_about_bodies, tissue_asked_for
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.laws import SpecimenTissue, identified_law, request_of, tissues_of
 from legfem.specimens.mechanisms import Scale, mechanisms_of
@@ -161,6 +161,28 @@ def test_what_is_wrong_with_layers_is_one_line(tmp_path: Path, change, words: st
     with pytest.raises(InputError) as error:
         lf.load_specimen(tmp_path)
     assert words in str(error.value) and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [
+        (("thickness_mm = 5.0", "thickness_mm = 0.005"), "layers.fat.thickness_mm"),
+        (("thickness_mm = 12.0", "thickness_mm = 120.0"), "layers.muscle.thickness_mm"),
+        (
+            ("[tissue]", '[[specimen]]\nname = "a"\nrecordings = ["*.csv"]\nlayers_mm = [0.005, 12.0]\n[tissue]'),
+            "specimen a.layers_mm",
+        ),
+    ],
+)
+def test_a_layer_in_another_unit_is_doubted(change: tuple[str, str], field: str) -> None:
+    assert not _doubts_about_bodies(Path("specimen.toml"), given())
+    (doubt,) = _doubts_about_bodies(Path("specimen.toml"), given(PUNCH.replace(*change)))
+    assert doubt.field == field and "a layer's thickness" in doubt.problem
+
+
+def test_an_edge_in_another_unit_is_refused() -> None:
+    with pytest.raises(InputError, match="the rounding of an edge"):
+        _doubts_about_bodies(Path("specimen.toml"), given(PUNCH.replace("edge_mm = 0.3", "edge_mm = 0.0003")))
 
 
 def test_layers_are_not_for_every_test(tmp_path: Path) -> None:

@@ -160,7 +160,9 @@ def moved(points: FloatArray, leg, depth: FloatArray) -> FloatArray:
     return depth[:, None, None] * np.exp(-away / 25.0)[:, None] * leg.indenter.direction
 
 
-def folder(place: Path, scale: float = 1.0, sign: float = 1.0, shift: float = 0.0, before: float = 0.0) -> Path:
+def folder(
+    place: Path, scale: float = 1.0, sign: float = 1.0, shift: float = 0.0, before: float = 0.0, unit: float = 1.0
+) -> Path:
     leg = load_subject(write_subject(place))
     x, y = np.meshgrid(np.arange(-20.0, 21.0, 2.0), np.arange(3.0, 30.0, 2.0))
     travel = leg.indenter.direction
@@ -172,7 +174,7 @@ def folder(place: Path, scale: float = 1.0, sign: float = 1.0, shift: float = 0.
     u = sign * scale * (moved(points, leg, depth) + before * travel)
     rows = ["time_s,x_mm,y_mm,ux_mm,uy_mm"]
     rows += [
-        f"{t:g},{px + shift:.3f},{py:.3f},{ux:.4f},{uy:.4f}"
+        f"{t:g},{unit * px + shift:.6g},{unit * py:.6g},{ux:.4f},{uy:.4f}"
         for t, frame in zip(time, u, strict=True)
         for (px, py), (ux, uy) in zip(points, frame, strict=True)
     ]
@@ -213,6 +215,7 @@ def test_a_file_is_taken_together_in_as_many_cells_as_its_entry_asks_for(tmp_pat
         ({"sign": -1.0}, "against the cylinder's travel"),
         ({"shift": 300.0}, "soft tissue"),
         ({"before": 8.0}, "before the cylinder touches"),
+        ({"unit": 1e-3}, "give mm, not m"),
     ],
 )
 def test_displacements_that_cannot_be_are_refused(tmp_path, change, words):

@@ -72,8 +72,20 @@ def test_what_is_stated_of_the_setup_counts(tmp_path: Path) -> None:
     assert rig.ci95[0] == pytest.approx(known.ci95[0]) and rig.ci95[1] > known.ci95[1] + 0.05 * C10
     drawn = c10_of(pressed(tmp_path / "drawn", BAR))
     assert drawn.ci95[1] - drawn.ci95[0] < own
-    with pytest.raises(InputError, match="rig_sd_mm_per_N"):
-        c10_of(pressed(tmp_path / "wrong", exact.replace("_N = 0.0", "_N = -1")))
+
+
+@pytest.mark.parametrize("wrong", ["rig_sd_mm_per_N = -1", "rig_sd_mm_per_N = 10", "contact_sd_mm = 50"])
+def test_an_error_of_the_setup_in_another_unit_is_refused(tmp_path: Path, wrong: str) -> None:
+    with pytest.raises(InputError, match=wrong.partition(" ")[0]):
+        load_specimen(pressed(tmp_path / "wrong", f"{MEASURED}\n[accuracy]\n{wrong}\n"))
+
+
+@pytest.mark.parametrize(("key", "sd"), [("force_sd_N", 5.0), ("displacement_sd_mm", 0.6)])
+def test_an_instrument_coarser_than_what_was_read_is_doubted(tmp_path: Path, key: str, sd: float) -> None:
+    stated = {"force_sd_N": 0.002, "displacement_sd_mm": 0.001} | {key: sd}
+    table = "".join(f"{name} = {value}\n" for name, value in stated.items())
+    found = lf.identify(pressed(tmp_path / "bar", f"{MEASURED}\n[instrument]\n{table}"), "neo-hookean")
+    assert f"instrument.{key}" in found.summary() and "of the sensor that was used" in found.summary()
 
 
 def test_sizes_move_a_stiffness_as_much_where_stiffening_stands_at_its_bound(tmp_path: Path) -> None:

@@ -114,10 +114,6 @@ def _wide_at_one_level(leg: StockingLeg) -> StockingLeg:
     return replace(leg, stocking=Stocking(0.3, leg.stocking.levels, around))
 
 
-def _accuracy(**numbers: float) -> Change:
-    return lambda leg: replace(leg, accuracy=ContourAccuracy(**numbers))
-
-
 def _heart(above: float) -> Change:
     return lambda leg: replace(leg, posture=Posture(float(leg.bare.levels[-1]) + above))
 
@@ -142,9 +138,6 @@ def _makers(height: float) -> Change:
         (_fabric(1.03, 5.0), "stocking", "a stretch of the fabric of 3 %"),
         (_fabric(1.5, 2.0), "stocking.stiffness_N_per_mm", "a mean pressure"),
         (_wide_at_one_level, "stocking.unstretched", "the fabric is wider than the leg at"),
-        (_accuracy(sd=5.0), "accuracy.contour_sd_mm", "an error of outlines of 5 mm"),
-        (_accuracy(tension_sd=0.8), "accuracy.tension_relative_sd", "a relative error of 0.8"),
-        (_accuracy(correlation=100.0), "accuracy.correlation_mm", "err alike of 100 mm"),
         (_heart(200.0), "posture.heart_mm", "a heart's height above the leg's upper end of 200 mm"),
         (_makers(900.0), "stocking.levels_mm.D", "900 mm is not in the part that is modelled"),
     ],
@@ -167,12 +160,6 @@ def test_what_is_unlikely_is_doubted(leg, change, field, words):
         (_fabric(0.95), "unstretched", "is wider than the leg"),
         (_fabric(4.5), "stocking", "a stretch of the fabric of 350 %"),
         (_fabric(1.5, 300.0), "stocking.stiffness_N_per_mm", "if the value is in N/m"),
-        (
-            _accuracy(pressure_sd=10.0),
-            "accuracy.pressure_relative_sd",
-            "if the value is in per cent, multiply it by 0.01",
-        ),
-        (_accuracy(sd=1e-9), "accuracy.contour_sd_mm", "an error of outlines of 1e-09 mm"),
         (_heart(-100.0), "posture.heart_mm", "of -100 mm"),
     ],
 )

@@ -114,6 +114,36 @@ def test_a_leg_by_tape_is_answered_without_a_mesh(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "field", "said"),
     [
+        (
+            ("B = 120.0, B1 = 190.0, C = 310.0, D = 390.0", "B = 12.0, B1 = 19.0, C = 31.0, D = 39.0"),
+            "levels_mm",
+            "in cm",
+        ),
+        (("{B = 215.0, B1 = 268.0, C = 362.0", "{B = 362.0, B1 = 268.0, C = 215.0"), "girths_mm", "exchanged"),
+    ],
+)
+def test_what_is_unlikely_of_a_tape_is_doubted(tmp_path: Path, change: tuple[str, str], field: str, said: str) -> None:
+    toml = write_tape(tmp_path) / "leg.toml"
+    assert not load_leg(tmp_path).doubts
+    text = toml.read_text().replace('unstretched = "stocking.csv"', "unstretched_mm = 200.0")
+    assert change[0] in text
+    toml.write_text(text.replace(*change))
+    doubts = [one for one in load_leg(tmp_path).doubts if field in one.field]
+    assert [one for one in doubts if said in str(one)]
+
+
+@pytest.mark.parametrize(
+    ("change", "field", "said"),
+    [
+        (
+            ("tension_relative_sd = 0.05", "tension_relative_sd = 5.0"),
+            "tension_relative_sd",
+            "at most 0.5 (0.05 is 5 %)",
+        ),
+        (("tension_relative_sd = 0.05", "contour_sd_mm = 5.0"), "contour_sd_mm", "at most 3, in mm"),
+        (("tension_relative_sd = 0.05", "correlation_mm = 100.0"), "correlation_mm", "at most 60, in mm"),
+        (("tension_relative_sd = 0.05", "pressure_relative_sd = 1.0"), "pressure_relative_sd", "at most 0.5"),
+        (("tension_relative_sd = 0.05", "girth_relative_sd = 1.2"), "girth_relative_sd", "at most 0.2"),
         (("B = 215.0", "B = 21.5"), "bare.girths_mm.B", "100"),
         (
             ("bare.girths_mm", 'compressed.scan = "x.nii.gz"\nbare.girths_mm'),

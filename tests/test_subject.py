@@ -63,7 +63,7 @@ def test_recordings_are_needed_unless_waived(tmp_path):
         ("diameter_mm = 30.0", "diameter_mm = nan", "indenter.diameter_mm", "write a number"),
         ("diameter_mm = 30.0", 'diameter_mm = "30"', "indenter.diameter_mm", "without quotes"),
         ("direction_deg = 90.0", "", "indenter.direction_deg", "missing"),
-        ("aim_mm = [0.0, 0.0]", "aim_mm = [0.0]", "indenter.aim_mm", "[x, y]"),
+        ("aim_mm = [0.0, 0.0]", "aim_mm = [0.0]", "indenter.aim_mm", "give 2 or more"),
         ("aim_mm = [0.0, 0.0]", "aim_mm = [90.0, 0.0]", "indenter.aim_mm", "misses the leg"),
         ("C10_kPa = 100.0", "", "tissues.fascia.C10_kPa", "missing"),
         ('"reduced-polynomial"', '"yeoh"', "tissues.deep.law", "reduced-polynomial"),

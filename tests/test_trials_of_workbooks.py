@@ -10,7 +10,7 @@ import pytest
 from making import TOML, press, write_subject
 from making_odd_files import look
 from making_specimens import BAR, PLANTED, compressed, ramp
-from openpyxl import Workbook
+from openpyxl import Workbook, load_workbook
 
 import legfem as lf
 from legfem.app.description import shown_errors
@@ -73,6 +73,14 @@ def test_each_sheet_of_a_workbook_is_a_trial_of_a_leg(leg: Path) -> None:
     for k, one in enumerate(subject.recordings):
         np.testing.assert_allclose(one.force, pressed(k)[:, 2])
     assert not any("not read" in str(doubt) for doubt in doubts_about(subject))
+
+
+def test_a_sheet_that_is_hidden_is_no_trial(leg: Path) -> None:
+    path = leg / "recordings" / "visit.xlsx"
+    book = load_workbook(path)
+    book[NAMES[1]].sheet_state = "hidden"
+    book.save(path)
+    assert [one.trial for one in load_subject(leg).recordings] == [NAMES[0], NAMES[2]]
 
 
 def test_a_sheet_that_is_named_is_the_only_trial(leg: Path) -> None:

@@ -139,7 +139,7 @@ def _source(
         meaning = {name: list(map(_label, given)) for name, given in _by_name(label).items()}
         return LegSource.of_scan(scan, meaning or None, muscles=muscles)
     files = {part: [Path(name) for name in names] for part, names in _by_name(surface).items()}
-    return LegSource.of_surfaces(str(next(iter(files.values()))[0].parent), files, muscles)
+    return LegSource.of_surfaces(str(next(iter(files.values()))[0].absolute().parent), files, muscles)
 
 
 def _by_name(options: Sequence[str]) -> dict[str, list[str]]:

@@ -212,8 +212,11 @@ def _numbers(path: Path, column: "pd.Series[str]") -> "pd.Series[float]":
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+# Standard deviations beyond which a unit is another.
+LengthError = Annotated[float, Field(ge=0, le=20, allow_inf_nan=False)]
+RigError = Annotated[float, Field(ge=0, le=5, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
-Text = Annotated[str, Field(min_length=1)]
+Text = Annotated[str, Field(min_length=1, pattern=r"^[^\x00]*$")]
 Title = Annotated[str, Field(min_length=1, pattern=r"^[^\x00-\x1f\x7f\u202a-\u202e\u2066-\u2069]*$", max_length=500)]
 """Text of one line: it is shown on terminals and pages."""
 PlainName = Annotated[str, Field(pattern=r"^\w[\w. -]*$", max_length=100)]
@@ -337,7 +340,8 @@ def _in_words(path: Path, error: ValidationError, schema: type[BaseModel]) -> In
 
 
 def _explain(error: ErrorDetails, keys: list[str], context: dict[str, Any], schema: type[BaseModel]) -> tuple[str, str]:
-    given = error["input"]
+    given, numbered = error["input"], keys[-1].isdigit()
+    own = "" if numbered else f"{keys[-1]} = "
     match error["type"]:
         case "extra_forbidden":
             known = _known_keys(keys[:-1], schema)
@@ -348,11 +352,11 @@ def _explain(error: ErrorDetails, keys: list[str], context: dict[str, Any], sche
         case "greater_than" | "greater_than_equal" | "less_than" | "less_than_equal":
             bounds = {"gt": "above", "ge": "of at least", "lt": "below", "le": "of at most"}
             words = " and ".join(f"{w} {context[k]:g}" for k, w in bounds.items() if k in context)
-            unit = keys[-1].rpartition("_")[2]
+            unit = re.sub(r"^.*?_((?:[^_]+_per_)?[^_]+)$", r"\1", keys[-1]).replace("_per_", "/")
             least = context.get("ge", context.get("gt", math.inf))
             in_cm = unit == "mm" and 0 < given < least <= 10 * given
-            hint = " (if it is in cm, multiply it by 10)" if in_cm else ""
-            of = "" if unit in ("ratio", keys[-1]) else f", in {unit}"
+            hint = " (if it is in cm, multiply it by 10)" if in_cm else " (0.05 is 5 %)" if unit == "sd" else ""
+            of = "" if unit in ("ratio", "sd", keys[-1]) else f", in {unit}"
             return f"{given} is out of range", f"give a value {words}{of}{hint}"
         case "float_type" | "finite_number":
             return f"{given!r} is not a finite number", "write a number without quotes"
@@ -368,15 +372,18 @@ def _explain(error: ErrorDetails, keys: list[str], context: dict[str, Any], sche
             )
         case "string_type" | "string_too_short":
             shown = str(given) if isinstance(given, date | time) else repr(given)
-            return f"{shown} is not text", f'write it in quotes: {keys[-1]} = "..."'
+            return f"{shown} is not text", f'write it in quotes: {own}"..."'
         case "bool_type":
             return f"{given!r} is neither true nor false", f"write {keys[-1]} = true or {keys[-1]} = false"
         case "list_type":
             return f"{given!r} is not a list", f"write {keys[-1]} = [...], with commas between its parts"
         case "model_type" | "model_attributes_type" | "dict_type":
-            return f"{given!r} is not a table", f"write [{'.'.join(keys)}] on a line of its own, and its keys below"
+            table = f"[[{'.'.join(keys[:-1])}]]" if numbered else f"[{'.'.join(keys)}]"
+            return f"{given!r} is not a table", f"write {table} on a line of its own, and its keys below"
         case "too_short" | "too_long":
-            return f"{given!r} has the wrong length", "write [x, y]"
+            least = context.get("min_length")
+            number = f"{context.get('max_length')} or fewer" if least is None else f"{least} or more"
+            return f"{given!r} has the wrong length", f"give {number}"
         case _:
             return f"{error['msg']} (given {given!r})", "correct it"
 

@@ -117,18 +117,18 @@ class LabIndenterEntry(input_files.FileTable):
 class AccuracyEntry(input_files.FileTable):
     """``[accuracy]``, optional: how well the leg is known."""
 
-    contour_sd_mm: input_files.NotNegative | None = None
+    contour_sd_mm: input_files.LengthError | None = None
     """Standard deviation of the outlines, over 20 mm of arc; 0 where they are exact."""
-    aim_sd_mm: input_files.NotNegative | None = None
+    aim_sd_mm: input_files.LengthError | None = None
     """Standard deviation of the place that was pressed, across the line of travel."""
-    direction_sd_deg: input_files.NotNegative | None = None
+    direction_sd_deg: Annotated[float, Field(ge=0, le=90)] | None = None
     """Standard deviation of the direction of travel."""
     assumed_sd_percent: input_files.NotNegative | None = None
     """Standard deviation of what is assumed: stiffness of fat and fascia, compressibility."""
-    contact_sd_mm: input_files.NotNegative | None = None
+    contact_sd_mm: input_files.LengthError | None = None
     """Standard deviation of first contact, alike in all trials, where ``starts_at_contact`` says that they begin there;
     without it, the way on which the load cell comes to feel the leg, over the square root of 12."""
-    rig_sd_mm_per_N: input_files.NotNegative | None = None
+    rig_sd_mm_per_N: input_files.RigError | None = None
     """Standard deviation of what the rig yields with the force, however it was taken off the displacement."""
 
 

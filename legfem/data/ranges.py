@@ -12,6 +12,8 @@ from legfem.common.units import FloatArray
 
 RANGES = resource("ranges", dict[str, PhysicalRange])
 """By what is meant; C10 by the tissue: ``C10.deep``."""
+MISTAKEN_UNITS = resource("mistaken_units", dict[str, dict[str, float]])
+"""Units that are taken for the right one by column or size, and by what they change a stiffness, about."""
 REACHED_MM = 24.0
 """Depth that published presses of calves reach: 25 and 30 mm in the paper."""
 LEG_MM2 = (5300.0, 20000.0)
@@ -22,6 +24,11 @@ LEG_MM2 = (5300.0, 20000.0)
 def c10_of(tissue: str) -> PhysicalRange:
     """Return the range of a tissue's C10; of one without, the deep tissue's."""
     return RANGES.get(f"C10.{tissue}", RANGES["C10.deep"])
+
+
+def width_of(outline: FloatArray) -> float:
+    """Return the diameter of the circle as large as an outline (n, 2), mm."""
+    return math.sqrt(4 * Polygon(outline).area / math.pi)
 
 
 def doubts_about_size(toml: Path, field: str, around: float, tibia: FloatArray) -> Iterator[Doubt]:
@@ -42,7 +49,7 @@ def doubts_about_size(toml: Path, field: str, around: float, tibia: FloatArray) 
         For what no leg is.
     """
     remedy = "check that the coordinates are whole lengths in mm, not halved, nor in pixels"
-    width = math.sqrt(4 * Polygon(tibia).area / math.pi)
+    width = width_of(tibia)
     found = [*RANGES["girth"].doubts(toml, field, around, remedy), *RANGES["tibia"].doubts(toml, field, width, remedy)]
     low, high = LEG_MM2
     if not found and not low <= around * width <= high:

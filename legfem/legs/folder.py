@@ -124,6 +124,8 @@ def write_subject_folder(
         load_subject(scratch, need_recordings=False)
         scratch.chmod(0o755)
         scratch.replace(out)
+    except InputError as error:
+        raise error.at(error.source.replace(str(scratch), str(out))) from None
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
     return out

@@ -93,7 +93,7 @@ def load_subject(
         shape=given.indenter.shape,
         axis_deg=place.axis_deg,
     )
-    _check_aim(toml, section, indenter)
+    _check_aim(toml, f"site.{entry.site}" if entry.site else "indenter", section, indenter)
     moduli = tuple(map(ShearModulus.of, given.elastography))
     deep, known = given.tissues.deep, given.accuracy
     assumed = None if known.assumed_sd_percent is None else known.assumed_sd_percent / 100
@@ -222,11 +222,11 @@ def _is_own(path: Path) -> bool:
         return file.read(200).startswith(",".join(HEADER).encode())
 
 
-def _check_aim(toml: Path, section: LegSection, indenter: Indenter) -> None:
+def _check_aim(toml: Path, table: str, section: LegSection, indenter: Indenter) -> None:
     skin = section.polygon("skin").exterior
     try:
         first_crossing(skin, indenter.aim, indenter.direction)
     except ValueError:
         problem = "the line of travel through this point misses the leg"
         remedy = "give a point of the leg in the contours' coordinates, and direction_deg from +x"
-        raise InputError(toml, "indenter.aim_mm", problem, remedy) from None
+        raise InputError(toml, f"{table}.aim_mm", problem, remedy) from None

@@ -17,7 +17,7 @@ from shapely import Point
 
 from legfem.common.errors import Doubt, InputError
 from legfem.common.units import FloatArray, mpa_to_kpa
-from legfem.data.ranges import RANGES, c10_of, doubts_about_size
+from legfem.data.ranges import MISTAKEN_UNITS, RANGES, c10_of, doubts_about_size, width_of
 from legfem.geometry.section import CALF, LIMBS, MUSCLE, first_crossing, girth, way_to_bone
 from legfem.inverse.catalogue import key_of
 from legfem.inverse.elastography import doubts_about_elastography
@@ -90,7 +90,8 @@ def _bones(toml: Path, subject: Subject) -> Iterator[Doubt]:
     section, field = subject.section, "section.contours"
     if section.limb == CALF:
         yield from doubts_about_size(toml, field, girth(section), section.bones[LIMBS[CALF][0]])
-        return
+    for bone, outline in section.bones.items():
+        yield from RANGES["bone"].doubts(toml, f"{field}, {bone}", width_of(outline))
     for limb, bones in LIMBS.items():
         missing = [bone for bone in bones if bone not in section.bones]
         if len(bones) == 2 and len(missing) == 1:
@@ -190,12 +191,6 @@ _IN_FRONT = 0.5
 """Cosine of the angle between first bone and cylinder, above which a leg is pressed at its shin."""
 _PLACES = {SHIN: "the shin", ANYWHERE: "arms and legs"}
 _MOST_TOLD = 3
-_UNITS = {
-    "force_N": {"lbf": 4.448, "kgf": 9.807, "ozf": 0.278, "gf": 9.807e-3, "mN": 1e-3, "kN": 1e3},
-    "displacement_mm": {"cm": 0.1, "inches": 1 / 25.4, "tenths of a mm": 10.0},
-    "length_mm": {"cm": 0.1, "inches": 1 / 25.4},
-}
-"""By what a stiffness would change, about, were a column or size in another unit."""
 
 
 def doubts_about_stiffness(subject: Subject, parameters: Mapping[str, Estimate]) -> tuple[Doubt, ...]:
@@ -250,8 +245,8 @@ def _doubts_beside_people(subject: Subject, parameters: Mapping[str, Estimate]) 
 def _explained(found: float, usual: Prior) -> list[str]:
     """Return which units would make a stiffness (MPa) usual, the likeliest first."""
     told = []
-    for column, units in _UNITS.items():
-        for unit, factor in units.items():
+    for column in ("force_N", "displacement_mm", "length_mm"):
+        for unit, factor in MISTAKEN_UNITS[column].items():
             away, then = abs(usual.departure(factor * found)), mpa_to_kpa(factor * found)
             if away < _USUAL:
                 told.append((away, f"{column} in {unit}, it would be some {then:.2g} kPa"))

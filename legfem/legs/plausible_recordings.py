@@ -16,7 +16,7 @@ from legfem.data.channel_reader import LONGEST_LAG_S, files_named
 from legfem.data.formats import recording_files
 from legfem.data.formats.sheet import file_of
 from legfem.data.plausibility import loading_doubts, pull_doubts, refuse_copies, trial_doubts, unread_doubts
-from legfem.data.ranges import RANGES
+from legfem.data.ranges import MISTAKEN_UNITS, RANGES
 from legfem.data.recording import RecordedChannel
 from legfem.geometry.indenter import Indenter, Site
 from legfem.geometry.section import LegSection, depth_to_bone, fat_thickness, girth
@@ -143,10 +143,9 @@ def _force(subject: Subject) -> Iterator[Doubt]:
         return
     soft = below.min() < 1
     k = int(np.argmin(below) if soft else np.argmax(above))
-    units = {"kgf": 9.80665, "kN": 1e3} if soft else {"mN": 1e-3, "gf": 9.80665e-3}
     hints = [
         f"if it is in {unit}, multiply it by {factor:g}"
-        for unit, factor in units.items()
+        for unit, factor in MISTAKEN_UNITS["force_N"].items()
         if (low <= factor * force + error).all() and (factor * force - error <= high).all()
     ]
     noise = f", and its noise is {_QUIET:g} times the stated force_sd_N or less" if soft and quiet else ""

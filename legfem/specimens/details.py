@@ -327,18 +327,26 @@ def notices_about(
 
 
 _COARSE, _QUIET = 0.05, 10.0
-"""Stated error of the force over the greatest and over the noise, from which it may be another rig's."""
+"""Stated error of force or displacement over the greatest and over the noise, from which it may be another rig's."""
 
 
 def _doubts_about_accuracy(fit: Fit[SpecimenDetails]) -> Iterator[Doubt]:
     """Yield a doubt about a stated accuracy by which any law would fit."""
     folder, every = fit.details.folder, compared(fit)
-    peak, noise = (min(one.course.peak for one in every), max(one.recording.trial.force_noise for one in every))
-    if folder.instrument is not None and folder.instrument.force_sd > max(_COARSE * peak, _QUIET * noise):
-        sd = folder.instrument.force_sd
-        problem = f"{sd:g} N is {share(sd / peak)} of the greatest force, where readings scatter by {number(noise)} N"
-        remedy = "state that of the cell that was used: one in lab.toml may be another rig's"
-        yield Doubt(str(folder.directory / FILE), "instrument.force_sd_N", problem, remedy)
+    if (stated := folder.instrument) is None:
+        return
+    trials = [one.recording.trial for one in every]
+    peak, depth = (min(getattr(one.course, name) for one in every) for name in ("peak", "depth"))
+    noise, jitter = (max(getattr(one, f"{name}_noise") for one in trials) for name in ("force", "displacement"))
+    for what, unit, sd, greatest, scatter in (
+        ("force", "N", stated.force_sd, peak, noise),
+        ("displacement", "mm", stated.displacement_sd, depth, jitter),
+    ):
+        if sd > max(_COARSE * greatest, _QUIET * scatter):
+            of = f"{share(sd / greatest)} of the greatest {what}"
+            problem = f"{sd:g} {unit} is {of}, where readings scatter by {number(scatter)} {unit}"
+            remedy = "state that of the sensor that was used: one in lab.toml may be another rig's"
+            yield Doubt(str(folder.directory / FILE), f"instrument.{what}_sd_{unit}", problem, remedy)
 
 
 @dataclass(frozen=True, eq=False)

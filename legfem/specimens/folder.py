@@ -17,6 +17,7 @@ from legfem.data.formats import is_litter, read_sheets, recording_files
 from legfem.data.formats.sheet import file_of, trial_of
 from legfem.data.instrument_faults import repeat_doubts
 from legfem.data.plausibility import GIVE_COLUMNS, refuse_copies, trial_doubts, unread_doubts
+from legfem.data.ranges import RANGES
 from legfem.data.reader import trials_in
 from legfem.data.recording import Origin, SourceColumns
 from legfem.data.stress_tables import refuse_untimed, stretch_and_stress
@@ -162,20 +163,19 @@ def load_specimen(directory: Path) -> SpecimenFolder:
     used, left = list[SpecimenRecording](), list[LeftOut]()
     for name, entry, path in named:
         try:
-            body = sizes[entry].body
-            trial = kind.read(path, given.recordings, body, errors, name)
-            doubts += kind.doubts(trial.recording, body)
+            own = sizes[entry]
+            trial = kind.read(path, given.recordings, own.body, errors, name)
+            doubts += kind.doubts(trial.recording, own.body)
             course = course_of(trial, given.tissue.returns)
-            source = trial.source
-            doubts += sizes[entry].course_doubts(source, course)
-            doubts += heading_doubts(source, sizes[entry], trial.recording.sizes)
+            doubts += own.course_doubts(trial.source, course)
+            doubts += heading_doubts(trial.source, own, trial.recording.sizes)
             doubts += trial_doubts([trial])
             refuse_copies(trial.recording, [one.recording for one in used])
         except InputError as error:
             left.append(LeftOut(name, str(error)))
         else:
             specimen = given.id if entry is None else given.specimen[entry].name
-            used.append(SpecimenRecording(name, specimen, sizes[entry], course, trial))
+            used.append(SpecimenRecording(name, specimen, own, course, trial))
     if not used:
         raise InputError(directory / "recordings", left[0].name, "no recording can be used", left[0].reason)
     used, apart = _agreeing(_with_channels(toml, given, used))
@@ -315,6 +315,9 @@ def _doubts_about_bodies(toml: Path, given: SpecimenFile) -> list[Doubt]:
     bodies: list[tuple[str, FileTable]] = [(given.kind.table, given.test)]
     bodies += [(f"specimen {one.name}", one) for one in given.specimen]
     found = [doubt for table, body in bodies for doubt in size_doubts(toml, table, body)]
+    thin = [(f"specimen {one.name}.layers_mm", mm) for one in given.specimen for mm in one.layers_mm or ()]
+    thin += [(f"layers.{one.name}.thickness_mm", one.thickness_mm) for one in given.layers if one.thickness_mm]
+    found += [doubt for field, mm in thin for doubt in RANGES["layer"].doubts(toml, field, mm)]
     for layer in given.layers:
         if layer.C10_kPa is not None:
             c10, field = kpa_to_mpa(layer.C10_kPa), f"layers.{layer.name}.C10_kPa"

@@ -61,10 +61,10 @@ class SizesAccuracy(_SizeErrors):
     sizes_percent: input_files.NotNegative | None = None
     """Standard deviation of all sizes that have none of their own; without it, 1 % of measured specimens and 0.1 % of
     others."""
-    rig_sd_mm_per_N: input_files.NotNegative | None = None
+    rig_sd_mm_per_N: input_files.RigError | None = None
     """Standard deviation of what the rig yields with the force, however it was taken off the displacement; without it,
     that of usual rigs (0.045 mm/N, at most 0.13 mm of the travel) for measured specimens."""
-    contact_sd_mm: input_files.NotNegative | None = None
+    contact_sd_mm: input_files.LengthError | None = None
     """Standard deviation of how far specimens were strained before the start, as by a preload that was tared; without
     it, 4 % of the travel of measured specimens that state ``starts_at_contact``."""
 

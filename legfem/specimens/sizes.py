@@ -18,7 +18,7 @@ from legfem.common.units import mpa_to_kpa
 from legfem.data import Recording, Segmentation, segment
 from legfem.data.contact import Contact
 from legfem.data.plausibility import loading_doubts
-from legfem.data.ranges import RANGES
+from legfem.data.ranges import MISTAKEN_UNITS, RANGES
 from legfem.inverse.readings import Channel, Data
 from legfem.specimens.course import Course, course_of
 from legfem.specimens.kind import WORDS, Direction, ShownAxes, SpecimenKind, needed
@@ -278,12 +278,6 @@ _THREE = 3
 """Recordings at least, for the middle to tell which of them is off."""
 _CUT_OFF = 0.1
 """Share of the depth over which a force that doesn't rise counts as cut off."""
-_UNITS: Mapping[str, Mapping[str, float]] = {
-    "pressure": {"mbar": 0.1, "mmHg": 0.1333, "psi": 6.895, "Pa": 1e-3},
-    "torque": {"N m": 1e3, "µN m": 1e-3},
-    "force_N": {"kgf": 9.80665, "gf": 9.80665e-3, "mN": 1e-3, "kN": 1e3, "lbf": 4.448, "ozf": 0.278},
-}
-"""Units that are taken for the right one by column, and by what they change a stiffness."""
 
 
 def size_doubts(toml: Path, table: str, entry: FileTable) -> Iterator[Doubt]:
@@ -346,9 +340,9 @@ def stiffness_doubts(source: Path, c10: float, names: Sequence[str], field: str)
     known = [one for name, one in _TISSUES.items() if {name, f"{name}s"} & words]
     found, usual = mpa_to_kpa(c10), RANGES[f"C10.{known[0] if len(known) == 1 else 'soft'}"]
     low, high = usual.usual
-    units = [unit for unit, by in _UNITS.get(field, {}).items() if low <= by * found <= high]
+    units = [unit for unit, by in MISTAKEN_UNITS.get(field, {}).items() if low <= by * found <= high]
     first = f"if it is in {' or '.join(units)}, say so; or " if units else ""
-    others = "units and sizes" if field in _UNITS else "its unit"
+    others = "units and sizes" if field in MISTAKEN_UNITS else "its unit"
     yield from usual.likely(source, field, found, f"{first}check {others}")
 
 

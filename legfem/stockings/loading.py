@@ -126,8 +126,16 @@ def _by_tape(directory: Path, toml: Path, given: LegFile, girths: Mapping[Level,
     bare = rings(np.array([makers.heights[name] for name in named]), np.array([girths[name] for name in named]))
     fabric, accuracy = _fabric(directory, toml, given.stocking, bare), _accuracy(given, None)
     leg = partial(StockingLeg, given.id, given.title, given.origin, bare, bare, None, None, fabric, accuracy, {}, True)
-    doubts, girth_sd = tuple(_stocking_doubts(bare, fabric, toml)), given.accuracy.girth_relative_sd
+    doubts = *_stocking_doubts(bare, fabric, toml), *_tape_doubts(bare, girths, toml)
+    girth_sd = given.accuracy.girth_relative_sd
     return leg("held", bare.levels, (), doubts=doubts, makers=makers, directory=directory, girth_sd=girth_sd)
+
+
+def _tape_doubts(bare: LegShape, girths: Mapping[Level, float], toml: Path) -> Iterator[Doubt]:
+    yield from RANGES["rise_of_levels"].doubts(toml, "stocking.levels_mm", bare.length)
+    if girths.get("B", 0.0) > girths.get("C", np.inf):
+        problem = f"is {girths['B']:g} mm at B, the ankle, and {girths['C']:g} mm at C, the calf"
+        yield Doubt(str(toml), "bare.girths_mm", problem, "check that they aren't exchanged")
 
 
 def _asked_length(toml: Path, given: LegFile) -> str:
@@ -268,7 +276,7 @@ def doubts_about_leg(leg: StockingLeg, toml: Path) -> Iterator[Doubt]:
     InputError
         For what can't be; names file, field and remedy.
     """
-    bare, accuracy = leg.bare, leg.accuracy
+    bare = leg.bare
     low, high, around = float(bare.levels[0]), float(bare.levels[-1]), perimeter(bare)
     largest = int(np.argmax(around))
     yield from doubts_about_size(toml, "bare", float(around[largest]), bare.contours["tibia"][largest])
@@ -283,15 +291,8 @@ def doubts_about_leg(leg: StockingLeg, toml: Path) -> Iterator[Doubt]:
     if leg.compressed is not None:
         yield from doubts_about_second_scan(bare, leg.compressed, toml)
     if leg.registration is not None:
-        yield from doubts_about_registration(leg.registration, accuracy.sd, toml)
+        yield from doubts_about_registration(leg.registration, leg.accuracy.sd, toml)
     yield from _stocking_doubts(bare, leg.stocking, toml)
-    for field, spread, value in (
-        ("contour_sd_mm", "contour_sd", accuracy.sd),
-        ("correlation_mm", "correlation_of_contours", accuracy.correlation),
-        ("pressure_relative_sd", "relative_sd", accuracy.pressure_sd),
-        ("tension_relative_sd", "relative_sd", accuracy.tension_sd),
-    ):
-        yield from RANGES[spread].doubts(toml, f"accuracy.{field}", value)
     if leg.posture is not None:
         yield from RANGES["height_of_heart"].doubts(toml, "posture.heart_mm", leg.posture.heart - high)
     for level, height in leg.makers.heights.items():

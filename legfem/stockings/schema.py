@@ -69,16 +69,16 @@ class BareEntry(ShapeEntry):
 class OutlineAccuracyEntry(input_files.FileTable):
     """``[accuracy]`` of the outlines."""
 
-    contour_sd_mm: input_files.Positive = 0.2
+    contour_sd_mm: Annotated[float, Field(ge=0.001, le=3)] = 0.2
     """Standard deviation of the scans' outlines."""
-    correlation_mm: input_files.Positive = 8.0
+    correlation_mm: Annotated[float, Field(ge=0.5, le=60)] = 8.0
     """Distance along the skin over which errors of the outlines are alike."""
-    pressure_relative_sd: input_files.Positive = 0.01
+    pressure_relative_sd: Annotated[float, Field(gt=0, le=0.5)] = 0.01
     """Standard deviation of the stocking's pressure over an eighth of the girth, as a share of it."""
-    tension_relative_sd: input_files.NotNegative = 0.0
+    tension_relative_sd: Annotated[float, Field(ge=0, le=0.5)] = 0.0
     """Standard deviation of the fabric's tension as a share of it, one value for the whole leg; 0 takes the tension
     as exact."""
-    girth_relative_sd: input_files.Positive = 0.012
+    girth_relative_sd: Annotated[float, Field(gt=0, le=0.2)] = 0.012
     """Standard deviation of girths by tape: one observer's, by A. te Slaa et al., Phlebology 26 (2011) 14."""
 
 

@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 
 CELL_MM = 6.0
 """Points are taken together in cells of this size, or of more where there would be too many."""
+_LEAST_EXTENT_MM = 1.0
+"""Of several points: images of a section are some centimetres wide."""
 
 
 def _in_tissue(points: FloatArray, site: Site, beyond: float) -> NDArray[np.bool_]:
@@ -98,6 +100,8 @@ class _InCells(base.FramesFile[Site], ABC):
             remedy = "give the points in the outlines' coordinates, where they were before the cylinder pressed"
             raise InputError("frames", "x_mm, y_mm", f"{kept} of {every} points lie in soft tissue", remedy)
         rows = [one.columns[here] for one, here in zip(frames, inside, strict=True)]
+        if 0 < np.ptp(np.concatenate(rows)[:, :2], axis=0).max() < _LEAST_EXTENT_MM:
+            raise InputError("frames", "x_mm, y_mm", "all points lie within a millimetre", "give mm, not m")
         middles, cells = _cells_of(np.concatenate(rows)[:, :2], site.touch, frames[0].cells or self.most)
         of_trial = np.split(cells, np.cumsum([len(one) for one in rows])[:-1])
         ways = len(self.ways)

@@ -43,10 +43,11 @@ def read_workbook(path: Path) -> list[Sheet]:
         reader = _Tables(content, read_only=True, data_only=True)
         reader.read()
         book = reader.wb
-        for page in book.worksheets:
+        shown = [page for page in book.worksheets if page.sheet_state == "visible"]
+        for page in shown:
             page.reset_dimensions()  # as other programs state them they may be wrong
         try:
-            return _tables(path, ((page.title, page.iter_rows(values_only=True)) for page in book.worksheets), remarks)
+            return _tables(path, ((page.title, page.iter_rows(values_only=True)) for page in shown), remarks)
         finally:
             book.close()
 
@@ -63,6 +64,7 @@ def read_old_workbook(path: Path) -> list[Sheet]:
         pages = [
             (page.name, [[value(cell, book.datemode) for cell in page.row(k)] for k in range(page.nrows)])
             for page in book.sheets()
+            if page.visibility == 0
         ]
     return _tables(path, pages)
 
@@ -99,9 +101,8 @@ def _open_row(row: ElementTree.Element) -> list[Cell]:
     cells: list[Cell] = []
     for element in row:
         cell = _open_cell(element)
-        times = int(element.get(f"{_TABLE}number-columns-repeated", 1))
         # Empty cells are repeated to a page's edge.
-        cells += [cell] * min(times, _MOST_COLUMNS)
+        cells += [cell] * min(int(element.get(f"{_TABLE}number-columns-repeated", 1)), _MOST_COLUMNS)
     while cells and cells[-1] is None:
         cells.pop()
     return cells

@@ -28,7 +28,10 @@ class PunchKind(RoundLayerKind[PunchEntry, PunchOnLayer]):
     # Boussinesq.
     followed: ClassVar = "a punch_diameter_mm of half the true value makes it at least twice as large"
     pressing: ClassVar = {"punch_diameter_mm": "radius", "edge_mm": "edge"}
-    ranges: ClassVar = {"punch_diameter_mm": length_range("a punch's diameter", 0.5, 80.0)}
+    ranges: ClassVar = {
+        "punch_diameter_mm": length_range("a punch's diameter", 0.5, 80.0),
+        "edge_mm": length_range("the rounding of an edge", 0.02, 20.0),
+    }
     free_faces: ClassVar = {"punch": "frictionless"}
 
     def body_of(self, given: PunchEntry) -> PunchOnLayer:
