@@ -241,13 +241,9 @@ def _believed(members: Sequence[Member], rows: Sequence[Row], task: str, judged:
     ordered = sorted(rows, key=lambda row: ranks.index(row.judged.tone))
     header = ["member", "group", "judgement", *verdict, *letters.values(), "others", "why"]
     legend = [f"{letters[kind]}: {kind} ({counts[kind]})" for kind in named]
+    beyond = f" {BEYOND_A_FIT}" if task == "identify" and any(row.judged.tone == "sound" for row in rows) else ""
     return [
-        web.Prose(
-            f"The judgement is that of each member's own page: “{judged['sound'][0]}” if the recordings show nothing "
-            "that the model leaves out, and determine the stiffness; “with caution” if something limits the result; "
-            "“undecided” if several explanations remain."
-            + (f" {BEYOND_A_FIT}" if task == "identify" and any(row.judged.tone == "sound" for row in rows) else "")
-        ),
+        web.Prose(TOLD["judgement"].format(sound=judged["sound"][0], beyond=beyond)),
         SortableTable(
             "believed",
             "Judgements and warnings, the most serious first; a dot marks a warning of the kind listed below.",

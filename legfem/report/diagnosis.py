@@ -129,10 +129,7 @@ def _where(found: Diagnosis) -> list[web.Block]:
     places = places_of(found)
     more = len(places) - tables.PLACES_SHOWN
     return [
-        web.Prose(
-            f"{how}. The size is the model's mean force minus the recorded one; the noise is the standard deviation of "
-            "one trial's value. The p-value is family-wise, over all intervals; '-': not significant by itself."
-        ),
+        web.Prose(TOLD["places"].format(how=how)),
         tables.places_table(places, found),
         *([web.Prose(f"{more} smaller ones are in diagnosis.json.")] if more > 0 else []),
     ]
@@ -169,18 +166,10 @@ def _physics(found: Diagnosis) -> list[web.Block]:
         return [*blocks, web.Prose(_closest(found))]
     else:
         held = found.base_held_out
-        evidence = (
-            f"The held-out error is that of predicting {held.how}, from a fit to the other trials; a trial's noise "
-            f"accounts for {number(held.noise)} N. The ln Bayes factor says how much more probable the recordings are "
-            "with the mechanism than without it; 5 is strong. “In part”: a difference without a known cause remains."
-        )
+        evidence = TOLD["evidence"].format(how=held.how, noise=number(held.noise))
         blocks += [tables.evidence_table(found), web.Prose(evidence)]
     if (common := tables.occurrence_table(found)) is not None:
-        how_common = (
-            "C10's range depends on how common each effect is assumed to be (“judgement”: an estimate). The last two "
-            f"columns give C10's range if the effect were {TIMES:g} times rarer, or more common."
-        )
-        blocks += [web.Prose(how_common), common]
+        blocks += [web.Prose(TOLD["how_common"].format(times=TIMES)), common]
     return blocks
 
 
@@ -203,10 +192,8 @@ def _looks(found: Diagnosis) -> str:
         f"R² = {r_squared(left, found.observed.force):.4f}. {TOLD['weighed']}"
     )
     if found.verdict == "consistent":
-        looks += (
-            f" That is no proof that nothing was left out: an effect that looks like a change of {stiffness}, or that "
-            "could not be tested, is not detected."
-        ) + " The table below says how strong each may be." * bool(found.limits)
+        looks += TOLD["no_proof"].format(stiffness=stiffness)
+        looks += " The table below says how strong each may be." * bool(found.limits)
     if found.models:
         looks += " A mechanism that legfem does not know and that looks the same is not ruled out."
     return looks
@@ -226,10 +213,7 @@ def _closest(found: Diagnosis) -> str:
             f"{percent(explained_share(found, named[0]))} of the misfit: that is not a finding."
         )
     held = found.base_held_out
-    return (
-        f"{text} The base model predicts {held.how}, from a refit to the others, with an error of "
-        f"{held.rmse:.3f} N; the differences between trials account for {held.noise:.3f} N."
-    )
+    return TOLD["closest_fails"].format(text=text, how=held.how, error=held.rmse, noise=held.noise)
 
 
 def _untested(found: Diagnosis) -> Iterator[str]:
@@ -274,11 +258,5 @@ def _noise(found: Diagnosis) -> str:
             else "the interpolation differed from the base model's solution by at most "
             f"{100 * max(found.emulator_error, 1e-4):.2g} % of the largest force."
         )
-    return (
-        f"Standard deviations: {noise.force_sd:.3g} N of a force reading within its trial "
-        f"({noise.white_sd:.2g} N from reading to reading, and {noise.slow_sd:.2g} N slowly, over "
-        f"{noise.correlation_time:.2g} s), {posterior.zero_sd:.2g} N of a trial's zero, "
-        f"{100 * posterior.gain_sd:.2g} % of its gain, and {noise.wander_sd:.2g} mm of the displacement. They come "
-        f"from {noise.source}. {solved} {_solved_in_full(found)}The table of numbers says how far what is "
-        "not known exactly was moved."
-    )
+    solved = f"{solved} {_solved_in_full(found)}".strip()
+    return TOLD["noise"].format(noise=noise, zero=posterior.zero_sd, gain=100 * posterior.gain_sd, solved=solved)

@@ -12,7 +12,7 @@ from legfem.inverse.mechanism import Mechanism
 from legfem.inverse.verdict import Diagnosis, ends_of_c10, explained_share, residual_intervals, wide, widest_error
 from legfem.mechanisms.time_dependence import needs_time
 from legfem.report.diagnosis_curves import plain
-from legfem.report.words import capital
+from legfem.report.words import TOLD, capital
 
 _NO_MECHANISM = (
     LabStep("repeat the test on another day and rig"),
@@ -92,21 +92,12 @@ def kin_sentence(models: Sequence[Explanation]) -> str:
 def misfit_sentence(found: Diagnosis) -> str:
     """Return how far a model misses that nothing explains, and what that does to C10."""
     enough = "" if wide(found) else ", so the model is good enough for C10"
-    return (
-        f"The model misses the recordings by more than their noise, by {share(found.misfit.size)} of the largest force "
-        "(root mean square), and no cause that this program knows explains it. Leaving out any one phase, or any third "
-        f"of the depth, changes C10 by at most {share(found.misfit.moves)}. The range counts errors as large as the "
-        f"misfit{enough}."
-    )
+    return TOLD["misfit"].format(size=share(found.misfit.size), moves=share(found.misfit.moves), enough=enough)
 
 
 def aside_sentence(aside: SetAside) -> str:
     """Return what was set aside, and why."""
-    return (
-        "Something unknown, as a muscle that tenses or a leg that moves, disturbed a part of the recordings, which was "
-        f"set aside: {aside.described}. It departs from the other trials by up to {abs(aside.size_N):.2g} N, more than "
-        "gain, zero, first contact and noise explain. Everything here is of the rest."
-    )
+    return TOLD["set_aside"].format(described=aside.described, size=abs(aside.size_N))
 
 
 def hidden_sentence(found: Diagnosis, limit: Limit, end: HiddenEnd) -> str:

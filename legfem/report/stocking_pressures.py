@@ -108,30 +108,17 @@ def _inside(details: StockingDetails, found: TissuePressures) -> list[Block]:
     """Return the pressures at the veins, in the muscle and in the fat."""
     fat, stated = details.fat, details.leg.accuracy.tension_sd > 0
     beside = " and of the fabric's tension" if stated else "; the fabric's tension counts as exact"
-    note = (
-        "Hydrostatic pressure, positive in compression; at the veins in tissue without a vein in "
-        f"it, at z = {details.leg.veins[0].position[2]:.1f} mm. The 95 % intervals include the errors "
-        f"of the stiffness, the mesh and the pressure round the leg{beside}."
-        if details.leg.veins
-        else "Hydrostatic pressure, positive in compression. No veins were given or placed."
-    )
-    measure = (
-        "The greatest pressure in the fat, where the pain receptors are, is the second paper's measure of discomfort. "
-        f"It is {place_in_fat(details.leg.bare, found.greatest_in_fat_at)}."
-    )
-    blocks: list[Block] = [Prose(note), *_postures(details), Prose(measure)]
+    note, place = TOLD["no_veins"], place_in_fat(details.leg.bare, found.greatest_in_fat_at)
+    if details.leg.veins:
+        note = TOLD["inside"].format(level=details.leg.veins[0].position[2], beside=beside)
+    blocks: list[Block] = [Prose(note), *_postures(details), Prose(TOLD["discomfort"].format(place=place))]
     if fat is not None:
         each = (fat.rank_correlation(fat.greatest, other) for other in (fat.thickness, fat.interface))
         thickness, interface = (
             f"{one:.2f}" if np.isfinite(one) else "- (one of them is the same all round)" for one in each
         )
-        said = (
-            f"The fat of this leg is {fat.thickness.min():.1f} to {fat.thickness.max():.1f} mm thick. The rank "
-            f"correlation of the greatest pressure in the fat is {thickness} with the fat's thickness there, and "
-            f"{interface} with the pressure on the skin above. Both are of places on one leg, and say nothing about "
-            "differences between legs."
-        )
-        blocks.append(Prose(said))
+        extent = {"thin": fat.thickness.min(), "thick": fat.thickness.max()}
+        blocks.append(Prose(TOLD["fat_and_pressure"].format(thickness=thickness, interface=interface, **extent)))
     return [*blocks, *fat_curves(details)]
 
 
@@ -282,18 +269,11 @@ def _about_levels(details: TapeDetails) -> Iterator[str]:
     """Yield what is missing at the levels, whether the pressure falls from one to the next, and its gradient."""
     along, makers, leg, levels = details.pressure_along, details.leg.makers, details.leg, details.at_levels
     if missing := [name for name in LEVELS if name not in makers.found(leg.bare)]:
-        yield (
-            f"Not shown, because the height isn't known or lies outside the modelled part: {', '.join(missing)}. "
-            "State the heights in the table [stocking.levels_mm] of leg.toml, between "
-            f"{leg.bare.levels[0]:.0f} and {leg.bare.levels[-1]:.0f} mm."
-        )
+        low, *_, high = leg.bare.levels
+        yield TOLD["level_unknown"].format(missing=", ".join(missing), low=low, high=high)
     open_ones = [one.level for one in levels if one.level != "B" and one.limits_mmHg is None]
     if makers.intended_class and open_ones:
-        yield (
-            f"legfem does not come with the limits of {makers.standard} at {', '.join(open_ones)}, which are not "
-            "freely published. Copy the least and the greatest share of the pressure at B from your copy of the "
-            "standard into the table [stocking.limits_percent] of leg.toml."
-        )
+        yield TOLD["limits_unknown"].format(standard=makers.standard, levels=", ".join(open_ones))
     if len(levels) > 1 and not makers.assumed_fabric:
         steps = [(a.level, b.level, b.mean_pressure_mmHg - a.mean_pressure_mmHg) for a, b in rises(levels)]
         said = [f"increases from {a} to {b} (by {step:.1f} mmHg)" for a, b, step in steps if step >= _SEEN_MMHG]

@@ -42,18 +42,11 @@ def stiffness_blocks(fit: StockingFit) -> list[Block]:
 
 def _goodness(details: StockingDetails, best: ScanFit) -> str:
     leg, misfit = details.leg, best.misfit
-    bare = misfit.distances(leg.bare)
+    bare, expected = float(np.sqrt(np.mean(misfit.distances(leg.bare) ** 2))), leg.accuracy.expected_rms
     shift = ", ".join(f"{value:.2f}" for value in best.rigid[:3])
     turn = ", ".join(f"{value:.2f}" for value in np.degrees(best.rigid[3:]))
-    return (
-        f"The model's contours of skin and hull meet the scan's in {len(misfit.target.levels)} "
-        f"slices to within {best.rms:.3f} mm (root mean square). Errors of the contours alone would cause "
-        f"{leg.accuracy.expected_rms:.3f} mm; the bare leg differs from the scan by "
-        f"{float(np.sqrt(np.mean(bare**2))):.3f} mm. The weighted misfit is "
-        f"{best.weighted_misfit:.2f}; it is 1 if the errors have the size and roughness that are assumed. To reach "
-        f"this, the fit moves the model by {shift} mm along x, y, z and turns it by {turn} degrees about them, within "
-        "the error of the registration."
-    )
+    sizes = {"met": best.rms, "expected": expected, "bare": bare, "weighted": best.weighted_misfit}
+    return TOLD["contours_met"].format(slices=len(misfit.target.levels), shift=shift, turn=turn, **sizes)
 
 
 _SLICE_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")

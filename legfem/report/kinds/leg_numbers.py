@@ -19,7 +19,7 @@ from legfem.mechanics.materials import Hyperelastic
 from legfem.report.estimates import estimated, held_of, held_text, how_found, wave_rows, words_of
 from legfem.report.further_channels import channel_name
 from legfem.report.page import Block, Known, Prose, Provenance, WebTable
-from legfem.report.words import LAW_NAMES, WORDS, region_words
+from legfem.report.words import LAW_NAMES, TOLD, WORDS, region_words
 
 type LegFit = Fit[LegDetails]
 
@@ -164,35 +164,23 @@ def _procedure(fit: LegFit) -> str:
     deep = all(name.startswith("deep.") for name in fit.estimates)
     weights = WORDS["weightings"][fit.weighting]
     sought = "the tissue's parameters" if deep else ", ".join(fit.estimates)
-    return (
-        f"The recordings ({trials} trial{'s' * (trials > 1)}) are of {pressed}. At stations along {weighed} every "
-        f"trial they are compared with the model. {together}{_model(fit)} {searcher} searched for {sought} "
-        f"on an emulator of the model, which full solves refined and confirmed; {weights}.{own}"
-    )
+    many = f"{trials} trial{'s' * (trials > 1)}"
+    how = {"pressed": pressed, "weighed": weighed, "together": together, "model": _model(fit), "searcher": searcher}
+    return TOLD["of_stations"].format(trials=many, sought=sought, weights=weights, own=own, **how)
 
 
 def _model(fit: LegFit) -> str:
     spatial = fit.details.spatial
     if isinstance(spatial, SpatialSites):
         left = ", ".join(f"{name} {100 * value:.2g} %" for name, value in spatial.errors.items())
-        return (
-            f"The model is the leg itself in 3D, {spatial.full_solves} solves of single sites; "
-            f"{spatial.rough_solves} more, by larger elements and of a shorter leg, measured the errors that are left, "
-            f"of the force at most: {left}."
-        )
+        return TOLD["spatial_sites"].format(full=spatial.full_solves, rough=spatial.rough_solves, left=left)
     applied = fit.details.corrections[0]
     if isinstance(spatial, SpatialEvidence):
-        return (
-            f"The leg itself was solved in 3D ({spatial.full_solves} full solve{'s' * (spatial.full_solves > 1)}; "
-            f"{spatial.rough_solves} more with larger elements measured the error of the mesh). At other stiffnesses "
-            "the search used the section's force in plane strain, multiplied by its ratio to the force in 3D."
-        )
+        full = f"{spatial.full_solves} full solve{'s' * (spatial.full_solves > 1)}"
+        return TOLD["spatial_evidence"].format(full=full, rough=spatial.rough_solves)
     correction = f"with the 3D correction {applied.name}" if applied else "without a correction for 3D effects"
     alike = ", whose errors are taken to be alike at all sites" if applied and len(fit.tests) > 1 else ""
-    return (
-        "A plane-strain finite-element model of the section gives the force per length, which is multiplied by the "
-        f"cylinder's length, {correction}{alike}."
-    )
+    return TOLD["plane_model"].format(correction=correction + alike)
 
 
 def _statistics(fit: LegFit) -> dict[str, str]:

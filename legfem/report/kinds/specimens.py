@@ -306,12 +306,8 @@ def procedure(result: SpecimenFit) -> str:
         said += f"{TOLD['relaxation']} "
     if result.details.stiffness:
         said += f"{TOLD['typical_specimen']} "
-    return (
-        f"{together} from first contact {said}{_of_layers(result)}{_of_fibres(result)}{f'{note} ' if note else ''}"
-        "A genetic algorithm (pygad) searched on an emulator of the tests, which full solves "
-        "refined and confirmed. The intervals include the errors of the instrument and of the model, and the "
-        f"factor by which recordings differ ({100 * result.details.gain_sd:.2g} %)."
-    )
+    said += f"{_of_layers(result)}{_of_fibres(result)}{f'{note} ' if note else ''}"
+    return TOLD["specimens_fitted"].format(together=together, said=said, gain=100 * result.details.gain_sd)
 
 
 def _of_layers(result: SpecimenFit) -> str:
@@ -323,11 +319,7 @@ def _of_layers(result: SpecimenFit) -> str:
     if result.details.folder.relaxes:
         after = " (so a stated stiffness is that after all relaxation)" if stated else ""
         held = f"they are taken to relax alike{after}; {held}"
-    return (
-        f"The layers are bonded to each other; {held}the shape of a curve is taken to be known to "
-        f"{100 * SHAPE_SD_OF_LAYERS:.0f} %, because effects that the law leaves out bend it in the same way as "
-        "layers of different stiffness. "
-    )
+    return TOLD["of_layers"].format(held=held, shape=100 * SHAPE_SD_OF_LAYERS)
 
 
 def _of_fibres(result: SpecimenFit) -> str:
@@ -342,11 +334,8 @@ def _of_fibres(result: SpecimenFit) -> str:
     elif sought and result.details.stiffness:
         typical = "Typical specimens of both directions are taken to be equally stiff, and a specimen that was turned "
         typical += "to be the same. "
-    return (
-        "The tissue is stiffer along its fibres: the ratio of its shear moduli is "
-        f"{'estimated' if sought else f'taken to be {result.values[ratio]:.3g}'}, Young's modulus "
-        f"along them being four times the modulus along less the modulus across; {shape}. {typical}"
-    )
+    known = "estimated" if sought else f"taken to be {result.values[ratio]:.3g}"
+    return TOLD["of_fibres"].format(known=known, shape=shape, typical=typical)
 
 
 def followed(result: SpecimenFit) -> str:

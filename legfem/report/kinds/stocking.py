@@ -257,20 +257,10 @@ def _scanned(details: StockingDetails) -> list[web.Block]:
     leg = details.leg
     made = "Simulated scans" if leg.origin == "simulated" else "Scans"
     which = "without" if leg.compressed is None else "without and with"
-    lines = [
-        f"{made} of {leg.bare.length:.0f} mm of the leg, z = {leg.bare.levels[0]:.0f} to {leg.bare.levels[-1]:.0f} mm, "
-        f"{which} the stocking. Bones: {', '.join(leg.bare.bones)}. Coordinates are taken as DICOM's: x to the "
-        "patient's left, y to the back, z upwards."
-    ]
-    registration = leg.registration
-    if registration is not None:
-        error = registration.standard_error
-        lines.append(
-            f"The scan in the stocking was laid on the bare one by the bones: what is left between "
-            f"them is {registration.residual:.3f} mm (root mean square of {registration.pairs} "
-            f"patches, {registration.left_out} left out); standard error of the shift "
-            f"{error[0]:.3f}, {error[1]:.3f} and {error[2]:.3f} mm in x, y and z."
-        )
+    part = {"length": leg.bare.length, "low": leg.bare.levels[0], "high": leg.bare.levels[-1]}
+    lines = [TOLD["scanned"].format(made=made, which=which, bones=", ".join(leg.bare.bones), **part)]
+    if (found := leg.registration) is not None:
+        lines.append(TOLD["registered"].format(found=found, **dict(zip("xyz", found.standard_error, strict=True))))
     elif leg.compressed is not None:
         lines.append("The two were given in one system of coordinates: nothing was registered.")
     return [web.Prose(line) for line in lines]
