@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import ast
 import re
 from pathlib import Path
+from string import Formatter
 from typing import get_args
 
 import pytest
@@ -61,3 +63,29 @@ def test_every_paragraph_that_a_page_says_is_there_and_none_is_left_over():
     texts = [path.read_text(encoding="utf-8") for path in Path(legfem.__file__).parent.rglob("*.py")]
     said = {key for text in texts for key in re.findall(r"""(?:TOLD|WORDS\["told"\])\[["'](\w+)["']\]""", text)}
     assert said == {*WORDS["told"], *resource("app/words", dict[str, dict[str, str]])["told"]}
+
+
+def _named_in(function: ast.AST, call: ast.Call) -> set[str]:
+    """Return the names that a call of format gives, with the keys of what it unpacks."""
+    given = {one.arg for one in call.keywords if one.arg}
+    if any(one.arg is None for one in call.keywords):
+        tables = [one for one in ast.walk(function) if isinstance(one, ast.Dict)]
+        given |= {key.value for table in tables for key in table.keys if isinstance(key, ast.Constant)}
+        given |= set("xyz")
+    return given
+
+
+def test_every_paragraph_gets_the_values_that_it_names():
+    checked = 0
+    for path in sorted(Path(legfem.__file__).parent.rglob("*.py")):
+        for function in ast.walk(ast.parse(path.read_text())):
+            for call in ast.walk(function) if isinstance(function, ast.FunctionDef) else ():
+                match call:
+                    case ast.Call(ast.Attribute(ast.Subscript(ast.Name("TOLD"), ast.Constant(str(key))), "format")):
+                        fields = {name for _, name, _, _ in Formatter().parse(WORDS["told"][key]) if name}
+                        names = {re.split(r"[.\[]", name)[0] for name in fields}
+                        given = _named_in(function, call)
+                        assert names <= given, (key, names - given)
+                        assert {one.arg for one in call.keywords if one.arg} <= names, key
+                        checked += 1
+    assert checked > 40

@@ -72,10 +72,7 @@ def chapter(found: Statistics) -> web.Chapter:
     if any(one.fitted for one in some):
         blocks.append(_variances(some))
     if needed := [one for one in some if one.needed]:
-        caption = (
-            f"People in each of two groups that a next study needs (power {100 * POWER:.0f} %, level {100 * LEVEL:.0f} "
-            "%, two-sided t test of people's means), with these spreads and as many tests a person"
-        )
+        caption = TOLD["next_study"].format(power=100 * POWER, level=100 * LEVEL)
         rows = [
             {"to find a difference of": called(one.name), **{f"{100 * size:.0f} %": f"{n}" for size, n in one.needed}}
             for one in needed

@@ -187,10 +187,8 @@ def _looks(found: Diagnosis) -> str:
     stiffness = " and ".join(map(symbol_of, found.base_model.fit.stiffness))
     left = float(np.sum(found.base_model.fit.residual[found.observed.data.spans[0]] ** 2))
     ends = ", the cylinder's ends included" if found.with_ends else ""
-    looks = (
-        f"The base model ({LAW_NAMES[found.law]} deep tissue{ends}, nothing added) fits with "
-        f"R² = {r_squared(left, found.observed.force):.4f}. {TOLD['weighed']}"
-    )
+    fits = r_squared(left, found.observed.force)
+    looks = TOLD["base_model"].format(law=LAW_NAMES[found.law], ends=ends, r_squared=fits) + TOLD["weighed"]
     if found.verdict == "consistent":
         looks += TOLD["no_proof"].format(stiffness=stiffness)
         looks += " The table below says how strong each may be." * bool(found.limits)
@@ -203,15 +201,10 @@ def _closest(found: Diagnosis) -> str:
     text = TOLD["no_mechanism"]
     named = [e for e in found.explained.every if e.names]
     if named and found.explained.describes(named[0]):
-        text += (
-            f" The most probable of them is {model_name(named[0])} "
-            f"({percent(named[0].probability)}): that is not a finding."
-        )
+        text += TOLD["most_probable"].format(name=model_name(named[0]), chance=percent(named[0].probability))
     elif named:
-        text += (
-            f" {capital(model_name(named[0]))} comes closest of them, and explains "
-            f"{percent(explained_share(found, named[0]))} of the misfit: that is not a finding."
-        )
+        part = percent(explained_share(found, named[0]))
+        text += TOLD["comes_closest"].format(name=capital(model_name(named[0])), part=part)
     held = found.base_held_out
     return TOLD["closest_fails"].format(text=text, how=held.how, error=held.rmse, noise=held.noise)
 
@@ -225,10 +218,7 @@ def _untested(found: Diagnosis) -> Iterator[str]:
     if not reasons:
         yield "All mechanisms that legfem knows were tested."
     both = " and ".join(map(symbol_of, found.base_model.fit.stiffness))
-    yield (
-        f"A constant factor on the force (the load cell's gain, the cylinder's length) looks like a change of {both}. "
-        "It was not tested, and would change the stiffness without any sign of it."
-    )
+    yield TOLD["constant_factor"].format(both=both)
 
 
 def _solved_in_full(found: Diagnosis) -> str:
@@ -237,11 +227,8 @@ def _solved_in_full(found: Diagnosis) -> str:
     if not left.screened:
         return ""
     whole = f"the answer rests on {' and '.join(map(plain, left.in_full))}, solved in full; " if left.in_full else ""
-    return (
-        f"Of the effects that change the tissue {whole}{len(left.screened)} were screened by a few solutions each, "
-        f"which may move a probability by {share(left.probability)} and an end of C10's range by "
-        f"{share(left.interval)} at most. "
-    )
+    bounds = {"probability": share(left.probability), "interval": share(left.interval)}
+    return TOLD["screened"].format(whole=whole, count=len(left.screened), **bounds)
 
 
 def _noise(found: Diagnosis) -> str:

@@ -15,7 +15,7 @@ from legfem.inverse.predictive import nearest_fit
 from legfem.inverse.verdict import Diagnosis
 from legfem.report.curves import Curves, Dash, Line, curves_figure
 from legfem.report.style import DATA_COLOUR, FAINT
-from legfem.report.words import LAW_NAMES
+from legfem.report.words import LAW_NAMES, TOLD
 
 BASE_COLOUR = "#D55E00"
 REPAIRED_COLOUR = "#0072B2"
@@ -188,9 +188,7 @@ def _over(found: Diagnosis, number: int, time: bool, lines: list[Line], left: li
     return Curves(
         f"recording{number}-{time:d}",
         f"Force over {'time' if time else 'displacement'}, {stations.label}",
-        f": recorded, and of the {LAW_NAMES[found.law]} model, each as near to the recordings as it gets; beneath, "
-        f"model less recorded; for single trials, the {BASE_NAME} less the trial. Root mean square over all trials: "
-        f"{', '.join(left)}.",
+        TOLD["recorded_and_model"].format(law=LAW_NAMES[found.law], base=BASE_NAME, left=", ".join(left)),
         stations.time if time else stations.displacement,
         "time (s)" if time else "displacement (mm)",
         "force (N)",
@@ -244,8 +242,7 @@ def _signatures(found: Diagnosis, number: int, names: list[str]) -> Curves:
     return Curves(
         f"signature{number}",
         "Does the difference look like what a mechanism would leave",
-        f"; {stations.label}: base model less recorded, on average over trials, and mechanisms' signatures, less what "
-        f"a fit of {hides} hides, scaled to the misfit.",
+        TOLD["signatures"].format(label=stations.label, hides=hides),
         stations.time if timed else stations.displacement,
         "time (s)" if timed else "displacement (mm)",
         "base model − recorded (N)",

@@ -131,10 +131,8 @@ def _sure(found: Diagnosis) -> str:
     if found.verdict == "named":
         if found.models[0].missing:
             return f"{capital(wrong)}; what it is like is not what it is. The range also allows for other causes."
-        return (
-            f"{capital(wrong)}, and if so {percent(found.models[0].probability)} sure of this cause. The range also "
-            f"allows for other causes, and {_NINETEEN_OF_20}"
-        )
+        chance = percent(found.models[0].probability)
+        return TOLD["sure_of_cause"].format(wrong=capital(wrong), chance=chance, meant=_NINETEEN_OF_20)
     return f"{capital(wrong)}; this test cannot determine which of these. The range {_NINETEEN_OF_20}"
 
 
@@ -151,10 +149,7 @@ def _stiffness(found: Diagnosis) -> str:
     if found.verdict == "unexplained":
         return f"{_C10}, is {before} kPa; the misfit changes it by {share(found.misfit.moves)} at most."
     if found.verdict == "consistent" and wide(found):
-        return (
-            f"{_C10}, is {before} kPa if no effect is hidden; a hidden effect could change it by "
-            f"{percent(found.may_be_off)}."
-        )
+        return TOLD["may_hide"].format(before=before, change=percent(found.may_be_off))
     if found.verdict == "consistent":
         return f"{_C10}, is {before} kPa; no correction is needed."
     low, high = ends_of_c10(found)
@@ -164,15 +159,10 @@ def _stiffness(found: Diagnosis) -> str:
         change = relative_change(found.base_model.value(DEEP_C10), found.models[0].value(DEEP_C10)).lstrip("+")
         way = "lower" if change.startswith("-") else "higher"
         causes = "" if found.verdict == "named" else ", whichever cause it is"
-        return (
-            f"{_C10}, would be {before} kPa without the correction. Corrected it is {after[0]} kPa "
-            f"({change.lstrip('-')} {way}){causes}."
-        )
+        moved = {"change": change.lstrip("-"), "way": way, "causes": causes}
+        return TOLD["corrected"].format(before=before, after=after[0], **moved)
     least, most = min(after, key=float), max(after, key=float)
-    return (
-        f"{_C10}, would be {before} kPa without a correction. Corrected it is {least} to {most} kPa, "
-        "depending on the cause."
-    )
+    return TOLD["corrected_range"].format(before=before, least=least, most=most)
 
 
 _C10 = "C10, the stiffness of the tissue"

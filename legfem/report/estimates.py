@@ -19,7 +19,7 @@ from legfem.inverse.fit import SIGNIFICANT, Fit, Goodness, TestFit, gain_of, mis
 from legfem.inverse.intervals import WEAKLY_WITHIN
 from legfem.legs.subject import Subject
 from legfem.report.page import Block, Known, Provenance, WebTable
-from legfem.report.words import LAW_NAMES, REGION_NAMES, WORDS, capital, moduli_text
+from legfem.report.words import LAW_NAMES, REGION_NAMES, TOLD, WORDS, capital, moduli_text
 
 
 def value_text(found: Estimate) -> str:
@@ -180,10 +180,7 @@ def rests_on(parameters: Mapping[str, Estimate], likewise: str) -> list[str]:
     ]
     if not changes:
         return []
-    return [
-        f"The units, the load cell's calibration and the stated sizes were not checked. If they are wrong, the result "
-        f"changes: {'; '.join(changes)}; {likewise}. Only an error by a factor of about ten or more would be noticed."
-    ]
+    return [TOLD["unchecked"].format(changes="; ".join(changes), likewise=likewise)]
 
 
 _MUCH = 0.25
@@ -249,10 +246,7 @@ def comparison(results: Sequence[Fit[Any]]) -> Iterator[str]:
     name, further = LAW_NAMES[better.law], len(better.estimates) > len(worse.estimates)
     gain, chance = gain_of(better, worse) if further else (0.0, 0.0)
     if further and chance >= SIGNIFICANT:
-        yield (
-            f"The {name} law's {costs}, but its additional parameter is not needed: chi-square "
-            f"changes by {-gain:+.2g} ({fit_probability(chance)}), no more than noise alone would change it."
-        )
+        yield TOLD["not_needed"].format(name=name, costs=costs, change=-gain, chance=fit_probability(chance))
         return
     yield f"The {name} law fits better: its {costs}."
     if further:

@@ -322,10 +322,7 @@ def mapped_muscle(fit: Fit[LegDetails]) -> list[web.Block]:
     predicted, read = fit.details.stations[0].predicted, site_test(subject, None).observed.channels
     placed = (one for one in read if one.places)
     arrows = [arrow for one in placed for arrow in channel_arrows(one, one.values - predicted[one.name], site)]
-    caption = (
-        "The muscle's C10 where the recordings determine it; grey: they leave more than half of the variance of ln C10 "
-        f"before a test ({found.prior_log_sd:g} squared). Nothing smaller than {found.finest_mm:.0f} mm is resolved."
-    )
+    caption = TOLD["muscle_map"].format(sd=found.prior_log_sd, finest=found.finest_mm)
     more = replace(section, caption="What a uniform muscle leaves of the readings inside.", arrows=arrows, key="left")
     mapped = replace(section, caption=caption, marks=marks, key="map")
     return [mapped, *([more] if arrows else []), web.Bullets(list(_mapped(found)))]

@@ -98,17 +98,11 @@ def _deformed_state(
     best, shot = preferred(fits), _filmed(fits, experiment)
     solved = shot.solved.report
     if not shot.is_final:
-        note = (
-            f"The deformed state at {curve_of(best.tests[0]).displacement[-1]:g} mm could not be solved for again with "
-            f"the same mesh ({solved.reason}): its picture and fields are left out."
-        )
+        depth = curve_of(best.tests[0]).displacement[-1]
+        note = TOLD["no_fields"].format(depth=depth, reason=solved.reason)
         return [], None, note
     fields = ReportFile(write_fields(shot.fields, folder, solved.reached), TOLD["section_fields"])
-    note = (
-        f"The pressed section and its fields were computed in plane strain with {_under(best)} at {solved.reached:g} "
-        f"mm, in one full solve in addition to the search's {best.log.forward_solves} "
-        f"({solved.factorisations} factorisations, {solved.seconds:.1f} s)."
-    )
+    note = TOLD["fields"].format(under=_under(best), solved=solved, solves=best.log.forward_solves)
     return [fields], shot.section(_under(best)), note
 
 

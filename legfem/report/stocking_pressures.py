@@ -241,10 +241,8 @@ def _errors(details: TapeDetails) -> str:
     told, around, girth = WORDS["along_errors"], details.leg.accuracy.pressure_sd, details.leg.girth_sd
     tension = f"{100 * details.tension_sd:.2g} % of the fabric's tension; " if details.tension_sd else ""
     last = told["scan"] if girth is None else told["tape"].format(girth=100 * girth)
-    return (
-        f"The intervals include these errors (standard deviations): {tension}{100 * around:g} % of the pressure on "
-        f"each eighth of the girth; and {last}.{'' if tension else ' ' + told['unstated']}"
-    )
+    unstated = "" if tension else " " + told["unstated"]
+    return TOLD["errors_along"].format(tension=tension, around=100 * around, last=last, unstated=unstated)
 
 
 def _fabric_blocks(details: TapeDetails) -> list[Block]:
@@ -258,10 +256,7 @@ def _fabric_blocks(details: TapeDetails) -> list[Block]:
         }
         for one in details.fabrics
     ]
-    caption = (
-        f"Fabric under which the mean pressure at B is within a class of {details.leg.makers.standard} on this leg, "
-        "which gives way in proportion to the pressure; run legfem stocking again with the one that you choose"
-    )
+    caption = TOLD["fabric_for"].format(standard=details.leg.makers.standard)
     return [WebTable.of(caption, rows)] if rows else []
 
 
@@ -281,10 +276,7 @@ def _about_levels(details: TapeDetails) -> Iterator[str]:
         does = " and ".join(said) or "does so at these levels"
         yield f"The pressure should decrease steadily from the ankle upwards (RAL-GZ 387 requires it): it {does}."
     slope = round(10 * float(np.polyfit(along.levels, along.mean, 1)[0]), 2) + 0.0
-    assumed = (
-        f" The fabric was not given: it was chosen to press with {100 * CALF_SHARE:.0f} % of the class's "
-        "pressure at the ankle at all heights, so gradient and limits say nothing about a real stocking."
-    )
+    assumed = TOLD["fabric_assumed"].format(share=100 * CALF_SHARE)
     yield (
         f"Gradient: {slope:+.2f} mmHg per cm upwards, from {along.mean[0]:.1f} mmHg at the lower end to "
         f"{along.mean[-1]:.1f} mmHg at the upper end.{assumed if makers.assumed_fabric else ''}"

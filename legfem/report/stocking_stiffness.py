@@ -32,10 +32,7 @@ def stiffness_blocks(fit: StockingFit) -> list[Block]:
     if known := 100 * leg.accuracy.tension_sd:
         by = " and the sensors" if details.sensors else ""
         fabric = f"They include an error of {known:g} % (sd) of the fabric's tension, which the scans{by} narrow."
-    errors = (
-        "The intervals include errors of the contours, of the registration, and of a pressure "
-        f"that differs from place to place round the leg. {fabric}"
-    )
+    errors = TOLD["errors_of_stocking"].format(fabric=fabric)
     used = f"The pressures below are not of these values but of those given: {given}."
     return [Prose(errors), Prose(_goodness(details, best)), *how_found([fit]), *([Prose(used)] if leg.known else [])]
 
@@ -119,9 +116,6 @@ def discrepancy_verdict(found: ModelDiscrepancy) -> str:
     text = f"{'Named' if found.verdict == 'named' else 'Ambiguous'}: {named}."
     if found.rms_after_mm is not None and found.c10_after_kPa is not None:
         muscle, fat = found.c10_after_kPa
-        text += (
-            f" With {found.named[0]} in the model, solved anew, the contours are met to {found.rms_after_mm:.3f} mm "
-            f"instead of {found.rms_before_mm:.3f} mm, and C10 is {muscle:.3g} kPa for muscle and {fat:.3g} kPa for "
-            "fat."
-        )
+        met = {"after": found.rms_after_mm, "before": found.rms_before_mm, "muscle": muscle, "fat": fat}
+        text += TOLD["contours_with"].format(cause=found.named[0], **met)
     return text

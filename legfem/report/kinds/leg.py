@@ -28,7 +28,7 @@ from legfem.report.leg_figure import SECTION_SHOWS, placement_figure
 from legfem.report.plan import options_of
 from legfem.report.pressed_section import still_section
 from legfem.report.style import DATA_COLOUR, FAINT, picture
-from legfem.report.words import BEYOND_A_FIT, LAW_NAMES, NOT_TESTED, region_words
+from legfem.report.words import BEYOND_A_FIT, LAW_NAMES, NOT_TESTED, TOLD, region_words
 
 _DASHES: dict[str, Dash] = {"neo-hookean": "dashed", "reduced-polynomial": "solid"}
 _LIKEWISE = "a stated length_mm that is 10 % too low has the same effect as forces that are 10 % too high"
@@ -195,10 +195,7 @@ def _leg_itself(fits: Sequence[LegFit], pressed: web.PressedSection | None, note
 
 def _site_table(chosen: LegFit) -> web.WebTable:
     """Return what each of several sites says by itself."""
-    caption = (
-        f"Values that each site gives by itself, {LAW_NAMES[chosen.law]} law (± one standard error; in brackets, the "
-        "difference from the joint value in standard errors of that difference)"
-    )
+    caption = TOLD["own_values"].format(law=LAW_NAMES[chosen.law])
     rows = [
         {
             "site": one.name,
@@ -233,10 +230,8 @@ def _agreement(fit: LegFit) -> str:
     far = {name: fit.farthest(name) for name in fit.estimates}
     most = max(far, key=lambda name: abs(far[name].by_itself[name].departure))
     departure = far[most].by_itself[most].departure
-    text = (
-        f"The sites' own values differ by chi-square {estimates.chance(fit.agreement)}; {far[most].name} "
-        f"differs most, by {departure:+.1f} standard errors in {symbol_of(most)}."
-    )
+    worst = {"most": far[most].name, "departure": departure, "symbol": symbol_of(most)}
+    text = TOLD["sites_differ"].format(chance=estimates.chance(fit.agreement), **worst)
     if (ratio := fit.agreement.birge_ratio) > 1:
         text += f" This widens the intervals by a factor of up to {ratio:.3g} (Birge's ratio)."
     return text

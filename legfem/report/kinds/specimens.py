@@ -250,10 +250,7 @@ def _test_in_numbers(samples: Sequence[RecordingFit], law: str, test: str) -> we
         }
         for one in samples
     ]
-    caption = (
-        f"Recordings{f' of {test}' if test else ''} and the {law} law; own/joint: the factor by which the law's force "
-        "fits that one best"
-    )
+    caption = TOLD["recordings_of_law"].format(of=f" of {test}" if test else "", law=law)
     return web.WebTable.of(caption, rows, folded=True)
 
 
@@ -349,11 +346,8 @@ def tested(results: Sequence[SpecimenFit]) -> Iterator[str]:
     """Yield how each law fared, how specimens differ, and how well what was left out is predicted."""
     for result in results:
         details, goodness = result.details, result.goodness
-        yield (
-            f"The {LAW_NAMES[result.law]} law differs from the recordings by {rms_percent(result):.2g} % (rms), "
-            f"chi-square {goodness.chi_square:.4g} on {goodness.degrees_of_freedom} degrees of freedom "
-            f"({fit_probability(goodness.p_value)})."
-        )
+        law, chance = LAW_NAMES[result.law], fit_probability(goodness.p_value)
+        yield TOLD["law_differs"].format(law=law, rms=rms_percent(result), good=goodness, chance=chance)
         yield from channel_lines(result)
         if not goodness.fits:
             one = _worst(result)[0]
@@ -364,10 +358,8 @@ def tested(results: Sequence[SpecimenFit]) -> Iterator[str]:
         if details.agreement is not None and not details.agreement.disagree:
             yield details.agreement.text
         if each := details.stiffness.values():
-            yield (
-                f"of a typical specimen: {len(each)} specimens are {min(each):.2f} to {max(each):.2f} times as stiff "
-                f"(standard deviation of the logarithm {details.stiffness_spread:.2f})."
-            )
+            spread = {"low": min(each), "high": max(each), "sd": details.stiffness_spread}
+            yield TOLD["typical_range"].format(count=len(each), **spread)
         for one in (one for one in compared(result) if not one.fitted):
             load, stiff = one.recording.axes.load_text, ""
             if one.recording.specimen in details.stiffness:

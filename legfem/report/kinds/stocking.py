@@ -50,15 +50,10 @@ class StockingReport(ReportKind):
             parts += ["The pressures are those of the stiffness that was given."] if details.leg.known else []
             ends = map(found.vein_interval, range(len(details.leg.veins)))
             if spreads := [mpa_to_mmhg(high) - mpa_to_mmhg(low) for low, high in ends if np.isfinite(high)]:
-                parts.append(
-                    "If the model and the fabric are right, pressures at the veins are known within "
-                    f"{0.5 * max(spreads):.1f} mmHg (95 %)."
-                )
+                parts.append(TOLD["at_veins"].format(half=0.5 * max(spreads)))
             where = stocking_pressures.place_in_fat(details.leg.bare, found.greatest_in_fat_at)
-            comfort = (
-                "The greatest pressure in the fat, where the pain receptors are, is "
-                f"{stocking_pressures.greatest_in_fat(details, found)}, {where}."
-            )
+            greatest = stocking_pressures.greatest_in_fat(details, found)
+            comfort = TOLD["in_fat"].format(greatest=greatest, where=where)
         return [
             ("Problems found", _wrong(details)),
             ("How sure", " ".join(parts) or "Unknown: there is nothing to compare with."),
@@ -244,10 +239,7 @@ def _next(fit: StockingFit) -> Iterator[str]:
         yield TOLD["look_at_contours"]
         return
     if unsure := fit.answer.parameters["unsure"]:
-        yield (
-            f"Do not rely on the stiffness of the {' and the '.join(unsure)}: these scans do not "
-            "determine it well enough. The pressures hardly depend on it."
-        )
+        yield TOLD["unsure_stiffness"].format(tissues=" and the ".join(unsure))
     if details.leg.compressed is None:
         yield "Scan the leg in its stocking, too: then the stiffness can be found."
     yield TOLD["compare_pressure"]

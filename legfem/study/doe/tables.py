@@ -272,10 +272,7 @@ def to_measure(result: StudyResult) -> list[str]:
     if all(half <= IDENTIFIED_WITHIN for half in within.values()):
         first = f"Press {depth:g} mm deep: with fat and fascia known within their ranges, one trial gives {halves}."
     else:
-        first = (
-            f"One press of {depth:g} mm is not enough: if fat and fascia are only known within their "
-            f"ranges, it gives {halves}. Measure {in_words(ranked[0][0])} by another test."
-        )
+        first = TOLD["one_press_is_little"].format(depth=depth, halves=halves, first=in_words(ranked[0][0]))
     depths = {n: information.told_from(n, within_ranges=True) for n in information.names if n in IDENTIFIED}
     return [
         first,
@@ -316,11 +313,7 @@ def information_blocks(result: StudyResult) -> list[web.Block]:
     return [
         web.WebTable.of(caption, _information_rows(found, definition.ends)),
         _half_widths(found),
-        web.Prose(
-            "The half-widths are relative to the value. No unbiased estimate can have smaller ones at "
-            f"{point} (MPa, mm), from one trial with one independent reading a mm and errors of "
-            f"{instrument.force_sd:.3g} N and {instrument.displacement_sd:.3g} mm (sd). {TOLD['information']}"
-        ),
+        web.Prose(TOLD["half_widths_of_study"].format(point=point, instrument=instrument) + TOLD["information"]),
         web.Prose(TOLD["combinations"]),
         web.Bullets(directions),
         *([web.Bullets(moved)] if moved else []),
