@@ -133,7 +133,7 @@ class Estimated:
         prior = self.parameter.prior
         if prior is None:
             return 0.0
-        return self.standard_error / (prior.width(self.value) * (self.value if prior.scale == "log" else 1.0))
+        return self.standard_error / prior.width(self.value)
 
     def verdict(self, model_fits: bool) -> Identifiability:
         """Return the word for it; weakly identifiable at best where the model misses the data.

@@ -53,7 +53,9 @@ class Prior:
             return np.log(np.maximum(value, 0.0) / self.centre) / self.sd
 
     def width(self, value: float) -> float:
-        """Return the standard deviation about a value, in the parameter's unit or of the natural logarithm."""
+        """Return the standard deviation about a value, in the parameter's unit."""
+        if self.scale == "log":
+            return self.sd * value
         return math.hypot(self.sd, value - self.centre) if self.scale == "tailed" else self.sd
 
     def value_at(self, departure: float) -> float:
@@ -134,7 +136,7 @@ class Priors:
         """Return the derivatives (k, p) of the departures at values (p,)."""
         rows = np.zeros((len(self), len(self.parameters)))
         for row, (k, prior) in enumerate(self._known):
-            rows[row, k] = 1 / (prior.width(values[k]) * (values[k] if prior.scale == "log" else 1.0))
+            rows[row, k] = 1 / prior.width(values[k])
         return rows
 
 
