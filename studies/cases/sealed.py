@@ -23,6 +23,8 @@ from legfem.inverse.screening import Complete
 from legfem.inverse.search import SearchError
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.diagnosis import WITHOUT_ENDS, Diagnoser
+from legfem.legs.plausibility import room_before
+from legfem.legs.plausible_recordings import doubts_about_recordings
 from legfem.legs.subject import Subject
 from legfem.report.diagnosis_headline import headline
 from studies.cases.instruments import recorded
@@ -72,6 +74,8 @@ class Said:
     """Whether it isn't provisional, ..."""
     weighed: tuple[int, int] = (0, 0)
     """... and how many effects were weighed, of how many; not counted where it is."""
+    doubted: bool = False
+    """Whether the page would begin with a doubt about the recordings, whatever the diagnosis says."""
 
     @property
     def first(self) -> list[str]:
@@ -274,7 +278,8 @@ class Lab:
             found = self.diagnose(subject, complete, solved if self.confirms else None)
         except SearchError:
             return None
-        return say(found, case, subset, time.process_time() - begun)
+        doubted = any(doubts_about_recordings(subject, Path("subject.toml"), room_before(subject)))
+        return replace(say(found, case, subset, time.process_time() - begun), doubted=doubted)
 
     def said_by_time(self, case: SealedCase) -> list[Said]:
         """Return what is said by force alone at once, then after ever more seconds of the processor, the last in full.

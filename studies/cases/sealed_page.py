@@ -118,6 +118,6 @@ def _cases(said: Sequence[Said]) -> list[str]:
 def cell_of(one: Said) -> str:
     """Return what is said of a case: bold where it is right, and C10's interval."""
     names = " or ".join("+".join(n) for n in one.listed[:2]) or one.verdict
-    held = "" if one.holds else " **outside**"
+    held = ("" if one.holds else " **outside**") + " (doubted)" * one.doubted
     bold = "**" if one.right else ""
     return f"{bold}{names}{bold} {one.probability:.2f}; {one.interval[0]:.2f} to {one.interval[1]:.2f}{held}"
