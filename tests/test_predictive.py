@@ -18,7 +18,7 @@ from legfem.inverse.explanation import Explained
 from legfem.inverse.predictive import checks_by_phase
 from legfem.mechanisms import mechanism_named
 from legfem.report.diagnosis_numbers import occurrence_table, phase_table
-from legfem.report.diagnosis_sentences import shared_sentence
+from legfem.report.diagnosis_sentences import shared_by
 from legfem.report.words import capital
 
 SLOW = [one for one in two_rates() if "rate0.4" in one.trial]
@@ -100,9 +100,9 @@ def test_it_relaxes_is_said_where_every_explanation_does():
     made = {e.names: e for e in explain(base, sought).every}
     relaxing, drift = made["viscoelasticity",], made["force-drift",]
     drained = replace(relaxing, fit=replace(relaxing.fit, mechanisms=(mechanism_named("poroelastic-drainage"),)))
-    assert shared_sentence([relaxing, drained]).startswith("The leg relaxes")
-    assert shared_sentence([relaxing, drift]) == ""
-    assert shared_sentence([]) == ""
+    assert shared_by([relaxing, drained]).startswith("The leg relaxes")
+    assert shared_by([relaxing, drift]) == ""
+    assert shared_by([]) == ""
 
 
 def test_what_every_explanation_has_is_said_first():
@@ -117,5 +117,5 @@ def test_what_every_explanation_has_is_said_first():
         return replace(one, fit=replace(one.fit, mechanisms=mechanisms), fit_without_discrepancy=one.fit)
 
     listed = [with_both(tenses, drifts), with_both(gives, tenses)]
-    assert shared_sentence(listed) == f"{capital(tenses.statement)}, whatever else was left out. "
-    assert shared_sentence([*listed, made["force-drift",]]) == ""
+    assert shared_by(listed) == f"{capital(tenses.statement)}, whatever else was left out. "
+    assert shared_by([*listed, made["force-drift",]]) == ""

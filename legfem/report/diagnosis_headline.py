@@ -93,7 +93,7 @@ def _wrong(found: Diagnosis) -> str:
     more = len(found.models) - len(causes)
     one = f"; or, less likely, {sentences.statements(found.models[-1])}" if more else ""
     others = f"; or one of {more} less likely causes, listed further down" if more > 1 else one
-    return f"{sentences.shared_sentence(found.models)}The computer model left out one of these: {'; '.join(causes)}{others}."
+    return f"{sentences.shared_by(found.models)}The computer model left out one of these: {'; '.join(causes)}{others}."
 
 
 def _hides(found: Diagnosis) -> str:

@@ -79,7 +79,7 @@ def missing_sentence(model: Explanation) -> str:
     return f"It is not that, or not alone: {' and '.join(each)}, where it would be."
 
 
-def shared_sentence(models: Sequence[Explanation]) -> str:
+def shared_by(models: Sequence[Explanation]) -> str:
     """Return what is sure where every model has one mechanism, or one kin of them; nothing where they haven't."""
     named = [set() if one.missing else {m.statement for m in one.fit.mechanisms} for one in models]
     each = [{m.kin for m in model.fit.mechanisms if m.kin} for model in models]
