@@ -111,6 +111,17 @@ def test_a_leg_by_tape_is_answered_without_a_mesh(tmp_path: Path) -> None:
     assert not list((tmp_path / "out").glob("*.xdmf")) and (tmp_path / "out" / "along.png").is_file()
 
 
+def test_a_fabric_that_is_slack_at_the_ankle_presses_above(tmp_path: Path) -> None:
+    toml = write_tape(tmp_path / "leg") / "leg.toml"
+    toml.write_text(toml.read_text().replace('unstretched = "stocking.csv"', "unstretched_mm = 300.0"))
+    found = lf.stocking(tmp_path / "leg", out=tmp_path / "out")
+    at = {one.level: one for one in TapeDetails(load_leg(tmp_path / "leg")).at_levels}
+    assert at["B"].mean_pressure_mmHg == 0.0 and at["C"].mean_pressure_mmHg > 5.0
+    assert at["C"].over_pressure_at_B is None
+    report = found.write(tmp_path / "out").read_text()
+    assert "the fabric is wider than the leg at 2 of 4 levels" in " ".join(report.split())
+
+
 @pytest.mark.parametrize(
     ("change", "field", "said"),
     [
@@ -120,6 +131,7 @@ def test_a_leg_by_tape_is_answered_without_a_mesh(tmp_path: Path) -> None:
             "in cm",
         ),
         (("{B = 215.0, B1 = 268.0, C = 362.0", "{B = 362.0, B1 = 268.0, C = 215.0"), "girths_mm", "exchanged"),
+        (("{B = 215.0, B1 = 268.0", "{B = 268.0, B1 = 215.0"), "girths_mm", "exchanged"),
     ],
 )
 def test_what_is_unlikely_of_a_tape_is_doubted(tmp_path: Path, change: tuple[str, str], field: str, said: str) -> None:

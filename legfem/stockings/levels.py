@@ -156,7 +156,8 @@ def rises(levels: Sequence[LevelPressure]) -> list[tuple[LevelPressure, LevelPre
 def pressures_at_levels(along: PressureAlong, makers: MakersLevels, bare: LegShape) -> Iterator[LevelPressure]:
     """Yield the pressure at each of the makers' levels that a leg has."""
     places = makers.found(bare)
-    ankle = along.at(places["B"][0])[0] if "B" in places else None
+    # A slack fabric presses with nothing, of which no other pressure is a share.
+    ankle = along.at(places["B"][0])[0] or None if "B" in places else None
     for name, (height, stated) in places.items():
         mean, sd = along.at(height)
         half = quantile(0) * sd

@@ -133,8 +133,8 @@ def _by_tape(directory: Path, toml: Path, given: LegFile, girths: Mapping[Level,
 
 def _tape_doubts(bare: LegShape, girths: Mapping[Level, float], toml: Path) -> Iterator[Doubt]:
     yield from RANGES["rise_of_levels"].doubts(toml, "stocking.levels_mm", bare.length)
-    if girths.get("B", 0.0) > girths.get("C", np.inf):
-        problem = f"is {girths['B']:g} mm at B, the ankle, and {girths['C']:g} mm at C, the calf"
+    if girths.get("B", 0.0) > (least := min(girths.values())):
+        problem = f"is {girths['B']:g} mm at B, where the ankle is thinnest, and {least:g} mm elsewhere"
         yield Doubt(str(toml), "bare.girths_mm", problem, "check that they aren't exchanged")
 
 
