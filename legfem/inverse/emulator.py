@@ -216,11 +216,4 @@ class GridSpline:
     def at(self, displacement: FloatArray) -> At:
         """Return what evaluates courses (m + 1, k) at displacements (n,), as (n, k); below zero as at zero."""
         inside = np.maximum(displacement, 0.0)
-        piece = np.minimum(np.searchsorted(self.grid, inside, side="right"), len(self.grid) - 1)
-        t = (inside - self._knots[piece])[:, None]
-
-        def evaluated(courses: FloatArray) -> FloatArray:
-            cubic, square, linear, constant = (self._coefficients @ courses).reshape(4, len(self.grid), -1)[:, piece]
-            return np.asarray(((cubic * t + square) * t + linear) * t + constant)
-
-        return evaluated
+        return lambda courses: np.asarray(self.through(courses)(inside))
