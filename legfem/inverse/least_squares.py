@@ -1,6 +1,7 @@
 """Least squares: steps within bounds, gains, and minima of smooth residuals."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares, lsq_linear
@@ -52,7 +53,8 @@ def sandwich(gain: FloatArray, covariance: FloatArray) -> FloatArray:
     return np.asarray(gain @ covariance @ gain.T)
 
 
-_MOST_STEPS = 60
+_TO_THE_END: Mapping[str, Any] = {"xtol": 1e-12, "ftol": 1e-14, "gtol": 1e-14, "max_nfev": 60}
+"""When a search ends."""
 
 
 def least_residual(
@@ -71,17 +73,7 @@ def least_residual(
     jacobian : callable, optional
         Derivatives (n, p) of the residual; differences without it.
     """
-    fit = least_squares(
-        residual,
-        start,
-        bounds=tuple(bounds.T),
-        method="dogbox",
-        jac=jacobian or "3-point",
-        xtol=1e-12,
-        ftol=1e-14,
-        gtol=1e-14,
-        max_nfev=_MOST_STEPS,
-    )
+    fit = least_squares(residual, start, jacobian or "3-point", tuple(bounds.T), method="dogbox", **_TO_THE_END)
     return np.asarray(fit.x)
 
 

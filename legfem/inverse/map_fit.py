@@ -15,6 +15,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from legfem.common.units import FloatArray
+from legfem.inverse.least_squares import Residual
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
 from legfem.inverse.mechanism import Mechanism, Solution, TissueMechanism, null_of, prior_of
 from legfem.inverse.observations import Observations
@@ -109,17 +110,8 @@ def _search(
 
     converged = True
     for _ in range(_SEARCHES if evaluations else 0):
-        known = _Secants(at, misfit(*at), slopes(*at)[1])
-        found = least_squares(
-            lambda z: misfit(*z),
-            at,
-            jac=lambda z, known=known: known.at(z, misfit(*z)),
-            bounds=(ends[:, 0], ends[:, 1]),
-            xtol=1e-7,
-            ftol=1e-8,
-            gtol=1e-9,
-            max_nfev=evaluations,
-        )
+        known = _Secants(lambda z: misfit(*z), at, slopes(*at)[1])
+        found = least_squares(known.misfit, at, known.at, tuple(ends.T), max_nfev=evaluations, **_CLOSELY)
         at, converged = found.x, found.status > 0
         if evaluations < _MANY or _still_falls(misfit(*at), slopes(*at)[1], at, ends) < _LEAST_FALL:
             break
@@ -149,19 +141,21 @@ class _Secants:
     C. G. Broyden, Math. Comput. 19 (1965) 577. Differences cost a prediction for each parameter.
     """
 
-    def __init__(self, z: FloatArray, misfit: FloatArray, slopes: FloatArray) -> None:
-        self._z, self._misfit, self._slopes = z, misfit, slopes
+    def __init__(self, misfit: Residual, z: FloatArray, slopes: FloatArray) -> None:
+        self.misfit, self._z, self._slopes = misfit, z, slopes
 
-    def at(self, z: FloatArray, misfit: FloatArray) -> FloatArray:
+    def at(self, z: FloatArray) -> FloatArray:
         """Return the derivatives where a search has come to."""
         step = z - self._z
         if step @ step > 0.0:
-            missed = misfit - self._misfit - self._slopes @ step
+            missed = self.misfit(z) - self.misfit(self._z) - self._slopes @ step
             self._slopes = self._slopes + np.outer(missed, step) / (step @ step)
-            self._z, self._misfit = z.copy(), misfit
+            self._z = z.copy()
         return self._slopes
 
 
+_CLOSELY = {"xtol": 1e-7, "ftol": 1e-8, "gtol": 1e-9}
+"""When a search ends."""
 _SEARCHES = 4
 _LEAST_FALL = 1e-2
 """Of a cost: what a search may leave, which begins anew with derivatives by differences elsewhere."""
