@@ -7,11 +7,11 @@ from typing import Any
 
 from legfem.common.documents import json_types
 from legfem.common.units import readable_unit
-from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values, key_of, short_key_of, unit_of, unit_suffix, with_units
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, key_of, short_key_of, unit_of, unit_suffix, with_units
 from legfem.inverse.claims import check_fits
 from legfem.inverse.estimates import DISPLACEMENT, FORCE, Estimate
 from legfem.inverse.fit import ChannelFit, Computed, Cost, Fit, OwnEstimate, TestFit
-from legfem.inverse.trial import SearchLog
+from legfem.inverse.trial import FullSolve
 
 SCHEMA = "legfem.identify/3"
 
@@ -57,7 +57,7 @@ def _law(fit: Fit[Any]) -> dict[str, Any]:
         **members_of(log, "converged", "forward_solves", "failed_solves", "factorisations", "seed", "wall_s"),
         "forward_solves_reused": log.reused_solves,
         f"emulator_error_{unit}": log.emulator_error,
-        "search": _search(log, fit.cost.unit),
+        "search": {"solves": [_solve(solve, log.names, fit.cost.unit) for solve in log.solves]},
         "settings": dict(fit.settings),
     }
 
@@ -181,21 +181,9 @@ def _cost(cost: Cost) -> dict[str, Any]:
     }
 
 
-def _search(log: SearchLog, unit: str) -> dict[str, Any]:
-    free = log.names
-    return {
-        "solves": [
-            {
-                **_values(solve.values, free),
-                f"cost_{unit}": solve.cost,
-                **members_of(solve, "stage", "complete", "reason", "factorisations", "seconds"),
-            }
-            for solve in log.solves
-        ]
-    }
-
-
-def _values(values: Values, free: Sequence[str]) -> dict[str, float]:
-    """C10 and C20 of the deep tissue and what else is free, keys with units."""
+def _solve(solve: FullSolve, free: Sequence[str], unit: str) -> dict[str, Any]:
+    """C10 and C20 of the deep tissue and what else is free, keys with units, and how the solve went."""
     named = dict.fromkeys((DEEP_C10, DEEP_C20, *free))
-    return with_units({name: values[name] for name in named if name in values}, short_key_of)
+    values = with_units({name: solve.values[name] for name in named if name in solve.values}, short_key_of)
+    told = members_of(solve, "stage", "complete", "reason", "factorisations", "seconds")
+    return {**values, f"cost_{unit}": solve.cost, **told}
