@@ -18,7 +18,7 @@ from legfem.channels.kind import ChannelAccuracy, ChannelKind
 from legfem.channels.kinds import CHANNELS, FILE_OF
 from legfem.channels.laid import laid_course
 from legfem.common.units import FloatArray
-from legfem.data.phases import HOLD, LOADING
+from legfem.data.phases import HOLD, LOADING, UNLOADING
 from legfem.data.recording import RecordedChannel, Recording
 from legfem.data.segmentation import Segmentation
 from legfem.data.smoothing import sample_noise
@@ -26,11 +26,9 @@ from legfem.inverse.answer import FitNotice, Notice
 from legfem.inverse.readings import Channel
 from legfem.inverse.stations import Stations
 
-_MOST = {LOADING: 12, HOLD: 4}
-_MOST_UNLOADING = 6
+_MOST = {LOADING: 12, HOLD: 4, UNLOADING: 6}
 """Readings of a segment."""
-_MOST_AT_PLACES = {LOADING: 4, HOLD: 1}
-_MOST_UNLOADING_AT_PLACES = 2
+_MOST_AT_PLACES = {LOADING: 4, HOLD: 1, UNLOADING: 2}
 """Likewise, of each of many places."""
 _SLOPE_DEGREE = 3
 _IN_AIR_MM = 1.0
@@ -165,8 +163,7 @@ class StationChannel:
 
 def grouped(samples: NDArray[np.int_], phase: str, at_places: bool = False) -> list[NDArray[np.int_]]:
     """Return samples of a segment in the groups that are averaged to a reading, in the order of time."""
-    usual, unloading = (_MOST_AT_PLACES, _MOST_UNLOADING_AT_PLACES) if at_places else (_MOST, _MOST_UNLOADING)
-    most = min(usual.get(phase, unloading), len(samples))
+    most = min((_MOST_AT_PLACES if at_places else _MOST)[phase], len(samples))
     return np.array_split(samples, most) if most else []
 
 
@@ -236,18 +233,13 @@ def _at_stations(
     weights = np.zeros((len(readings), starts[-1]))
     for row, one in zip(weights, readings, strict=True):
         row[starts[one.trial] : starts[one.trial + 1]] = one.weights
+    each = ((one.trial, one.value, one.variance, one.course) for one in readings)
+    trial, value, variance, course = map(np.array, zip(*each, strict=True))
+    along = zip(*((own.displacement, own.time, own.speed) for own in stations), strict=True)
+    displacement, time, speed = (weights @ np.concatenate(one) for one in along)
+    numbers = course if places else None
     return StationChannel(
-        kind,
-        accuracy,
-        np.array([one.trial for one in readings]),
-        weights @ np.concatenate([own.displacement for own in stations]),
-        weights @ np.concatenate([own.time for own in stations]),
-        weights @ np.concatenate([own.speed for own in stations]),
-        np.array([one.value for one in readings]),
-        np.array([one.variance for one in readings]),
-        weights,
-        course=np.array([one.course for one in readings]) if places else None,
-        places=places,
+        kind, accuracy, trial, displacement, time, speed, value, variance, weights, course=numbers, places=places
     )
 
 
