@@ -131,9 +131,7 @@ def usual_range(parameter: Parameter, nominal: Values) -> tuple[float, float]:
         low, high = _USUAL_RATIO
     elif parameter.scale == "log" and parameter.bounds[0] > 0:
         centre = centre_of(parameter.name, nominal)
-        centre = parameter.inside(centre) if math.isfinite(centre) else math.nan
-        if math.isnan(centre):
-            centre = math.sqrt(parameter.bounds[0] * parameter.bounds[1])
+        centre = parameter.inside(centre) if math.isfinite(centre) else math.sqrt(math.prod(parameter.bounds))
         low, high = centre / _USUAL, centre * _USUAL
     else:
         low, high = parameter.bounds

@@ -182,13 +182,6 @@ def disagreement(
     apart = (value - prior.centre) / math.sqrt(prior.sd**2 - standard_error**2)
     if abs(apart) > _DISAGREES:
         higher, lower = (found_by, "elastography") if apart > 0 else ("elastography", found_by)
-        yield Notice.of(
-            FitNotice.ELASTOGRAPHY_DISAGREES,
-            name=name,
-            higher=higher,
-            lower=lower,
-            departure=abs(apart),
-            source=prior.source,
-            centre=prior.centre,
-            sd=prior.sd,
-        )
+        known = {"source": prior.source, "centre": prior.centre, "sd": prior.sd}
+        said = {"name": name, "higher": higher, "lower": lower, "departure": abs(apart), **known}
+        yield Notice.of(FitNotice.ELASTOGRAPHY_DISAGREES, **said)

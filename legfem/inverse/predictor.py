@@ -206,12 +206,8 @@ class Predictor:
         channels = self.observed.channels
         every = np.concatenate([one.weights for one in channels])
         starts = np.cumsum([0, *(len(one.courses) for one in channels)])
-        course = np.concatenate(
-            [
-                start + (0 if one.course is None else one.course) + np.zeros(len(one.values), dtype=int)
-                for start, one in zip(starts[:-1], channels, strict=True)
-            ]
-        )
+        own = [np.zeros(len(one.values), dtype=int) if one.course is None else one.course for one in channels]
+        course = np.repeat(starts[:-1], list(map(len, own))) + np.concatenate(own)
         width = int((every != 0).sum(axis=1).max())
         at = np.argsort(every == 0, axis=1, kind="stable")[:, :width]
         places = at * int(starts[-1]) + course[:, None]

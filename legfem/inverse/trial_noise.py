@@ -162,16 +162,8 @@ def _differences(
 ) -> Differences:
     """Return what repeats differ by, whose stations (trials, m) are in rows, without smooth changes."""
     here, mean = rows[0], observed.force[rows].mean(axis=0)
-    changes = np.column_stack(
-        [
-            np.ones(len(here)),
-            mean,
-            mean**2,
-            observed.stiffness[here],
-            np.gradient(observed.stiffness[here]),
-            observed.time[here],
-        ]
-    )
+    slope = observed.stiffness[here]
+    changes = np.column_stack([np.ones(len(here)), mean, mean**2, slope, np.gradient(slope), observed.time[here]])
     basis = np.linalg.qr(changes, mode="complete")[0][:, changes.shape[1] :]
     return Differences(
         basis.T @ contrasts_of(values[rows]),
