@@ -30,14 +30,8 @@ def stocking_pressure_figure(details: StockingDetails) -> Figure:
     worn, leg = details.equilibrium, details.leg
     pressure = mpa_to_mmhg(worn.load.pressure)
     norm = Normalize(0.0, float(pressure.max()))
-    figure = titled(
-        13.0,
-        6.0,
-        f"Pressure of the stocking on the skin: mean {mpa_to_mmhg(worn.load.mean_pressure):.0f} "
-        f"mmHg, greatest {pressure.max():.0f} mmHg",
-        leg.title,
-        leg.origin,
-    )
+    ends = f"mean {mpa_to_mmhg(worn.load.mean_pressure):.0f} mmHg, greatest {pressure.max():.0f} mmHg"
+    figure = titled(13.0, 6.0, f"Pressure of the stocking on the skin: {ends}", leg.title, leg.origin)
     grid = figure.add_gridspec(1, 3, width_ratios=(1.6, 1, 1))
     flat = figure.add_subplot(grid[0])
     directions = Directions.of(leg.bare)
@@ -53,15 +47,8 @@ def stocking_pressure_figure(details: StockingDetails) -> Figure:
         flat.plot(np.full(len(leg.slices), 184.0), leg.slices, clip_on=False, **heights)
         handles.append(Line2D([], [], label="slices that were compared with the scan", **heights))
     if (pressure < NO_PRESSURE * pressure.max()).any():
-        handles.append(
-            Patch(
-                facecolor=BARE_COLOUR,
-                edgecolor="#777777",
-                hatch="///",
-                linewidth=0.5,
-                label="no pressure: the fabric spans a hollow or a flat",
-            )
-        )
+        none = "no pressure: the fabric spans a hollow or a flat"
+        handles.append(Patch(facecolor=BARE_COLOUR, edgecolor="#777777", hatch="///", linewidth=0.5, label=none))
     if handles:
         flat.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.1))
     for place, (letter, side, angle) in enumerate((("B", 0, -90), ("C", 2, 90)), 1):
@@ -134,9 +121,8 @@ def stocking_section_figure(details: StockingDetails, section: SectionPressures)
         # The front at the top, as a leg is drawn; the patient's left at the right.
         axes.set_xlabel("x (mm), to the patient's left")
         frame = dict(transform=axes.transAxes, color="#444444", ha="center", va="center")
-        for name, place, turn in zip(
-            names, ((0.5, 0.985), (0.985, 0.5), (0.5, 0.015), (0.015, 0.5)), (0, 270, 0, 90), strict=True
-        ):
+        places = (0.5, 0.985), (0.985, 0.5), (0.5, 0.015), (0.015, 0.5)
+        for name, place, turn in zip(names, places, (0, 270, 0, 90), strict=True):
             axes.text(*place, name, rotation=turn, fontsize=9, **frame)
         axes.invert_yaxis()
     inside.set_ylabel("y (mm), to the back")
@@ -147,16 +133,8 @@ def _draw_pressure(figure: Figure, axes: Axes, details: StockingDetails, section
     """Draw the pressure and the veins; return what the keys are."""
     pressure = mpa_to_mmhg(section.pressure)
     low, high = np.nanpercentile(pressure, [0.5, 99.5])
-    image = axes.pcolormesh(
-        section.x,
-        section.y,
-        pressure,
-        cmap="viridis",
-        vmin=min(low, 0.0),
-        vmax=high,
-        shading="nearest",
-        rasterized=True,
-    )
+    norm = Normalize(min(low, 0.0), high)
+    image = axes.pcolormesh(section.x, section.y, pressure, cmap=COLOURS, norm=norm, shading="nearest", rasterized=True)
     bare = details.leg.bare
     for part in (SKIN, HULL):
         axes.plot(*_closed(bare.at(part, section.level)), color="black", linewidth=1.0)
@@ -169,9 +147,8 @@ def _draw_pressure(figure: Figure, axes: Axes, details: StockingDetails, section
         value = f"{mpa_to_mmhg(found):.1f} mmHg" if np.isfinite(found) else "not in the tissues"
         x, y, _ = map(float, vein.position)
         axes.plot(x, y, markersize=13, zorder=5, **dot)
-        axes.annotate(
-            f"{count}", (x, y), color="white", weight="bold", ha="center", va="center_baseline", fontsize=9, zorder=6
-        )
+        text: dict[str, Any] = dict(color="white", weight="bold", ha="center", va="center_baseline", fontsize=9)
+        axes.annotate(f"{count}", (x, y), zorder=6, **text)
         label = f"{count}  {vein.name} veins: {value}"
         veins.append(Line2D([], [], linestyle="", markersize=8, label=label, **dot))
     bar = figure.colorbar(image, ax=axes, shrink=0.7, pad=0.02, extend="both", location="left")
@@ -209,16 +186,13 @@ def _draw_outlines(axes: Axes, details: StockingDetails, level: float) -> list[A
         axes.plot(*_closed(bare.at(part, level)), color=BARE, linewidth=1.2, linestyle="--")
         axes.plot(*_closed(worn.at(part, level)), color=DATA_COLOUR, linewidth=1.2)
     _draw_bones(axes, bare, level)
-    moved = np.linalg.norm(after - before, axis=1)
-    handles = [
+    _frame(axes, out)
+    moved = f"skin moved by up to {np.linalg.norm(after - before, axis=1).max():.1f} mm"
+    return [
         Line2D([], [], color=BARE, linestyle="--", label="skin and hull, bare"),
-        Line2D(
-            [], [], color=DATA_COLOUR, label=f"skin and hull in the stocking: skin moved by up to {moved.max():.1f} mm"
-        ),
+        Line2D([], [], color=DATA_COLOUR, label=f"skin and hull in the stocking: {moved}"),
         Patch(facecolor=WORN, alpha=0.3, label=f"pressure on the skin, up to {pressure.max():.0f} mmHg here"),
     ]
-    _frame(axes, out)
-    return handles
 
 
 def _keys(axes: Axes, handles: list[Any]) -> None:

@@ -191,9 +191,8 @@ def level_blocks(details: TapeDetails) -> list[Block]:
     """Return levels with limits, the gradient, and the curve along the leg."""
     makers, levels, blocks = details.leg.makers, details.at_levels, list[Block]()
     if levels:
-        asked = (
-            f"class {makers.intended_class} of {makers.standard}" if makers.intended_class else "no class was stated"
-        )
+        intended = makers.intended_class
+        asked = f"class {intended} of {makers.standard}" if intended else "no class was stated"
         verdicts = {"not certain": "not certain: the interval crosses a limit", "no limits": "–"}
         rows = [
             {
@@ -329,13 +328,6 @@ def by_height(bare: LegShape, moved: FloatArray, fields: Sequence[FloatArray]) -
         return np.linalg.norm(np.diff(points, axis=1, append=points[:, :1]), axis=2).sum(axis=1)
 
     points = bare.points(SKIN)
-    before, after = girths(points), girths(points + moved)
-    return [
-        [
-            f"{level:.0f}",
-            f"{before[k]:.1f}",
-            f"{after[k]:.1f}",
-            *(f"{value:.1f}" for f in fields for value in (f[k].mean(), f[k].min(), f[k].max())),
-        ]
-        for k, level in enumerate(bare.levels)
-    ]
+    each = (column for f in fields for column in (f.mean(axis=1), f.min(axis=1), f.max(axis=1)))
+    rows = np.column_stack([girths(points), girths(points + moved), *each])
+    return [[f"{z:.0f}", *(f"{value:.1f}" for value in row)] for z, row in zip(bare.levels, rows, strict=True)]

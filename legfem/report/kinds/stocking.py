@@ -262,13 +262,10 @@ def _computed(fit: StockingFit) -> web.WebTable:
     details = fit.details
     spaces, solves = details.model.compression.spaces, fit.log.forward_solves
     settings = details.model.compression.settings
+    pressures = "pressures of their own" if settings.formulation == "continuous" else "no pressures"
     rows = [
         ("mesh", f"{details.tetrahedra} tetrahedra, {spaces.unknowns} unknowns"),
-        (
-            "elements",
-            f"displacements of degree {settings.degree}, "
-            + ("pressures of their own" if settings.formulation == "continuous" else "no pressures"),
-        ),
+        ("elements", f"displacements of degree {settings.degree}, {pressures}"),
         ("load", "follows the deformed skin"),
         ("ends of the segment", "held in their planes" if settings.ends == "held" else "free"),
         ("bones", "rigid and fixed"),
