@@ -232,14 +232,12 @@ def left_open(explained: Explained, name: str) -> LeftOpen:
     heavy = [(one, screened[one]) for one, _ in _heaviest(explained, name, len(screened)) if one in screened]
     assumed = [{one: math.exp(side * POWER * most)} for one, most in heavy[:_HEAVIEST] for side in (-1.0, 1.0)]
     intervals = [*averaged_intervals(explained, name, [{}, *assumed])]
+    ends = ((end, here) for there in intervals for end, here in zip(there, intervals[0], strict=True))
     return LeftOpen(
         tuple(sorted(library.detail.whole)),
         tuple(sorted(screened)),
         max((moves(one, explained.every) for one in waiting), default=0.0),
-        max(
-            (abs(end / here - 1.0) for there in intervals for end, here in zip(there, intervals[0], strict=True)),
-            default=0.0,
-        ),
+        max((abs(end / here - 1.0) for end, here in ends), default=0.0),
     )
 
 

@@ -94,6 +94,10 @@ def _where_effects_hide(answer: Answer) -> str:
     return f"{fits}{part}, and C10 may be off by {percent(given['may_be_off'])}."
 
 
+def _misses(answer: Answer) -> str:
+    return f"misses by {share(answer.parameters['misfit'])} of the largest force"
+
+
 def _of_stocking(answer: Answer) -> str:
     given = answer.parameters
     if answer.finding is Finding.NOT_COMPUTED:
@@ -134,12 +138,8 @@ _SENTENCES: Mapping[str, Callable[[Answer], str]] = {
 }
 _HEADINGS: Mapping[Finding, Callable[[Answer], str]] = {
     Finding.MISFIT: lambda answer: "No.",
-    Finding.SMALL_MISFIT: lambda answer: (
-        f"Good enough: the model misses by {share(answer.parameters['misfit'])} of the largest force."
-    ),
-    Finding.UNEXPLAINED: lambda answer: (
-        f"The model misses by {share(answer.parameters['misfit'])} of the largest force, and nothing explains it."
-    ),
+    Finding.SMALL_MISFIT: lambda answer: f"Good enough: the model {_misses(answer)}.",
+    Finding.UNEXPLAINED: lambda answer: f"The model {_misses(answer)}, and nothing explains it.",
     Finding.HIDDEN_EFFECTS: _where_effects_hide,
     Finding.FITS: lambda answer: "Yes.",
     Finding.FITS_WITHOUT_PART: lambda answer: f"Yes, without {answer.parameters['aside']}.",

@@ -299,15 +299,8 @@ def wave_rows(subject: Subject) -> list[Known]:
     """Return moduli and the fibres' ratio, each with where it comes from."""
     rows = modulus_rows(subject.elastography, subject.origin)
     if (fibres := subject.fibres) is not None:
-        measured = fibres.provenance == "measured"
-        rows.append(
-            Known(
-                "muscle's shear moduli along the leg over across",
-                str(fibres),
-                subject.origin if measured else fibres.provenance,
-                fibres.source,
-            )
-        )
+        how, name = fibres.provenance, "muscle's shear moduli along the leg over across"
+        rows.append(Known(name, str(fibres), subject.origin if how == "measured" else how, fibres.source))
     return rows
 
 

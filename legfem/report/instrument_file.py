@@ -109,15 +109,13 @@ def _digits(quality: Quality) -> int:
 def look_text(recording: Recording, proposal: Proposal, quality: Quality) -> str:
     """Return what was found in a file and why, its phases and its grade."""
     name, digits = recording_name(recording), _digits(quality)
+    force_noise, jitter = quality.trial.force_noise, quality.trial.displacement_noise
     rows = [
         ("samples", f"{len(recording)} in {recording.time[-1] - recording.time[0]:.4g} s"),
         ("sampling", f"{quality.sampling:.4g} Hz, {quality.dropped} samples dropped"),
         ("loading begins", contact_text(quality)),
-        ("force", f"steps of {quality.force_step:.2g} N, noise {quality.trial.force_noise:.2g} N"),
-        (
-            "displacement",
-            f"steps of {quality.displacement_step:.2g} mm, noise {quality.trial.displacement_noise:.2g} mm",
-        ),
+        ("force", f"steps of {quality.force_step:.2g} N, noise {force_noise:.2g} N"),
+        ("displacement", f"steps of {quality.displacement_step:.2g} mm, noise {jitter:.2g} mm"),
         ("saturation", f"{quality.saturated} samples at the limit" if quality.saturated else "none"),
         ("drops", ", ".join(f"{t:.4g} s" for t in quality.drops[:5]) or "none"),
     ]

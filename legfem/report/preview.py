@@ -173,16 +173,9 @@ def _site(folder: Path, out: Path, name: str = "") -> Preview:
     seen = _recordings(files, out, channels, site=name, trials=subject.trials)
     picture = f"section-{name}" if name else "section"
     drawn = save(placement_figure(subject), out, picture)[0].name
-    return Preview(
-        subject.title,
-        subject.origin,
-        trouble,
-        unsaid,
-        tuple(doubt_lines(doubts_about(subject))),
-        tuple(_leg_facts(subject)),
-        ((drawn, SECTION_SHOWS),),
-        seen,
-    )
+    doubts, facts = tuple(doubt_lines(doubts_about(subject))), tuple(_leg_facts(subject))
+    pictures = ((drawn, SECTION_SHOWS),)
+    return Preview(subject.title, subject.origin, trouble, unsaid, doubts, facts, pictures, seen)
 
 
 def _leg_facts(subject: Subject) -> list[tuple[str, str]]:
@@ -291,9 +284,7 @@ def _recording(
     try:
         check_printable(path)
         sheets = [] if own else read_sheets(path)
-        columns = tuple(
-            SeenColumn(sheet.name or "", column.name, column.unit or "") for sheet in sheets for column in sheet.columns
-        )
+        columns = tuple(SeenColumn(sheet.name or "", c.name, c.unit or "") for sheet in sheets for c in sheet.columns)
         proposal = _OF_PLAIN_COLUMNS if own else _proposal(path, sheets, channels, trial is not None)
         recording = trial.recording if trial else recording_of(path, sheets, proposal.channels)
         scales = Scales.of_specimen(recording) if of_specimen else LEG
