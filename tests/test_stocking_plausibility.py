@@ -157,7 +157,7 @@ def test_what_is_unlikely_is_doubted(leg, change, field, words):
         (_tissue("superficial", C10=8.0), "tissues.superficial.C10_kPa", "if the value is in Pa"),
         (_compressed(1.02), "compressed", "are the scans of [bare] and [compressed] exchanged?"),
         (_table(500.0, 640.0), "stocking.unstretched", "in its coordinates"),
-        (_fabric(0.95), "unstretched", "is wider than the leg"),
+        (_fabric(0.95), "stocking.unstretched", "is wider than the leg"),
         (_fabric(4.5), "stocking", "a stretch of the fabric of 350 %"),
         (_fabric(1.5, 300.0), "stocking.stiffness_N_per_mm", "if the value is in N/m"),
         (_heart(-100.0), "posture.heart_mm", "of -100 mm"),

@@ -167,6 +167,7 @@ def test_what_is_unlikely_of_a_tape_is_doubted(tmp_path: Path, change: tuple[str
         (("{B = 215.0, B1 = 268.0, C = 362.0, D = 345.0}", "{B = 215.0}"), "bare.girths_mm", "2"),
         (("{B = 215.0,", "{E = 215.0,"), "bare.girths_mm", "E"),
         (("158", "1580"), "", ""),
+        (('intended_class = "2"', "limits_percent = {C = [0.5, 0.8]}"), "limits_percent.C", "at least 2"),
     ],
 )
 def test_what_no_tape_says_is_refused_by_its_field(
@@ -176,7 +177,7 @@ def test_what_no_tape_says_is_refused_by_its_field(
     toml.write_text(toml.read_text().replace(*change))
     if not field:
         (tmp_path / "stocking.csv").write_text("level_mm,perimeter_mm\n120,1580\n390,1580\n")
-        field, said = "unstretched", "is wider than the leg"
+        field, said = "leg.toml: stocking.unstretched", "is wider than the leg"
     with pytest.raises(InputError, match=r"leg.toml|stocking") as raised:
         load_leg(tmp_path)
     assert field in str(raised.value) and said in str(raised.value)
@@ -254,3 +255,13 @@ def test_french_classes_are_lighter_than_the_same_numbers_of_ral() -> None:
     for limits in ANKLE_LIMITS.values():
         ends = [end for one in limits.values() for end in one]
         assert ends == sorted(ends) and ends[-1] == np.inf
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [("120,158", "there is one level"), ("120,158\n120,160\n390,280", "the level 120 mm is given twice")],
+)
+def test_what_is_wrong_with_a_table_of_the_fabric_names_it(tmp_path: Path, rows: str, said: str) -> None:
+    (write_tape(tmp_path) / "stocking.csv").write_text(f"level_mm,perimeter_mm\n{rows}\n")
+    with pytest.raises(InputError, match=rf"stocking\.csv: .*{said}"):
+        load_leg(tmp_path)

@@ -201,7 +201,12 @@ def _fabric(directory: Path, toml: Path, entry: StockingEntry, bare: LegShape) -
     path = existing(directory, entry.unstretched, toml, "stocking.unstretched")
     table = read_table(path, ("level_mm", "perimeter_mm")).sort_values("level_mm")
     levels, perimeters = (table[name].to_numpy(np.float64) for name in ("level_mm", "perimeter_mm"))
-    return Stocking(entry.stiffness_N_per_mm, levels, perimeters)
+    if len(levels) < 2:
+        raise InputError(path, "level_mm", "there is one level", "give two or more, or unstretched_mm in their place")
+    try:
+        return Stocking(entry.stiffness_N_per_mm, levels, perimeters)
+    except InputError as error:
+        raise error.at(path) from None
 
 
 def _makers(entry: StockingEntry) -> MakersLevels:
@@ -324,7 +329,10 @@ def _stocking_doubts(bare: LegShape, stocking: Stocking, toml: Path) -> Iterator
             raise found.error()
         if beyond > _BEYOND_MM:
             yield found
-    load = stocking_load(bare, stocking)
+    try:
+        load = stocking_load(bare, stocking)
+    except InputError as error:
+        raise error.at(toml, "stocking.unstretched") from None
     slack = bare.levels[load.strain <= 0]
     if 0 < len(slack) < len(bare.levels):
         yield doubt(

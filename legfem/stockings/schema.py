@@ -15,7 +15,8 @@ from legfem.stockings.fabric import CompressionClass, Standard
 from legfem.stockings.leg import KINDS
 from legfem.stockings.levels import LEVELS, Level
 
-Share = Annotated[list[input_files.Positive], Field(min_length=2, max_length=2)]
+Share = Annotated[list[Annotated[float, Field(ge=2, le=200)]], Field(min_length=2, max_length=2)]
+"""In percent, not as parts of one."""
 
 
 class StockingEntry(input_files.FileTable):
