@@ -316,15 +316,10 @@ def stocking_notices(fit: StockingFit) -> Iterator[Notice]:
 def sensor_notices(sensors: Sequence[ComparedSensor]) -> Iterator[Notice]:
     """Yield a notice for every sensor that the model misses."""
     for one in sensors:
-        if abs(one.standardised_residual) > _FAR:
-            yield Notice.of(
-                StockingNotice.SENSOR_MISSED,
-                sensor=one.sensor.name,
-                read=one.sensor.pressure,
-                sd=one.sensor.sd,
-                model=one.pressure,
-                departure=abs(one.standardised_residual),
-            )
+        sensor, departure = one.sensor, abs(one.standardised_residual)
+        if departure > _FAR:
+            told = {"sensor": sensor.name, "read": sensor.pressure, "sd": sensor.sd, "model": one.pressure}
+            yield Notice.of(StockingNotice.SENSOR_MISSED, **told, departure=departure)
 
 
 def _of_the_load(details: StockingDetails) -> Iterator[Notice]:
@@ -335,12 +330,7 @@ def _of_the_load(details: StockingDetails) -> Iterator[Notice]:
         yield Notice.of(StockingNotice.SLACK, slack=int(slack.sum()), levels=len(levels), low=low, high=high)
     spanned = load.unloaded_skin
     if spanned.mean() > UNLOADED_BEYOND:
-        most = int(np.argmax(spanned))
-        yield Notice.of(
-            StockingNotice.UNLOADED,
-            share=100 * float(spanned.mean()),
-            level=float(levels[most]),
-            most=100 * float(spanned[most]),
-        )
+        share, most, level = 100 * spanned.mean(), 100 * spanned.max(), levels[np.argmax(spanned)]
+        yield Notice.of(StockingNotice.UNLOADED, share=float(share), level=float(level), most=float(most))
     if leg.ends == "held":
         yield Notice.of(StockingNotice.ENDS_HELD)

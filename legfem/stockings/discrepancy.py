@@ -58,6 +58,9 @@ class _Mechanism:
     """Standard deviation of the nuisances where the mechanism is there, in their units."""
 
 
+_VOLUME_LOSS = Parameter("deep.volume_loss.share", "-", (-0.2, 0.2))
+_GRADIENT = Parameter("deep.stiffness_gradient.gradient", "-", (-1.0, 1.0))
+_FASCIA = Parameter("fascia.membrane.stiffness", "N/mm", (0.0, 5.0))
 _MECHANISMS = (
     _Mechanism(
         "local-pressure",
@@ -67,23 +70,12 @@ _MECHANISMS = (
         sd=0.3,
     ),
     _Mechanism(
-        "volume-loss",
-        "the deep tissue has lost volume: blood has drained from it",
-        ("share",),
-        (Parameter("deep.volume_loss.share", "-", (-0.2, 0.2)),),
+        "volume-loss", "the deep tissue has lost volume: blood has drained from it", ("share",), (_VOLUME_LOSS,)
     ),
     _Mechanism(
-        "stiffness-gradient",
-        "the muscle's stiffness changes along the leg",
-        ("gradient a 100 mm",),
-        (Parameter("deep.stiffness_gradient.gradient", "-", (-1.0, 1.0)),),
+        "stiffness-gradient", "the muscle's stiffness changes along the leg", ("gradient a 100 mm",), (_GRADIENT,)
     ),
-    _Mechanism(
-        "fascia",
-        "a sheet round the muscle, its fascia, holds it together",
-        ("stiffness (N/mm)",),
-        (Parameter("fascia.membrane.stiffness", "N/mm", (0.0, 5.0)),),
-    ),
+    _Mechanism("fascia", "a sheet round the muscle, its fascia, holds it together", ("stiffness (N/mm)",), (_FASCIA,)),
     _Mechanism(
         "misregistration",
         "the two scans lie farther apart than the bones' registration says",
@@ -212,26 +204,21 @@ def _places(
     """Test sectors of both contours, in the lower slices, the upper ones, and all."""
     levels = misfit.target.levels
     half = len(levels) // 2
-    tests: list[tuple[Literal["outer", "inner"], slice, int, FloatArray]] = []
+    tests: list[tuple[Literal["outer", "inner"], tuple[float, float], int, FloatArray]] = []
     for number, name in enumerate(CONTOURS):
         for span in (slice(0, half), slice(half + 1, None), slice(None)):
+            ends = float(levels[span][0]), float(levels[span][-1])
             for sector in range(SECTORS):
                 within = angle_from_sector(misfit.target.contours(name), sector) < np.pi / SECTORS
                 box = np.zeros((2, *within.shape))
                 box[number, span] = within[span]
-                tests.append(("outer" if name == "outer" else "inner", span, sector, box.ravel()))
+                tests.append(("outer" if name == "outer" else "inner", ends, sector, box.ravel()))
     boxes = unexplained(misfit.whitened(np.stack([box for *_, box in tests], axis=1)))
     scores = (left @ boxes) ** 2 / np.sum(boxes**2, axis=0)
     corrected = holm(chi2.sf(scores, 1))
     found = [
-        DiscrepantPlace(
-            name,
-            (float(levels[span][0]), float(levels[span][-1])),
-            360.0 * sector / SECTORS,
-            float(distances[box > 0].mean()),
-            float(p),
-        )
-        for (name, span, sector, box), p in zip(tests, corrected, strict=True)
+        DiscrepantPlace(name, ends, 360.0 * sector / SECTORS, float(distances[box > 0].mean()), float(p))
+        for (name, ends, sector, box), p in zip(tests, corrected, strict=True)
         if p <= SIGNIFICANT
     ]
     return tuple(sorted(found, key=lambda place: place.p_value))

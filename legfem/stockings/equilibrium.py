@@ -69,13 +69,9 @@ class LegModel3D(Picklable):
     @cached_in_process
     def compression(self) -> LegCompression:
         """Meshed and compiled problem, made at first use."""
-        mechanisms = (
-            VolumeLoss("deep"),
-            StiffnessGradient("deep", self.tissues["deep"], level=float(self.shape.levels.mean())),
-            Fascia(),
-        )
+        gradient = StiffnessGradient("deep", self.tissues["deep"], level=float(self.shape.levels.mean()))
         meshed = mesh_solid_leg(self.shape, self.mesh, self.comm)
-        return LegCompression(meshed, self.tissues, self.settings, mechanisms)
+        return LegCompression(meshed, self.tissues, self.settings, (VolumeLoss("deep"), gradient, Fascia()))
 
     def solve(
         self,

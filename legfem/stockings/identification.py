@@ -64,6 +64,7 @@ _NO_COST = Cost(
     "motions and errors of the pressure explain",
     reading_unit="mm",
 )
+_MINIMISED = "the sum weighted with the inverse covariance (dimensionless), and the priors' squared departures"
 
 
 def assessed(details: StockingDetails, log: SearchLog, settings: Mapping[str, Any]) -> StockingFit:
@@ -145,6 +146,7 @@ def compared(
     squares, nuisances = float(left @ left), len(best.nuisance)
     differences = found.linear.residual[: len(covariance)]
     goodness = Goodness.of(float(differences @ differences), len(covariance) - nuisances)
+    cost = replace(fit.cost, value=squares, points=len(left), r_squared=r_squared(squares, measured))
     return noticed(
         replace(
             fit,
@@ -153,15 +155,7 @@ def compared(
             values=MappingProxyType({**fit.assumed, **found.best.values}),
             assumed=MappingProxyType({name: fit.assumed[name] for name in fit.assumed if name not in PARAMETERS}),
             goodness=goodness_of(found, covariance, nuisances),
-            cost=replace(
-                fit.cost,
-                value=squares,
-                points=len(left),
-                r_squared=r_squared(squares, measured),
-                minimised="the sum weighted with the inverse covariance (dimensionless), and the priors' squared "
-                "departures",
-                minimised_value=found.best.objective,
-            ),
+            cost=replace(cost, minimised=_MINIMISED, minimised_value=found.best.objective),
             tests=(TestFit("both scans", channels, goodness),),
         )
     )
@@ -197,10 +191,8 @@ def _computed(details: StockingDetails) -> Iterator[tuple[str, Computed]]:
     yield _PRESSURE, _pressure("mean pressure on the skin", found.mean_interface)
     for k, vein in enumerate(details.leg.veins):
         name = f"pressure at the {vein.name} vein"
-        yield (
-            name.replace(" the ", " ").replace(" ", "_"),
-            _pressure(name, found.at_veins[k], found.at_veins_sd[k], found.vein_interval(k)),
-        )
+        inside = _pressure(name, found.at_veins[k], found.at_veins_sd[k], found.vein_interval(k))
+        yield name.replace(" the ", " ").replace(" ", "_"), inside
     yield "greatest_pressure_in_fat", _pressure("greatest pressure in the fat", found.greatest_in_fat)
     yield "pressure_in_muscle", _pressure("mean pressure in the muscle", found.mean_in_muscle)
 

@@ -217,15 +217,10 @@ def _makers(entry: StockingEntry) -> MakersLevels:
 
 
 def _accuracy(given: LegFile, registration: Registration | None) -> ContourAccuracy:
-    smoothed = given.bare.scan is not None
-    accuracy = ContourAccuracy(
-        given.accuracy.contour_sd_mm,
-        given.accuracy.correlation_mm,
-        OUTLINES.around if smoothed else 0.0,
-        OUTLINES.along if smoothed else 0.0,
-        pressure_sd=given.accuracy.pressure_relative_sd,
-        tension_sd=given.accuracy.tension_relative_sd,
-    )
+    stated = given.accuracy
+    around, along = (0.0, 0.0) if given.bare.scan is None else (OUTLINES.around, OUTLINES.along)
+    accuracy = ContourAccuracy(stated.contour_sd_mm, stated.correlation_mm, around, along)
+    accuracy = replace(accuracy, pressure_sd=stated.pressure_relative_sd, tension_sd=stated.tension_relative_sd)
     if registration is None:
         return accuracy
     sx, sy, sz = map(float, np.maximum(registration.standard_error, 0.02))

@@ -138,15 +138,9 @@ class NuisanceSlopes:
         if not self._samples:
             self._rigid = self._misfit.rigid_slopes(shape)
             self._direct = self._uncoupled(shape)
-        sensed = [self._sensors.averages(change) for change in changes]
-        self._samples.append(
-            _Response(
-                np.array(parameters),
-                amplitudes(self.modes[SKIN], outwards),
-                distance_rates(self._misfit.target, shape, moved),
-                np.array(sensed).T,
-            )
-        )
+        sensed = np.array([self._sensors.averages(change) for change in changes]).T
+        skin, distances = amplitudes(self.modes[SKIN], outwards), distance_rates(self._misfit.target, shape, moved)
+        self._samples.append(_Response(np.array(parameters), skin, distances, sensed))
 
     def at(self, parameters: FloatArray) -> FloatArray:
         """Return the distances' derivatives (n, len(sd)) at C10 of muscle and fat (MPa).

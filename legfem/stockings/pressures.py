@@ -132,14 +132,9 @@ class PressureProbe:
         points = np.concatenate([columns, z], axis=-1)
         values = self.at(points.reshape(-1, 3), equilibrium.state).reshape(points.shape[:3])
         found = np.ma.masked_invalid(values)
-        return FatPressures(
-            shape.levels[inside],
-            skin,
-            np.linalg.norm(foot - skin, axis=-1),
-            equilibrium.load.pressure[inside, ::step],
-            found.max(axis=2).filled(np.nan),
-            found.mean(axis=2).filled(np.nan),
-        )
+        greatest, mean = found.max(axis=2).filled(np.nan), found.mean(axis=2).filled(np.nan)
+        thickness, interface = np.linalg.norm(foot - skin, axis=-1), equilibrium.load.pressure[inside, ::step]
+        return FatPressures(shape.levels[inside], skin, thickness, interface, greatest, mean)
 
 
 def tissue_pressures(
@@ -150,14 +145,9 @@ def tissue_pressures(
     _, muscle = probe.nodal("deep", state)
     highest = int(np.argmax(fat))
     positions = np.array([vein.position for vein in veins]).reshape(-1, 3)
-    return TissuePressures(
-        load.mean_pressure,
-        float(load.pressure.max()),
-        float(fat[highest]),
-        where[highest],
-        float(muscle.mean()),
-        tuple(map(float, probe.at(positions, state))) if len(positions) else (),
-    )
+    at_veins = tuple(map(float, probe.at(positions, state))) if len(positions) else ()
+    on_skin, in_fat = (load.mean_pressure, float(load.pressure.max())), (float(fat[highest]), where[highest])
+    return TissuePressures(*on_skin, *in_fat, float(muscle.mean()), at_veins)
 
 
 SPACING = 0.5

@@ -319,12 +319,9 @@ class ScanComparison(Comparison):
         fitted = self.fit_nuisances(differences, parameters)
         slopes = fitted.projected(self.with_nuisances(by, fitted, outcome.values))
         logs = {name: np.equal(PARAMETERS, name) / parameters for name in by}
-        return Prediction(
-            fitted.left,
-            dict(zip(by, slopes.T, strict=True)),
-            np.concatenate([differences, np.log(parameters)]),
-            {name: np.concatenate([rate, logs[name]]) for name, rate in by.items()},
-        )
+        rates = {name: np.concatenate([rate, logs[name]]) for name, rate in by.items()}
+        values = np.concatenate([differences, np.log(parameters)])
+        return Prediction(fitted.left, dict(zip(by, slopes.T, strict=True)), values, rates)
 
     def read(self, model_values: FloatArray, instrument: FloatArray) -> FloatArray:
         """Return what nuisances leave of differences (..., m + s) that are followed by the stiffnesses' logarithms."""
