@@ -15,8 +15,12 @@ from scipy.signal import lfilter
 import legfem as lf
 from legfem.common.resources import RESOURCES
 from legfem.data import Instrument, Recording, mean_loading_curve, segment
-from legfem.data.instrument_faults import instrument_doubts, presses_of
+from legfem.data.instrument_faults import instrument_doubts, presses_of, steps_of
 from legfem.data.loading_curve import segment_all
+from legfem.data.segmentation import Segmentation
+from legfem.inverse.accuracy import Accuracy
+from legfem.inverse.linearised import of_recording
+from legfem.inverse.observations import observe
 from legfem.legs.loading import load_subject
 from legfem.legs.plausibility import doubts_about
 
@@ -221,6 +225,54 @@ def test_what_spoils_a_recording_is_told_first(spoilt: str, leg: str) -> None:
     changes, kind, _ = SPOILT[spoilt]
     for change in changes:
         assert told(change(trials), instrument, known)[:1] == [kind]
+
+
+def read(leg: str, change: Callable[[Trials], Trials]) -> list[Segmentation]:
+    trials, instrument, known = LEGS[leg]()
+    recordings = [Recording(*one, f"trial{k + 1}") for k, one in enumerate(change(trials))]
+    return segment_all(recordings, instrument, known)
+
+
+@pytest.mark.parametrize("leg", LEGS)
+def test_a_step_has_a_place_and_a_size_and_what_is_sound_has_none(leg: str) -> None:
+    assert steps_of(read(leg, lambda trials: trials)) == {}
+    assert steps_of(read(leg, zero(-1.4))) == {}
+    spoilt = read(leg, step(-0.9))
+    found = steps_of(spoilt)
+    assert list(found) == [one.name for one in spoilt]
+    for one in spoilt:
+        place, size = found[one.name]
+        at = 0.4 * float(one.smooth.max()) - one.contact.displacement
+        assert place == pytest.approx(at, abs=0.03 * one.depth) and size == pytest.approx(-0.9, abs=0.3)
+    (name,) = steps_of(read(leg, steps(0.0, 0.0, -2.5)))
+    assert name == spoilt[2].name
+
+
+def test_a_step_that_is_doubted_is_an_error_of_what_follows_it() -> None:
+    trials = read("closed form, held", step(-0.9))
+    observed = observe(trials)
+    places = [observed.steps[name][0] for name in observed.trials]
+    found = {one.name: one.effect for one in of_recording(observed, Accuracy(contact_sd=0.0))}
+    assert len(found) == 3 * len(trials)
+    for k, (name, place) in enumerate(zip(observed.trials, places, strict=True)):
+        effect, mine = found[f"step of the force in {name}"], observed.trial == k
+        before = mine & (observed.phase == "loading") & (observed.displacement <= place)
+        assert not effect[~mine].any() and not effect[before].any()
+        # In the hold and on the way back, too.
+        assert (effect[mine & ~before] == observed.steps[name][1]).all()
+        for beside in ("reading before the step", "reading after the step"):
+            assert np.count_nonzero(found[f"{beside} in {name}"]) == 1
+    assert not [*of_recording(observe(read("closed form, held", lambda t: t)), Accuracy(contact_sd=0.0))]
+
+
+@pytest.mark.slow
+def test_a_step_is_taken_for_no_effect_of_the_leg_and_c10_stays(tmp_path: Path) -> None:
+    spoilt_folder(tmp_path, step(-0.9))
+    found = lf.diagnose(tmp_path)
+    sound = lf.identify("1", law="reduced-polynomial", mesh="coarse")["reduced-polynomial"].estimates["deep.C10"]
+    low, high = found.diagnosis.shown_interval("deep.C10")
+    assert found.diagnosis.verdict == "consistent" and low < 1e3 * sound.value < high
+    assert 1e3 * found.diagnosis.base.estimates["deep.C10"].value == pytest.approx(1e3 * sound.value, rel=0.1)
 
 
 @pytest.mark.parametrize("leg", LEGS)

@@ -15,7 +15,7 @@ from legfem.data.contact import FELT
 from legfem.inverse.accuracy import Accuracy
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.estimates import Estimate
-from legfem.inverse.linearised import late_touch
+from legfem.inverse.linearised import of_recording
 from legfem.inverse.observations import observe
 from legfem.inverse.predictor import LATEST_ALIKE_MM, contact_sd_alike
 from legfem.legs.loading import load_subject
@@ -92,12 +92,12 @@ def test_an_uncertain_touch_shifts_all_readings_along_the_displacement(slope, fe
     blank = observations(ramps())[0]
     observed = replace(blank.with_force(slope * blank.displacement), white_sd=NOISE)
     assert contact_sd_alike(observed) == pytest.approx(felt / np.sqrt(12.0), rel=1e-6)
-    (one,) = late_touch(observed, Accuracy(contact_sd=None))
+    (one,) = of_recording(observed, Accuracy(contact_sd=None))
     np.testing.assert_allclose(one.effect, felt / np.sqrt(12.0) * slope, rtol=1e-6)
-    (stated,) = late_touch(observed, Accuracy(contact_sd=0.1))
+    (stated,) = of_recording(observed, Accuracy(contact_sd=0.1))
     np.testing.assert_allclose(stated.effect, 0.1 * slope, rtol=1e-6)
     unstated = replace(observed, starts_at_contact=False)
-    (less,) = late_touch(unstated, Accuracy(contact_sd=None))
+    (less,) = of_recording(unstated, Accuracy(contact_sd=None))
     np.testing.assert_allclose(less.effect, np.sqrt(1 - unstated.chance_of_air) * one.effect)
 
 

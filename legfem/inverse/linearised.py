@@ -291,14 +291,21 @@ def nuisance_effects(
         for mode_name, mode in ends.relative_errors(d, *stiffness).items():
             name = f"3D correction: {mode_name}"
             found.append(NuisanceEffect(name, prediction * observed.following_force(mode), Cause(name)))
-    return [*found, *late_touch(observed.with_values(prediction), accuracy)]
+    return [*found, *of_recording(observed.with_values(prediction), accuracy)]
 
 
-def late_touch(predicted: Observations, accuracy: Accuracy) -> Iterator[NuisanceEffect]:
-    """Yield what first contact does that lies before all trials' starts by a standard deviation.
+_OF_STEP = ("step of the force", "reading before the step", "reading after the step")
 
-    That counts as far as they don't begin in air. The readings are a model's, whose slope has no noise.
+
+def of_recording(predicted: Observations, accuracy: Accuracy) -> Iterator[NuisanceEffect]:
+    """Yield what a step does that the force is doubted for, and first contact that lies before all trials' starts.
+
+    A touch counts as far as trials don't begin in air, by a standard deviation; the readings are a model's, whose slope
+    has no noise. What a step was of isn't known, and an effect of the tissue that resembles it isn't seen beside it.
     """
+    for trial in predicted.steps:
+        for which, effect in zip(_OF_STEP, predicted.stepped(trial), strict=True):
+            yield NuisanceEffect(f"{which} in {trial}", effect, Cause(which), "recordings")
     if not predicted.shows_air and accuracy.contact_sd != 0.0:
         sd = contact_sd_alike(predicted) if accuracy.contact_sd is None else accuracy.contact_sd
         slope = predicted.by_displacement.copy()

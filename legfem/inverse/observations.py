@@ -3,8 +3,8 @@
 `StationReading` says what they take of a model's courses on a grid of displacements, for given first contacts.
 """
 
-from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -15,6 +15,7 @@ from scipy.linalg import block_diag
 
 from legfem.common.units import FloatArray
 from legfem.data.contact import Contact, air_is_shown, chance_of_air, contact_at_start
+from legfem.data.instrument_faults import steps_of
 from legfem.data.noise import slowest_error
 from legfem.data.phases import HOLD, LOADING, UNLOADING
 from legfem.data.segmentation import Segmentation
@@ -56,6 +57,17 @@ class Observations:
     """What was recorded beside the force."""
     way: float = 1.0
     """mm in which errors change as they do in a mm of a leg's press; see `legfem.data.contact.Scales`."""
+    steps: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """Places (mm after first contact) and sizes (N) of steps that the force is doubted for, by trials that have one."""
+
+    def stepped(self, trial: str) -> FloatArray:
+        """Return what a trial's step adds to the readings, and to those beside it, which may have a part; (3, N)."""
+        found, (place, size) = np.zeros((3, len(self.values))), self.steps[trial]
+        here = np.flatnonzero(self.trial == self.trials.index(trial))
+        found[0, here] = size * (np.maximum.accumulate(self.displacement[here]) > place)
+        first = int(np.argmax(found[0] != 0.0))
+        found[[1, 2], [max(first - 1, here[0]), first]] = size
+        return found
 
     @cached_property
     def data(self) -> Data:
@@ -313,6 +325,7 @@ def observe(trials: Sequence[Segmentation]) -> Observations:
         all(t.contact.known for t in trials),
         tuple(channel_readings(trials, stations)),
         min(t.scales.way for t in trials),
+        steps_of(trials),
     )
 
 

@@ -13,7 +13,7 @@ from legfem.inverse.errors import NuisanceEffect
 from legfem.inverse.library import NuisanceChanges
 from legfem.inverse.library_build import geometric_changes
 from legfem.inverse.library_tasks import STIFFENING, rounded, stiffness_at
-from legfem.inverse.linearised import late_touch, nuisance_effects
+from legfem.inverse.linearised import nuisance_effects, of_recording
 from legfem.inverse.mechanism import Stiffness
 from legfem.inverse.readings import GAIN, OFFSET, ZERO
 from legfem.inverse.settings import SearchRequest
@@ -98,7 +98,7 @@ def unknowns_at(
             word, effect = word_of(name), sd * every[name] * rates[name]
             yield NuisanceEffect(word, effect, Cause(word, MATERIAL_DOF), "assumed", True)
     yield from (
-        [*_of_shape(test, subject, predicted, accuracy), *late_touch(told, accuracy)]
+        [*_of_shape(test, subject, predicted, accuracy), *of_recording(told, accuracy)]
         if changes is None
         else nuisance_effects(changes, test.observed, predicted, accuracy)
     )
