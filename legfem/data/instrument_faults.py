@@ -359,15 +359,16 @@ _SIGNS = (_A_STEP, "a drift", "a late touch")
 def steps_of(trials: Sequence[Segmentation]) -> dict[str, tuple[float, float]]:
     """Return where (mm after contact) and by how much (N) the force steps, by the trials that have the step.
 
-    There is none where it isn't doubted for that. What shows one like the best, but not surely, has that.
+    There is none that C10 hardly feels. What shows one like the best, but not surely, has that.
     """
-    if not any(one.kind == _A_STEP for one in instrument_doubts(trials)):
-        return {}
     found = {press.trial.name: _step(press) for press in presses_of(trials)}
-    best = max(found.values(), key=lambda one: abs(one.size) / one.error)
     surely = {name: one for name, one in found.items() if abs(one.size) > _SURE * one.error}
-    alike = {name: best for name, one in found.items() if one.size / best.size > _ALIKE}
-    return {name: (one.place, one.size) for name, one in (alike | surely).items()}
+    if not surely:
+        return {}
+    best = max(surely.values(), key=lambda one: abs(one.size) / one.error)
+    seen = {name: best for name, one in found.items() if one.size / best.size > _ALIKE} | surely
+    moved = sum(abs(one.effect) for one in seen.values()) / len(found)
+    return {name: (one.place, one.size) for name, one in seen.items()} if moved > 0.5 * LEAST_EFFECT else {}
 
 
 def instrument_doubts(trials: Sequence[Segmentation]) -> Iterator[Doubt]:
