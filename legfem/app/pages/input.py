@@ -49,14 +49,7 @@ def _command_form(workspace: Workspace, name: str, action: Action) -> None:
             frame.hinted(more, f"legfem {action.name} --help lists them")
 
         def options(run: str) -> list[str]:
-            chosen = {
-                option: ""
-                if box.value in (None, "")
-                else f"{box.value:.10g}"
-                if isinstance(box.value, int | float)
-                else str(box.value)
-                for option, box in boxes.items()
-            }
+            chosen = {option: _typed(box.value) for option, box in boxes.items()}
             out = workspace.folder / "runs" / run / "results"
             return action.options(workspace.input(name), out, chosen, more.value or "")
 
@@ -81,6 +74,11 @@ def _command_form(workspace: Workspace, name: str, action: Action) -> None:
             return frame.page_of("run", run)
 
         ui.button(f"Run {action.name}", on_click=lambda: frame.attempt(start))
+
+
+def _typed(value: str | float | None) -> str:
+    """Return what an option is given; empty where nothing was chosen."""
+    return f"{value:.10g}" if isinstance(value, int | float) else value or ""
 
 
 RUN = "Run"

@@ -52,30 +52,26 @@ def describe_page(workspace: Workspace, name: str, found: dict[str, Any]) -> Non
     contours, scans = contours_in(folder), scans_in(folder)
     first = first_readable(found)
     tested = any(may_be_recording(path) and not is_contours(path) for path in files_of(folder))
-    possible = [
-        kind for kind, there in (("leg", True), ("stocking", scans), ("specimens", tested and not contours)) if there
-    ]
+    answers = {"leg": True, "stocking": scans, "specimens": tested and not contours}
+    possible = [kind for kind, may_be in answers.items() if may_be]
     state = SimpleNamespace(kind=possible[0] if len(possible) == 1 else "")
     tag("h2", "What is it?")
-    cards = {}
-    with ui.element("div").classes("inrow"):
-        for kind in possible:
-            cards[kind] = tag("button", "", "kind").props("type=button")
-            with cards[kind]:
-                ui.html(filled("kind.svg", kind=kind, **_COLOURS), sanitize=False)
-                tag("span", WORDS["kinds"][kind])
+    cards = dict[str, ui.element]()
 
     def choose(kind: str) -> None:
         state.kind = kind
         for one, card in cards.items():
             card.props(f"aria-pressed={'true' if one == kind else 'false'}")
 
-    for kind, card in cards.items():
-        card.on("click", lambda kind=kind: choose(kind))
+    with ui.element("div").classes("inrow"):
+        for kind in possible:
+            cards[kind] = tag("button", "", "kind").props("type=button").on("click", partial(choose, kind))
+            with cards[kind]:
+                ui.html(filled("kind.svg", kind=kind, **_COLOURS), sanitize=False)
+                tag("span", WORDS["kinds"][kind])
     choose(state.kind)
     lab = tomllib.loads(text_of(workspace.lab)) if workspace.lab.is_file() else {}
-    rest = ui.element("div").bind_visibility_from(state, "kind", bool)
-    with rest:
+    with ui.element("div").bind_visibility_from(state, "kind", bool):
         forms: dict[str, Read] = {}
         for kind in possible:
             with ui.element("div").bind_visibility_from(state, "kind", value=kind):
