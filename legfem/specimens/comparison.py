@@ -218,10 +218,8 @@ class SpecimenComparison(ComparedTests[Part]):
         force, bent, gain = np.where(self.is_force, values, 0.0), np.zeros(len(self)), self.gain_sd(values)
         share = np.concatenate([part.course.displacement / part.course.depth for part in self.tests])
         bent[self.is_force] = self.shape_sd * force[self.is_force] * share
-        specimen, kind = (
-            np.array(each)[self.part_of]
-            for each in ([one.specimen for one in self.recordings], [part.kind for part in self.tests])
-        )
+        specimen = np.array([one.specimen for one in self.recordings])[self.part_of]
+        kind = np.array([part.kind for part in self.tests])[self.part_of]
         of_force, model = np.outer(force, force), np.outer(bent, bent) * (kind[:, None] == kind)
         readings = COMMON_GAIN_SD**2 * of_force
         differences = spread**2 * of_force * (specimen[:, None] == specimen)

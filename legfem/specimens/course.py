@@ -218,12 +218,8 @@ def course_of(trial: Segmentation, returns: bool = False) -> Course:
     speed = _speed(whole.time[first : end - start], calm[start + first : end])
     touched = float(whole.time[first] - (calm[start + first] - contact.displacement) / speed)
     kept = whole.part(slice(first, None))
-    kept = replace(
-        kept,
-        time=kept.time - touched,
-        displacement=kept.displacement - contact.displacement,
-        force=kept.force - contact.baseline,
-    )
+    pressed, felt = kept.displacement - contact.displacement, kept.force - contact.baseline
+    kept = replace(kept, time=kept.time - touched, displacement=pressed, force=felt)
     arrival = float(recording.time[arrived] - touched)
     numbers = _stations(kept, float(calm[arrived] - contact.displacement), arrival)
     count = np.bincount(numbers).astype(float)
@@ -294,14 +290,9 @@ def relaxation_parameters(longest: float) -> tuple[Parameter, ...]:
     found = [replace(one, name=f"viscoelasticity.{one.name}", prior=None, role="identified") for one in SPECTRUM]
     low, high = found[1].bounds
     found[1] = replace(found[1], bounds=(low, min(max(longest, 2.0 * low), high)))
-    quickening = Parameter(
-        QUICKENING,
-        "-",
-        (0.0, 3.0),
-        Prior(0.0, 1.0, "linear", "quasi-linear, unless two rates say otherwise"),
-        statement="logarithm of how much faster what is pressed deepest relaxes",
-    )
-    return (*found, quickening)
+    prior = Prior(0.0, 1.0, "linear", "quasi-linear, unless two rates say otherwise")
+    told = "logarithm of how much faster what is pressed deepest relaxes"
+    return (*found, Parameter(QUICKENING, "-", (0.0, 3.0), prior, statement=told))
 
 
 def shows_quickening(rates: Sequence[float]) -> bool:

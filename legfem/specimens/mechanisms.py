@@ -10,9 +10,9 @@ import numpy as np
 from legfem.channels.kinds.face_strain import FACE_STRAIN
 from legfem.common.resources import resource
 from legfem.common.units import FloatArray
-from legfem.inverse.mechanism import factor, prior_of, strength
+from legfem.inverse.mechanism import factor, prior_of, shape, strength
 from legfem.inverse.observations import Observations
-from legfem.inverse.parameter import Parameter, Prior
+from legfem.inverse.parameter import Prior
 from legfem.mechanisms import Mechanism, TissueMechanism, Values, mechanisms
 from legfem.mechanisms.rig import ContactSlip, SupportCompliance
 from legfem.specimens.sizes import Sizes
@@ -31,6 +31,9 @@ class RigCompliance(Mechanism):
         return values["compliance"] * force
 
 
+_ANY_TIME = Prior(0.3, 0.3, "linear", "any time")
+
+
 class GripSlip(Mechanism):
     r"""From a displacement on a share of the travel is lost: :math:`d_{tissue} = d - s \max(\hat d - d_0, 0)`.
 
@@ -41,13 +44,7 @@ class GripSlip(Mechanism):
     statement = "the grips slipped: a part of the travel did not reach the specimen"
     parameters = (
         strength("share", "-", "share of the travel that is lost", 0.15, (0.0, 0.9)),
-        Parameter(
-            "onset",
-            "-",
-            (0.0, 0.95),
-            Prior(0.3, 0.3, "linear", "any time"),
-            statement="from which displacement on, over the greatest",
-        ),
+        shape("onset", "-", "from which displacement on, over the greatest", _ANY_TIME, (0.0, 0.95)),
     )
     next_experiment = "mark the specimen at the grips and film it, hold it in sandpaper, and repeat"
 
@@ -167,13 +164,8 @@ def _of_specimen(mechanism: Mechanism, scale: Scale) -> Mechanism:
     strengths = mechanism.strengths if isinstance(mechanism, TissueMechanism) else None
     if mechanism.name == "compressibility":
         most = max(_LEAST_FACTOR, scale.bulk / _LEAST_BULK)
-        first = factor(
-            "factor",
-            "D1 over the assumed one",
-            (0.1, 1.5 * most),
-            max(1.3, 0.5 * math.log(most)),
-            "gels hardly lose volume, foams and drained tissues lose much",
-        )
+        log_sd, source = max(1.3, 0.5 * math.log(most)), "gels hardly lose volume, foams and drained tissues lose much"
+        first = factor("factor", "D1 over the assumed one", (0.1, 1.5 * most), log_sd, source)
         strengths = (most ** (1 / 3), most ** (2 / 3), most)
     over = scale.over_a_leg.get(mechanism.name, 1.0)
     if over != 1.0:

@@ -24,7 +24,7 @@ are cut along fibres and across, to that of each kind, which the fibres' ratio c
 projection: G. H. Golub, V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413-432).
 """
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -34,7 +34,6 @@ from numpy.typing import NDArray
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.data.contact import Contact
-from legfem.inverse.catalogue import is_ratio
 from legfem.specimens.course import SLOW_SHARE, Course
 from legfem.specimens.folder import FILE, SpecimenFolder
 from legfem.specimens.kind import WORDS
@@ -225,11 +224,6 @@ class OwnStiffness:
         logs = ((self._seen * change) @ self._members.T) / ((self._seen * seen) @ self._members.T)
         logs = logs - 2 * ((seen * change) @ self._members.T) / (seen**2 @ self._members.T)
         return np.asarray(factor * (by + felt * (logs - logs @ self._of_a_kind)[self.specimen]))
-
-
-def seeks_ratio(names: Collection[str]) -> bool:
-    """Return whether the fibres' ratio is among free parameters' full names."""
-    return any(is_ratio(name) for name in names)
 
 
 def kinds_of(recordings: Sequence[SpecimenRecording]) -> dict[str, tuple[str, ...]]:

@@ -16,7 +16,7 @@ from scipy.special import stdtrit
 from legfem.common.errors import Argument, InputError
 from legfem.common.units import FloatArray
 from legfem.inverse.answer import Notice, doubted
-from legfem.inverse.catalogue import IdentifiedLaw, LawName, Values, model_values
+from legfem.inverse.catalogue import IdentifiedLaw, LawName, Values, is_ratio, model_values
 from legfem.inverse.comparison import ErrorSource, total_of
 from legfem.inverse.estimates import Optimum, estimates
 from legfem.inverse.fit import ChannelFit, Fit, Goodness, Identity, least_akaike, versions
@@ -35,7 +35,7 @@ from legfem.specimens.folder import SpecimenFolder, doubts_of
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.laws import REFERENCE_MPA, ParameterRequest, identified_law
 from legfem.specimens.model_discrepancy import LawMisfit, TestsAgreement, agreement_of_tests, fitted_change, misfit_of
-from legfem.specimens.nuisances import SETTLED, check_strained, seeks_ratio, why_ratio_undetermined
+from legfem.specimens.nuisances import SETTLED, check_strained, why_ratio_undetermined
 from legfem.specimens.side import face_fit, lateral_fit
 from legfem.specimens.sizes import OF_LAYER, RESIZED, Sizes, SpecimenRecording
 from legfem.specimens.thickness import OnARig, goes_with_thickness, widened
@@ -256,7 +256,7 @@ class SpecimenProblem:
 
     @property
     def _seeks_ratio(self) -> bool:
-        return seeks_ratio(self.law.names)
+        return any(map(is_ratio, self.law.names))
 
     def _model(self, recordings: Sequence[SpecimenRecording]) -> JointForward[SpecimenForward]:
         tissues, known = tuple(one.of_law(self.law.name) for one in self.folder.tissues), self.prepared
@@ -358,7 +358,7 @@ class _Fitting:
             raise InputError(Argument("leave_out"), ", ".join(leave_out), "leave nothing to fit", "name fewer")
         for name in laws:
             free = identified_law(name, folder.tissues, REFERENCE_MPA, folder.longest, self.asked)
-            if seeks_ratio(free.names):
+            if any(map(is_ratio, free.names)):
                 check_strained(folder, [one for one in folder.recordings if one not in held])
         away = frozenset(one.name for one in held)
         if not folder.alternatives:

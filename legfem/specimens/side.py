@@ -240,9 +240,5 @@ def _profile(readings: Sequence[StationChannel], seen: FloatArray, model: FloatA
     depth = np.concatenate([one.displacement for one in readings])
     ends = np.concatenate([np.full(len(one.values), one.displacement.max()) for one in readings])
     deepest = (way == ACROSS) & (depth > _DEEPEST * ends)
-    return np.array(
-        [
-            (at, *(float(one[deepest & (height == at)].mean()) for one in (seen, model)))
-            for at in np.unique(height[deepest])
-        ]
-    ).T
+    heights, number, count = np.unique(height[deepest], return_inverse=True, return_counts=True)
+    return np.array([heights, *(np.bincount(number, one[deepest]) / count for one in (seen, model))])

@@ -82,13 +82,10 @@ class ContactForces(base.ChannelFile):
     def plans(self, site: Site) -> Sequence[base.ChannelPlan]:
         """Return what load cells of more axes give."""
         lateral, both = "record the lateral force", "record the lateral force and the moment about the cylinder's axis"
+        force, moment = Sight(LATERAL.name), Sight(MOMENT.name)
         return [
-            base.ChannelPlan(
-                f"{lateral} too", (Sight(LATERAL.name),), "a load cell of two or more axes, and no more time"
-            ),
-            base.ChannelPlan(
-                f"{both} too", (Sight(LATERAL.name), Sight(MOMENT.name)), "a six-axis load cell, and no more time"
-            ),
+            base.ChannelPlan(f"{lateral} too", (force,), "a load cell of two or more axes, and no more time"),
+            base.ChannelPlan(f"{both} too", (force, moment), "a six-axis load cell, and no more time"),
         ]
 
     def check(self, kind: base.ChannelKind, recorded: base.ReadingsAtSite) -> base.Impossible | None:
@@ -242,10 +239,7 @@ class ContactPressures(base.FramesFile[Site]):
         angle = recorded.places.mean(axis=1) / recorded.site.indenter.radius
         # Of the sensels that read at about one force: kPa over mm2 are mN.
         load = 1e-3 * recorded.values * width * np.cos(angle) * recorded.site.indenter.length
-        found = []
-        for at in np.unique(recorded.force[pressed]):
-            together = recorded.force == at
-            found.append(float(load[together].sum()) / float(at))
+        found = [float(load[recorded.force == at].sum() / at) for at in np.unique(recorded.force[pressed])]
         if not found or np.median(found) <= _MORE_THAN_FORCE:
             return None
         remedy = "check their unit, and that angles are those of the sensels' middles about the cylinder's axis"

@@ -145,19 +145,10 @@ class LayerThicknesses(base.ChannelFile):
     def plans(self, site: Site) -> Sequence[base.ChannelPlan]:
         """Return both thicknesses in single frames, and all along beside the lateral force."""
         both, frame = (Sight(FAT.name), Sight(MUSCLE.name)), "take an ultrasound frame under the cylinder at {at}"
-        return [
-            base.ChannelPlan(
-                f"{frame}, and read the thickness of fat and muscle",
-                both,
-                "an ultrasound probe in the indenter, and a minute to read each frame",
-                frames=True,
-            ),
-            base.ChannelPlan(
-                "record the lateral force, and ultrasound all along",
-                (Sight("lateral_force"), *both),
-                "both instruments, and software that follows the boundaries",
-            ),
-        ]
+        frame, probe = f"{frame}, and read the thickness of fat and muscle", "an ultrasound probe in the indenter"
+        single = base.ChannelPlan(frame, both, f"{probe}, and a minute to read each frame", frames=True)
+        asks, every = "record the lateral force, and ultrasound all along", (Sight("lateral_force"), *both)
+        return [single, base.ChannelPlan(asks, every, "both instruments, and software that follows the boundaries")]
 
     def check(self, kind: base.ChannelKind, recorded: base.ReadingsAtSite) -> base.Impossible | None:
         """Refuse a layer that grows as the cylinder presses, or isn't the section's."""
