@@ -102,10 +102,8 @@ def diagnose(
         from legfem.api.specimens import diagnose_folder
         from legfem.specimens.diagnosis import SpecimenDiagnoser
 
-        loading.check_unused(
-            "specimens",
-            {"site": site != "", "correction": correction is not None, "prior": bool(prior), "within": bool(within)},
-        )
+        of_legs = {"site": site != "", "correction": correction is not None, "prior": bool(prior)}
+        loading.check_unused("specimens", {**of_legs, "within": bool(within)})
         with progress_on(quiet=not progress) as shown:
             asked = SpecimenDiagnoser(responses, jobs, shown, seed)
             return diagnose_folder(asked, leg, specimens or (), None if out is None else Path(out))

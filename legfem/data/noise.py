@@ -62,11 +62,8 @@ def seen_instrument(recordings: Sequence[Recording]) -> Instrument:
     """
     force = [sample_noise(r.force) ** 2 for r in recordings]
     displacement = [sample_noise(r.displacement) ** 2 + r.step**2 / 12 for r in recordings]
-    return Instrument(
-        max(0.01, float(np.sqrt(np.mean(force or [0.0])))),
-        max(0.01, float(np.sqrt(np.mean(displacement or [0.0])))),
-        stated=False,
-    )
+    force_sd, way_sd = (max(0.01, float(np.sqrt(np.mean(one or [0.0])))) for one in (force, displacement))
+    return Instrument(force_sd, way_sd, stated=False)
 
 
 _FACTOR = 5.0

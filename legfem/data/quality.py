@@ -103,16 +103,8 @@ def quality_of(trial: Segmentation) -> Quality:
     share, told = force_noise / span, f"{force_noise:.2g} N"
     judge(share, _NOISY, _VERY_NOISY, f"the force's noise is {told}, {100 * share:.2g} % of its range")
     judge(-loading, -_FEW_SAMPLES, -_VERY_FEW_SAMPLES, f"only {loading} samples of loading")
-    return Quality(
-        trial,
-        1 / step,
-        dropped,
-        *found,
-        saturated,
-        drops,
-        max((grade for grade, _ in judged), default=BEST_GRADE),
-        tuple(judged),
-    )
+    grade = max((grade for grade, _ in judged), default=BEST_GRADE)
+    return Quality(trial, 1 / step, dropped, *found, saturated, drops, grade, tuple(judged))
 
 
 def _smallest_step(values: FloatArray) -> float:

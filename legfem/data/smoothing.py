@@ -70,11 +70,8 @@ def local_line(
     safe = np.where(slanted, spread, 1.0)
     slope = np.where(slanted, (window_sum(u * w) - count * mean_u * mean_w) / safe, 0.0)
     lever = (at - x0) / scale - mean_u
-    return LocalLine(
-        value=y0 + mean_w + slope * lever,
-        slope=slope / scale,
-        leverage=1.0 / count + np.where(slanted, lever**2 / safe, 0.0),
-    )
+    leverage = 1.0 / count + np.where(slanted, lever**2 / safe, 0.0)
+    return LocalLine(value=y0 + mean_w + slope * lever, slope=slope / scale, leverage=leverage)
 
 
 def sample_noise(values: FloatArray) -> float:

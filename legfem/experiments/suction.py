@@ -162,17 +162,14 @@ class _Drawn(Meshed):
             if tracker is not None:
                 tracker.step(self.solver)
                 rates = tracker.state_rates()
-                by = np.array([rates[name][self._apex] for name in names])
-                slopes.append(-by / change[self._apex])
+                rising = np.array([rates[name][self._apex] for name in names])
+                slopes.append(-rising / change[self._apex])
             before = system.unknown.x.array.copy()
             system.advance()
             usual = height / _STEPS / float(change[self._apex])
             size = usual if len(at) == 2 else min(usual, _GREATEST * size)
-        curve = ForceCurve(
-            np.array(risen),
-            opening * np.array(at),
-            {name: opening * np.array(slopes)[:, k] for k, name in enumerate(names)},
-        )
+        by = {name: opening * np.array(slopes)[:, k] for k, name in enumerate(names)}
+        curve = ForceCurve(np.array(risen), opening * np.array(at), by)
         return curve, SolveReport(
             min(risen[-1], height),
             height,

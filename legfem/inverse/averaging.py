@@ -299,9 +299,5 @@ def _sum(one: Mixture, other: Mixture, common: tuple[float, float]) -> Mixture:
     """Return the distribution where two shifts add, each beside a common mean and variance."""
     wider, other = sorted((one, other), key=lambda m: -m.moments[1])
     mean, variance = np.subtract(other.moments, common)
-    return Mixture(
-        wider.weights,
-        wider.means + mean,
-        np.sqrt(wider.sds**2 + max(variance, 0.0)),
-        np.minimum(wider.degrees, other.degrees.min()),
-    )
+    sds, degrees = np.sqrt(wider.sds**2 + max(variance, 0.0)), np.minimum(wider.degrees, other.degrees.min())
+    return Mixture(wider.weights, wider.means + mean, sds, degrees)

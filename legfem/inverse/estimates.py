@@ -150,12 +150,8 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
     shares = shares_of_error(linear.gain(), {**optimum.covariances, **optimum.beside})
     seen = linear.errors(total_of(optimum.covariances))
     stopped = [j for j, one in enumerate(law.parameters) if bound_of(at[j], one.bounds)]
-    told = shares_of_information(
-        linear.prediction.jacobian(law.names),
-        total_of(optimum.covariances),
-        misfit.informed_by,
-        law.priors.jacobian(at),
-    )
+    jacobian, covariance = linear.prediction.jacobian(law.names), total_of(optimum.covariances)
+    told = shares_of_information(jacobian, covariance, misfit.informed_by, law.priors.jacobian(at))
     found = {}
     for k, parameter in enumerate(law.parameters):
         if curvature[k, k] > 0:

@@ -66,11 +66,8 @@ def _told(reading: MeasuredStrength, fitted: LinearisedFit, posterior: Posterior
     along = posterior.covariance[:, k]
     variance = float(along[k]) + reading.sd**2
     away = reading.prior_z - float(posterior.mean[k])
-    moved = replace(
-        posterior,
-        mean=posterior.mean + along * away / variance,
-        covariance=posterior.covariance - np.outer(along, along) / variance,
-    )
+    covariance = posterior.covariance - np.outer(along, along) / variance
+    moved = replace(posterior, mean=posterior.mean + along * away / variance, covariance=covariance)
     return _likelier(moved, float(norm.logpdf(away, 0.0, np.sqrt(variance))))
 
 

@@ -229,10 +229,8 @@ class StationTest:
         read = errors.dense - errors.of_model
         channels = read.copy()
         channels[:forces, :forces] = 0.0
-        found: dict[ErrorSource, FloatArray] = {
-            "recordings": read - channels + by_trial @ by_trial.T + self._of_onsets,
-            "model": errors.of_model,
-        }
+        recordings = read - channels + by_trial @ by_trial.T + self._of_onsets
+        found: dict[ErrorSource, FloatArray] = {"recordings": recordings, "model": errors.of_model}
         if self.observed.channels:
             found["channels"] = channels
         return {source: part[np.ix_(self.rows, self.rows)] for source, part in found.items()}

@@ -327,12 +327,8 @@ class LegCamera:
         skin = self._to_skin[1] @ movement.x.array.reshape(-1, 3)
         on_points = self._to_skin[0] @ pressure.x.array
         levels, points, _ = self.shape.points(SKIN).shape
-        self.film.add(
-            key,
-            LegState(
-                at, skin.reshape(levels, points, 3), hull.reshape(levels, -1, 3), on_points.reshape(levels, points)
-            ),
-        )
+        skin, hull = skin.reshape(levels, points, 3), hull.reshape(levels, -1, 3)
+        self.film.add(key, LegState(at, skin, hull, on_points.reshape(levels, points)))
 
     @cached_property
     def shape(self) -> LegShape:

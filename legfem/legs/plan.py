@@ -357,13 +357,8 @@ def designs(
     ]
     found += with_channels(same, site)
     if recorded is None or not recorded.shows_air:
-        found.append(
-            Design(
-                "begin 2 mm above the skin, slowly, so that first contact is seen",
-                (same,) * REPEATS,
-                contact_known=True,
-            )
-        )
+        told = "begin 2 mm above the skin, slowly, so that first contact is seen"
+        found.append(Design(told, (same,) * REPEATS, contact_known=True))
     deeper = min(depth + _DEEPER_MM, deepest)
     if deeper > depth + 1.0:
         found.append(Design(f"press {deeper:.0f} mm deep", (Protocol.ramp(deeper, rate),) * REPEATS))

@@ -220,15 +220,8 @@ class LegProblem:
     def _test_fits(self, found: Found[JointComparison], single: SingleTests) -> Iterator[SiteFit]:
         """Every site's mean loading curve, and what else was recorded there, beside the joint fit."""
         joint, values = found.search.misfit, found.best.values
-        every = zip(
-            joint.tests,
-            joint.spans,
-            self.curves,
-            found.best.outcome.curves,
-            single.goodness(),
-            single.by_itself(),
-            strict=True,
-        )
+        curves = found.best.outcome.curves
+        every = zip(joint.tests, joint.spans, self.curves, curves, single.goodness(), single.by_itself(), strict=True)
         for test, span, curve, solved, goodness, own in every:
             at, prediction = curve.displacement, found.linear.prediction.part(span)
             rates = {name: solved.sensitivity(name, at) for name in solved.sensitivities}
