@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -263,6 +264,8 @@ def test_a_step_that_is_doubted_is_an_error_of_what_follows_it() -> None:
         for beside in ("reading before the step", "reading after the step"):
             assert np.count_nonzero(found[f"{beside} in {name}"]) == 1
     assert not [*of_recording(observe(read("closed form, held", lambda t: t)), Accuracy(contact_sd=0.0))]
+    deeper = replace(observed, steps={observed.trials[1]: (2.0 * DEPTH, -0.9)})
+    assert not any(one.effect.any() for one in of_recording(deeper, Accuracy(contact_sd=0.0)))
 
 
 @pytest.mark.slow

@@ -308,8 +308,7 @@ def _step(press: Press) -> Fault:
     size = float(steps[k])
     steps_by = f"{'jumps' if size > 0 else 'drops'} by {abs(size):.2g} N at {at[k]:.3g} mm"
     text = f"{steps_by}, while the displacement goes on as before"
-    place = float(at[k])
-    return Fault(size, _SEARCHED * float(errors[k]), _effect_beyond(press, place, size), text, place)
+    return Fault(size, _SEARCHED * float(errors[k]), _effect_beyond(press, float(at[k]), size), text, float(at[k]))
 
 
 def _effect_beyond(press: Press, place: float, size: float) -> float:

@@ -298,7 +298,7 @@ _OF_STEP = ("step of the force", "reading before the step", "reading after the s
 
 
 def of_recording(predicted: Observations, accuracy: Accuracy) -> Iterator[NuisanceEffect]:
-    """Yield what a step does that the force is doubted for, and first contact that lies before all trials' starts.
+    """Yield what a step of the force does that trials show, and first contact that lies before all trials' starts.
 
     A touch counts as far as trials don't begin in air, by a standard deviation; the readings are a model's, whose slope
     has no noise. What a step was of isn't known, and an effect of the tissue that resembles it isn't seen beside it.

@@ -58,15 +58,17 @@ class Observations:
     way: float = 1.0
     """mm in which errors change as they do in a mm of a leg's press; see `legfem.data.contact.Scales`."""
     steps: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    """Places (mm after first contact) and sizes (N) of steps that the force is doubted for, by trials that have one."""
+    """Places (mm after first contact) and sizes (N) of steps of the force, by the trials that surely have one."""
 
     def stepped(self, trial: str) -> FloatArray:
         """Return what a trial's step adds to the readings, and to those beside it, which may have a part; (3, N)."""
         found, (place, size) = np.zeros((3, len(self.values))), self.steps[trial]
         here = np.flatnonzero(self.trial == self.trials.index(trial))
-        found[0, here] = size * (np.maximum.accumulate(self.displacement[here]) > place)
-        first = int(np.argmax(found[0] != 0.0))
-        found[[1, 2], [max(first - 1, here[0]), first]] = size
+        beyond = here[np.maximum.accumulate(self.displacement[here]) > place]
+        found[0, beyond] = size
+        # Beyond the depth that all trials have nothing is read.
+        for first in beyond[:1]:
+            found[[1, 2], [max(first - 1, here[0]), first]] = size
         return found
 
     @cached_property
